@@ -1,4 +1,4 @@
-"""What an adapter of an engine is made of; `docs/engines.md` tells how to write one."""
+"""Building blocks of an engine adapter; `docs/engines/adapter.md` shows how to write one."""
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.conformance import Check, conform, conform_samples

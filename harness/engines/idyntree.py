@@ -54,9 +54,14 @@ class IdyntreeEngine(UrdfEngine):
     title = "iDynTree"
     defaults = DEFAULTS
     capabilities = (
-        "URDF", "slides and hinges, roots that float", "accelerations alone, stepped here by RK4",
-        "joint springs and dampers, springs on joint combinations, URDF mimic as added here",
-    )  # fmt: skip
+        "joints: slide, hinge, floating root",
+        "springs: added by the adapter",
+        "mimic: held by the adapter",
+        "next state: yes",
+        "accelerations: yes",
+        "linearization: from steps",
+        "steps: RK4 by the adapter, order 4",
+    )
     unstated = "no step, since it takes none, and no gravity"
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (dampers_not_added("iDynTree"),)

@@ -83,9 +83,14 @@ class SapienEngine(UrdfEngine):
     defaults = DEFAULTS
     words = MappingProxyType({"solver": ("PGS", "TGS")})
     capabilities = (
-        "URDF", "slides and hinges, roots that float", "32 bits", "joint dampers",
-        "springs on joint combinations as forces at every step", "URDF mimic as a soft spring",
-    )  # fmt: skip
+        "joints: slide, hinge, floating root",
+        "springs: torques at every step",
+        "mimic: soft spring between neighbors",
+        "next state: with a fixed base and PGS",
+        "accelerations: no",
+        "linearization: from steps, 32 bits",
+        "steps: semi-implicit Euler, order 1, 32 bits",
+    )
     unstated = "10 ms and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = tuple(

@@ -1,4 +1,4 @@
-"""`docs/engines.md`: the adapter that it shows is one, and its tables name every hook."""
+"""`docs/engines/adapter.md`: its adapter is one, and its tables name every hook."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.faults.known_folder import SYSTEM, by_case, run_folders
 
-PAGE = (Path(__file__).parents[2] / "docs" / "engines.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs" / "engines" / "adapter.md").read_text()
 TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [{}]\nstep = 0.005\n'
 
 
@@ -66,7 +66,7 @@ def test_a_folder_runs_in_the_adapter_shown_and_a_wrong_number_is_found(
 
 
 def test_every_hook_of_the_protocol_is_in_the_tables() -> None:
-    _, _, tables = PAGE.partition("### What must be there")
+    _, _, tables = PAGE.partition("## Required members")
     rows = [line for line in tables.splitlines() if line.startswith("|")]
     told = {word for row in rows for word in re.findall(r"\w+", row.split("|")[1])}
     for base in (Engine, Model):

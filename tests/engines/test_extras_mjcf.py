@@ -1,4 +1,4 @@
-"""What Pinocchio and Drake make of an MJCF, as `docs/engines.md` tabulates it."""
+"""What Pinocchio and Drake make of an MJCF, as `docs/engines/` tabulates it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Newton makes of URDFs and MJCFs, as `docs/engines.md` tells it."""
+"""What Newton makes of URDFs and MJCFs, as `docs/engines/` tells it."""
 
 from __future__ import annotations
 

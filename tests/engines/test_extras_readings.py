@@ -1,4 +1,4 @@
-"""What engines of extras make of one URDF, as `docs/engines.md` tabulates it."""
+"""What engines of extras make of one URDF, as `docs/engines/` tabulates it."""
 
 from __future__ import annotations
 

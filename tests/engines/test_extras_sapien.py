@@ -1,4 +1,4 @@
-"""What SAPIEN makes of URDFs, as `docs/engines.md` tells it."""
+"""What SAPIEN makes of URDFs, as `docs/engines/` tells it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Drake and DART make of one SDFormat file, as `docs/engines.md` tabulates it."""
+"""What Drake and DART make of one SDFormat file, as `docs/engines/` tabulates it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What two engines make of one URDF, as `docs/engines.md` tabulates it."""
+"""What two engines make of one URDF, as `docs/engines/` tabulates it."""
 
 from __future__ import annotations
 

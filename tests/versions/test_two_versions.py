@@ -1,6 +1,6 @@
 """Two versions for real: environments by `venv` and `pip`, a process each, what changes.
 
-The toy engine of docs/engines.md is the engine, as wheels in a folder: no package index is asked.
+The toy engine of docs/engines/adapter.md is the engine, as wheels in a folder: no package index is asked.
 This package is installed, as a user has it; `test_mujoco_versions.py` runs from the checkout.
 """
 
@@ -24,7 +24,7 @@ from physics_crosscheck.harness.sweep.store import read_rows
 from physics_crosscheck.harness.versions.environments import interpreter, site_folders
 from tests.faults.known_folder import ROOT, SYSTEM
 
-PAGE = (ROOT / "docs" / "engines.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "engines" / "adapter.md").read_text(encoding="utf-8")
 TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [47.0]\nstep = 0.005\n'
 POINTS = "[crosscheck.engines]\ntoy = toy_engine:ToyEngine\n"
 

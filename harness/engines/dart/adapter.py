@@ -102,10 +102,14 @@ class DartEngine(UrdfEngine):
     idle = MappingProxyType({**IDLE, **SDF_IDLE})
     defaults = DEFAULTS
     capabilities = (
-        "URDF", "SDFormat to 1.6", "slides and hinges, roots that float",
-        "joint dampers and friction",
-        "springs on joint combinations as forces at every step", "URDF mimic as a servo",
-    )  # fmt: skip
+        "joints: slide, hinge, floating root",
+        "springs: added by the adapter; SDFormat springs by DART",
+        "mimic: one-way servo",
+        "next state: with a fixed base",
+        "accelerations: yes, without mimic and friction",
+        "linearization: from steps",
+        "steps: semi-implicit Euler, order 1",
+    )
     unstated = "1 ms and -9.81 m/s^2"
     bare_link = "1 kg"
 

@@ -48,11 +48,14 @@ class DrakeEngine(UrdfEngine):
     defaults = DEFAULTS
     words = MappingProxyType({"stepping": (SAP, TAMSI, CONTINUOUS)})
     capabilities = (
-        "URDF, SDFormat and MJCF", "slides and hinges, roots that float", "joint dampers",
-        "mimic (sap)", "discrete plants (sap, tamsi), continuous ones by RK4 here",
-        "joint springs, springs on joint combinations as forces at every step",
-        "armature, joint equalities, gravity compensation, motors at held controls as added here",
-    )  # fmt: skip
+        "joints: slide, hinge, floating root",
+        "springs: added by the adapter; SDFormat springs by Drake",
+        "mimic: soft in SAP, ignored in TAMSI",
+        "next state: fixed base; continuous plants always",
+        "accelerations: yes, without couplers",
+        "linearization: from steps",
+        "steps: SAP, TAMSI: order 1; continuous: RK4 by the adapter",
+    )
     unstated = "no step of its own and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
     idle = MappingProxyType({**IDLE, **SDF_IDLE, **MJCF_IDLE})

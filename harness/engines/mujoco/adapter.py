@@ -92,10 +92,14 @@ class MujocoEngine(Engine):
     title = "MuJoCo"
     formats = (".xml", ".urdf")
     capabilities: tuple[str, ...] = (
-        "MJCF and URDF", "slides and hinges", "joint springs and dampers",
-        "springs on joint combinations", "armature", "joint equalities (soft), URDF mimic",
-        "batched rollouts in C",
-    )  # fmt: skip
+        "joints: slide, hinge, ball, free",
+        "springs: joint, tendon, combination (URDF)",
+        "mimic: soft equality",
+        "next state: yes",
+        "accelerations: yes",
+        "linearization: from steps",
+        "steps: Euler, implicit, implicitfast: order 1; RK4: order 4",
+    )
     unstated = "2 ms and -9.81"
     takes_springs = (".urdf",)
     stated_settings = MappingProxyType({"integrator": "Euler"})

@@ -49,9 +49,14 @@ class MjxEngine(MujocoEngine):
     extra = "mjx"
     on_request = True
     capabilities: tuple[str, ...] = (
-        "MJCF and URDF, as MuJoCo compiles them", "64 bits, or 32", "springs on joint combinations",
-        "joint equalities (soft), URDF mimic", "batched rollouts in JAX",
-    )  # fmt: skip
+        "joints: slide, hinge, ball, free",
+        "springs: joint, tendon, combination (URDF)",
+        "mimic: soft equality",
+        "next state: yes",
+        "accelerations: yes",
+        "linearization: from steps",
+        "steps: Euler, implicitfast: order 1; RK4: order 4",
+    )
     compiles: tuple[str, ...] = ()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
 

@@ -72,10 +72,14 @@ class NewtonEngine(UrdfEngine):
     package, distribution, extra = "newton", "newton", "newton"
     defaults = DEFAULTS
     capabilities = (
-        "URDF and MJCF", "slides, hinges, ball and free joints", "32 bits",
-        "joint springs, dampers, armature, URDF mimic",
-        "fixed tendons and joint equalities as added here", "batched rollouts on Warp",
-    )  # fmt: skip
+        "joints: slide, hinge, ball, free",
+        "springs: joint springs; fixed tendons by the adapter",
+        "mimic: yes",
+        "next state: with slides and hinges only",
+        "accelerations: no",
+        "linearization: from steps, 32 bits",
+        "steps: semi-implicit Euler, order 1, 32 bits",
+    )
     unstated = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
 

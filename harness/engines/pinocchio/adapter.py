@@ -40,11 +40,14 @@ class PinocchioEngine(UrdfEngine):
     package, distribution, extra = "pinocchio", "pin", "pinocchio"
     defaults = DEFAULTS
     capabilities = (
-        "URDF and MJCF", "slides and hinges, roots that float",
-        "accelerations alone, stepped here by RK4", "armature",
-        "joint springs and dampers, springs on joint combinations, URDF mimic, joint equalities,"
-        " gravity compensation, motors at held controls as added here",
-    )  # fmt: skip
+        "joints: slide, hinge, floating root",
+        "springs: added by the adapter",
+        "mimic: held by the adapter",
+        "next state: yes",
+        "accelerations: yes",
+        "linearization: from steps",
+        "steps: RK4 by the adapter, order 4",
+    )
     unstated = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
     idle = MappingProxyType({**IDLE, **MJCF_IDLE})

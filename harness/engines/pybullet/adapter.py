@@ -71,9 +71,14 @@ class PybulletEngine(Engine):
     title = "PyBullet"
     formats = (".urdf",)
     capabilities = (
-        "URDF", "slides, hinges and balls", "joint dampers", "springs as torques at every step",
-        "springs on joint combinations", "URDF mimic as JOINT_GEAR",
-    )  # fmt: skip
+        "joints: slide, hinge, ball, floating root",
+        "springs: torques at every step",
+        "mimic: JOINT_GEAR by the adapter",
+        "next state: yes",
+        "accelerations: no",
+        "linearization: from steps",
+        "steps: semi-implicit Euler, order 1",
+    )
     preferred = (".urdf",)
     unstated = "1/240 s and no gravity"
     bare_link = "1 kg"

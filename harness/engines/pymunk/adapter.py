@@ -52,9 +52,14 @@ class PymunkEngine(Engine):
     title = "pymunk"
     formats = (".py",)
     capabilities = (
-        "Python files with `build() -> (Space, {name: Body})`", "planar bodies and constraints",
-        "springs and dampers",
-    )  # fmt: skip
+        "joints: planar bodies and constraints",
+        "springs: DampedSpring, DampedRotarySpring",
+        "mimic: constraints of the Space",
+        "next state: no",
+        "accelerations: no",
+        "linearization: from steps",
+        "steps: semi-implicit Euler, positions first, order 1",
+    )
     usual_mistakes = (
         DefaultLeftOn(
             name="Space.damping left in", setting="damping", value=0.9, cause="Space.damping"
