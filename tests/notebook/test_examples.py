@@ -1,4 +1,4 @@
-"""The notebooks of `examples/`, executed; and the examples of `docs/python.md`."""
+"""The notebooks of `examples/`, executed; and the examples of `docs/reference/python.md`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.installed.documents import plain
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
-PAGE = ROOT / "docs" / "python.md"
+PAGE = ROOT / "docs" / "reference" / "python.md"
 
 
 def cells(notebook: Path) -> list[str]:
