@@ -1,4 +1,4 @@
-"""`check`, for people who write their own tests: run models, and look at how they came out.
+"""`check`: run models and evaluate the results in your own tests and scripts.
 
 from physics_crosscheck import check
 
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 
 
 class Results(results.Results, frozen=True, kw_only=True):
-    """How the models of some folders came out, as in results.json; true where they agree."""
+    """Results of a check, as in results.json; true if everything agrees."""
 
     @property
     def agree(self) -> bool:
-        """Whether every case and every audit does; an engine that is not installed agrees never."""
+        """Whether all cases and audits agree; a missing engine counts as a failure."""
         passes = all(case.passes for case in self.cases)
         return bool(self.cases) and passes and all(model.passes for model in self.models)
 
@@ -62,10 +62,10 @@ class Results(results.Results, frozen=True, kw_only=True):
         engine: str | None = None,
         system: str | None = None,
     ) -> Case:
-        """The one case that has what is given.
+        """Return the one case that matches all given names.
 
         Raises:
-            LookupError: where there is none, or more than one; names what there is.
+            LookupError: if no case or several cases match; lists the candidates.
         """
         wanted = {"scenario": scenario, "model": model, "engine": engine, "system": system}
         given = {key: value for key, value in wanted.items() if value is not None}
@@ -84,21 +84,21 @@ class Results(results.Results, frozen=True, kw_only=True):
         engine: str | None = None,
         system: str | None = None,
     ) -> shown.Trajectories:
-        """The motions of the one case that has what is given: `simulated`, `reference`, `errors`.
+        """Return the motions of one case: `simulated`, `reference` and `errors`.
 
-        Each is a `Trajectory` with the coordinates and their rates, at the shipped step.
+        Each is a `Trajectory` with the coordinates and their rates, at the model's own time step.
 
         Raises:
             LookupError: as `case`.
-            MotionError: where the case was not judged, with the reason.
+            MotionError: if the case was not judged, with the reason.
         """
         return shown.trajectories(self, self.case(scenario, model, engine, system))
 
     def to_frame(self, library: str = "") -> Any:
-        """A table, a row a case: its names, outcome, numbers, and the reason.
+        """Return a table with one row per case: names, outcome, numbers and reason.
 
         Discrepancy and uncertainty are relative to how far a component moves over a segment, the
-        global error to the amplitude; steps are in seconds. What a case has not is nan.
+        global error to the amplitude; steps are in seconds. Missing values are nan.
 
         Args:
             library: "pandas" or "polars"; empty: the first of these that is installed.

@@ -45,7 +45,7 @@ def test_the_reference_has_the_public_names_with_their_docstrings(site: Path) ->
     page = re.sub(r"<[^>]+>", " ", (site / "reference" / "python.html").read_text())
     for words in (
         "relative discrepancy to resolve",  # check
-        "Whether every case and every audit does",  # Results
+        "Whether all cases and audits agree",  # Results
         "An adapter: its name, whether its engine is there",  # Engine
         "Run a model once, from start to end, and nothing else",  # simulate
         "with a bound of the error of every value",  # reference

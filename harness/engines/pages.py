@@ -7,7 +7,7 @@ markers and keeps the text around them. A test fails if they are not current.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -207,7 +207,7 @@ def _common_table() -> str:
     return f"## Common settings\n\nEach engine's page lists which of these it takes.\n\n{table}"
 
 
-def _table(rows: list[tuple[str, ...]]) -> str:
+def _table(rows: Sequence[tuple[str, ...]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 

@@ -1,6 +1,7 @@
 """Two versions for real: environments by `venv` and `pip`, a process each, what changes.
 
-The toy engine of docs/engines/adapter.md is the engine, as wheels in a folder: no package index is asked.
+The toy engine of docs/engines/adapter.md is the engine, as wheels in a folder: no package index
+is asked.
 This package is installed, as a user has it; `test_mujoco_versions.py` runs from the checkout.
 """
 
