@@ -6,6 +6,7 @@ folder and the pages into `docs/reference`. A test fails if they are not current
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 from pathlib import Path
@@ -135,7 +136,18 @@ PAGES = (
 
 def schema(record: type[Record]) -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of a record."""
-    return {"$schema": DIALECT, **msgspec.json.schema(record)}
+    return {"$schema": DIALECT, **_described(msgspec.json.schema(record))}
+
+
+def _described(part: Any) -> Any:
+    """Return a schema with docstrings without their indent, which Python 3.13 does not keep."""
+    if isinstance(part, list):
+        return [_described(one) for one in part]
+    if not isinstance(part, dict):
+        return part
+    text = part.get("description")
+    cleaned = {"description": inspect.cleandoc(text)} if isinstance(text, str) else {}
+    return {name: _described(one) for name, one in part.items()} | cleaned
 
 
 def schema_text(name: str) -> str:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pybullet_data
 import pytest
 
 from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
@@ -29,6 +28,13 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.robots.read import robot_numbers
 from physics_crosscheck.harness.text.causes import cause_sentences
 from physics_crosscheck.reference.flows import Flow
+
+
+def _data() -> Path:
+    """Return the folder of PyBullet's robots; skips without it."""
+    package = pytest.importorskip("pybullet_data", reason="comes with PyBullet")
+    return Path(package.getDataPath())
+
 
 ARM = """<robot name="arm">
 <link name="base"/>
@@ -172,7 +178,7 @@ def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
 @pytest.mark.slow
 def test_what_an_engine_reads_over_is_told_with_all_its_lines() -> None:
     """MuJoCo drops the moments of two links without mass that it welds to others."""
-    panda = prepare_robot(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf")
+    panda = prepare_robot(_data() / "franka_panda" / "panda.urdf")
     found = diagnose_robot(RobotDiagnosisTask(task=panda.task("mujoco", 1e-9)))
     assert found.explained
     told = cause_sentences(found.explanations[0])[0]
@@ -246,7 +252,7 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_what_an_engine_does_on_its_own_is_named() -> None:
     """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
-    file = Path(pybullet_data.getDataPath()) / "aliengo" / "aliengo.urdf"
+    file = _data() / "aliengo" / "aliengo.urdf"
     task = prepare_robot(file).task("pybullet", 1e-9)
     assert run_robot(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(RobotDiagnosisTask(task=task))
