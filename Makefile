@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .PHONY: report test test-slow test-engines test-python dist check docs bench soak fuzz clean
 
 report: .venv/.report
-	$(BIN)/crosscheck run --out reports
+	$(BIN)/crosscheck demo --out reports
 
 # Two workers; a file's tests stay together, and files are dealt as they stand: the built-in systems last.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
@@ -35,7 +35,7 @@ test-python:
 		--constraint constraints.txt --editable '.[portable]'
 	$(OTHER)/bin/python -m pytest -n 2 --dist loadfile -m "not slow" \
 		tests/reference tests/robots tests/records tests/text tests/installed/test_installed.py
-	$(OTHER)/bin/crosscheck run --engine mujoco --engine pymunk --out build/$(OTHER)
+	$(OTHER)/bin/crosscheck demo --engine mujoco --engine pymunk --out build/$(OTHER)
 
 # The wheel comes from the source distribution, as it does where people build it.
 dist: .venv/.test

@@ -1,12 +1,14 @@
-"""`crosscheck list`: the cases that a run has, without running any."""
+"""`crosscheck list`: print the cases of a run without running any."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
+from pathlib import Path
 
 from physics_crosscheck.harness.cases.listed import listed
+from physics_crosscheck.harness.cli.below import models_below
 from physics_crosscheck.harness.cli.exit_codes import AGREE, USAGE
 from physics_crosscheck.harness.files.choice import Choice, chosen_models, matching
 from physics_crosscheck.harness.files.folders import check_engines, named_folders
@@ -15,10 +17,10 @@ from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print a name a line; what can't be listed is told, with 2."""
+    """Print a name a line; returns 2 where a folder can't be listed."""
     check_engines(options.engine)
     matching(options.words)
-    names, models = chosen_models(options.folders)
+    names, models = chosen_models(options.folders or models_below(Path.cwd()))
     choice = Choice(models=models, words=options.words)
     named = named_folders(names)
     found = listed(named.folders, options.engine)

@@ -24,6 +24,7 @@ from physics_crosscheck.harness.schedule.stop import Stopped, raising
 COMMAND_GROUPS: Mapping[str, Mapping[str, str]] = {
     "Check models": {
         "run": "Check model files against their equations of motion",
+        "demo": "Check the built-in example systems",
         "list": "List the cases that run would check",
         "audit": "Check the numbers of model files without running motions",
         "sweep": "Check variants: parameters, time steps, integrators, engines",

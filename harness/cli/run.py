@@ -1,4 +1,4 @@
-"""`crosscheck run`: every model of the folders against their equations."""
+"""`crosscheck run`: compare models with their equations, and print the verdict."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.cached import Cache
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.below import models_below
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.cli.keeping import check_page, keep_history
 from physics_crosscheck.harness.cli.targets import (
@@ -36,25 +37,25 @@ from physics_crosscheck.harness.text.github import (
     print_commands,
     run_notes,
 )
-from physics_crosscheck.harness.text.next_steps import next_steps
 from physics_crosscheck.harness.text.progress import Progress
 from physics_crosscheck.harness.text.sarif import sarif
 from physics_crosscheck.harness.text.status import counted
 from physics_crosscheck.harness.text.table import print_results
 from physics_crosscheck.harness.text.terminal import terminal
-from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run, write results and report, print the table."""
+    """Run, write results and report, print the verdict."""
     check_engines(options.engine)
+    if not (options.folders or options.last_failed):
+        options.folders = models_below(Path.cwd())
     wanted = select_targets(options)
     if not (wanted.folders or wanted.robots):
         return AGREE
     if not options.watch:
         return _run(options, wanted, lambda results: results).code
     if options.format != "text":
-        raise FolderError(f"--watch prints what a person reads, no {options.format}")
+        raise FolderError(f"--watch prints text, not {options.format}; leave one of both out")
     return watch(wanted, partial(_run, options))
 
 
@@ -76,26 +77,28 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         cache=cache,
     )
     with journal(options.out, resume=options.resume) as done:
-        with Progress(every=options.verbose) as progress, asking() as stop:
-            interruption = Interruption(stop, done)
-            ran = run(wanted.folders, asked, progress, interruption, wanted.robots)
+        with Progress(every=options.verbose) as progress:
+            with asking() as stop:
+                interruption = Interruption(stop, done)
+                ran = run(wanted.folders, asked, progress, interruption, wanted.robots)
             results = ran.results
-        if not (results.cases or stop.asked or asked.choice.everything):
-            done.remove()
-            why = "no case has such a name, or its engine is not installed"
-            raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
-        whole = among(results)
-        write_whole(options.out / "results.json", encoded(whole))
-        past = keep_history(options.out, results, begin=options.history)
-        write_report(options.out / "index.html", whole, past)
+            if not (results.cases or stop.asked or asked.choice.everything):
+                done.remove()
+                why = "no case has such a name, or its engine is not installed"
+                raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
+            whole = among(results)
+            progress.phase("writing the report")
+            write_whole(options.out / "results.json", encoded(whole))
+            past = keep_history(options.out, results, begin=options.history)
+            write_report(options.out / "index.html", whole, past)
         if not stop.asked:
             done.remove()
-    _tell(results, options, wanted.robots)
-    _tell_stopped(results, options.out, done)
+    _print(results, options)
+    _print_stopped(results, options.out, done)
     if cache is not None and cache.trouble:
         print(f"crosscheck: {cache.trouble}", file=sys.stderr)
-    for line in absent_lines(wanted.folders) if asked.choice.everything else ():
-        print(f"crosscheck: {line}", file=sys.stderr)
+    if options.verbose and asked.choice.everything:
+        _print_absent(absent_lines(wanted.folders))
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_unknown(exit_code(results, options.require_engines), wanted.named)
@@ -106,7 +109,8 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
     return Ran(whole, code, bool(stop.asked), ran.reads)
 
 
-def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path]) -> None:
+def _print(results: Results, options: argparse.Namespace) -> None:
+    """Print results in the format that is wanted."""
     if options.format == "json":
         print(harmless_json(encoded(results)), end="")
         return
@@ -116,25 +120,32 @@ def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path])
     if options.format == "github":
         print_commands(note.command(Path.cwd()) for note in run_notes(results))
         return
-    console = terminal()
-    for system in results.systems:
-        if system.folder in {str(file) for file in robots}:
-            print(f"{system.source}: {system.name}, {system.title}")
-    print_results(console, results, quiet=options.quiet)
-    print(f"{options.out / 'results.json'}  {options.out / 'index.html'}")
-    for line in next_steps(results, options.out):
-        print(visible(line))
+    print_results(
+        terminal(),
+        results,
+        quiet=options.quiet,
+        details=options.details,
+        report=options.out / "index.html",
+    )
     print_commands(commands(run_notes(results), os.environ))
 
 
-def _tell_stopped(results: Results, out: Path, done: Journal) -> None:
-    """What is to be known of a run that did not end as it should."""
+def _print_absent(lines: Sequence[str]) -> None:
+    """Name engines of extras that models name and that are not installed, in one line."""
+    if lines:
+        names = ", ".join(line.partition(":")[0] for line in lines)
+        how = "`crosscheck engines` prints how to install them"
+        print(f"crosscheck: not installed: {names}; {how}", file=sys.stderr)
+
+
+def _print_stopped(results: Results, out: Path, done: Journal) -> None:
+    """Print what is missing after a run that was stopped, and how to resume it."""
     if done.trouble:
-        print(f"crosscheck: {done.trouble}; a stopped run could not go on here", file=sys.stderr)
+        print(f"crosscheck: {done.trouble}; a stopped run can't be resumed here", file=sys.stderr)
     if results.stopped:
-        said = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done and kept"
-        again = f"`crosscheck run --resume --out {out}`, with the same folders, goes on"
-        print(f"crosscheck: {said}; {again}", file=sys.stderr)
+        what = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done and kept"
+        how = f"`crosscheck run --resume --out {out}`, with the same folders, resumes the run"
+        print(f"crosscheck: {what}; {how}", file=sys.stderr)
 
 
 def exit_code(results: Results, require_engines: bool) -> int:

@@ -1,4 +1,4 @@
-"""What a diagnosis found, in sentences: the same in the terminal, the report and pytest."""
+"""The causes that a diagnosis finds, in sentences: the same in the terminal, report and pytest."""
 
 from __future__ import annotations
 
@@ -9,36 +9,50 @@ from physics_crosscheck.harness.records.finding import Explanation
 SWITCHES = ("axis", "default", "exchange", "dropped")
 """Kinds that have no number: they hold or don't."""
 
-BEGIN_WITH_AUDIT = "no one or two causes explain the motions; begin with what the audit finds wrong"
-"""Of a model with `unexplained_findings`, instead of the cause that leaves least."""
+BEGIN_WITH_AUDIT = (
+    "no single cause or pair of causes explains the motions; start with the audit findings"
+)
+"""For a model with `unexplained_findings`, instead of the cause with the smallest residual."""
 
 
 def cause_sentences(explanation: Explanation) -> list[str]:
-    """An explanation in words: a sentence a cause, what it leaves, and what it is tied with."""
-    tail = f"leaves {explanation.remaining:.1e} of the discrepancy"
+    """Return an explanation in words: a sentence a cause, its residual and its rivals."""
+    tail = f"residual {explanation.remaining:.1e} of the discrepancy"
     if explanation.tied_with:
         others = ", ".join(map(str, explanation.tied_with))
-        tail += f"; no motion here tells it from: {others}"
+        tail += f"; indistinguishable here from: {others}"
     return [*map(_sentence, explanation.causes), tail]
+
+
+def brief_cause(cause: Cause) -> str:
+    """Return a cause in words, without its place and its standard error."""
+    value = _digits(cause.estimate)
+    if cause.estimate is not None and cause.standard_error is not None:
+        value = digits_known(cause.estimate, cause.standard_error)
+    return _statement(cause, str(cause), value)
 
 
 def _sentence(cause: Cause) -> str:
     places = ", ".join(dict.fromkeys(map(str, cause.locations)))
     name = f"{cause} ({places})" if places else str(cause)
+    return _statement(cause, name, _fitted(cause.estimate, cause.standard_error))
+
+
+def _statement(cause: Cause, name: str, fitted: str) -> str:
+    nominal = _digits(cause.nominal)
     if cause.kind == "dropped":
-        return f"{name} in the file, 0 in the engine"
+        return f"{name}: in the file, but 0 in the engine"
     if cause.kind in SWITCHES:
         return f"{name} explains the motion"
-    fitted, nominal = _fitted(cause.estimate, cause.standard_error), _digits(cause.nominal)
     if cause.kind == "taken":
-        return f"{name} is {nominal} in the file, {fitted} in the engine"
+        return f"{name} is {nominal} in the file, but {fitted} in the engine"
     if cause.kind in IN_FILE:
-        return f"{name} is {nominal}, the motion wants {fitted}"
-    return f"{name} is {fitted} in the model, {nominal} in the equations"
+        return f"{name} is {nominal}; the motion implies {fitted}"
+    return f"{name} is {fitted} in the model, but {nominal} in the equations"
 
 
 def _fitted(value: Number, error: Number) -> str:
-    """A fitted value and its standard error."""
+    """Format a fitted value and its standard error."""
     if value is None or error is None:
         return f"{_digits(value)} ± unknown"
     return f"{digits_known(value, error)} ± {error:.1g}"

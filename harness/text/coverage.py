@@ -21,6 +21,19 @@ def coverage_lines(models: Iterable[Model]) -> list[str]:
     return [f"{', '.join(names)}: {line}" for line, names in said.items()]
 
 
+def coverage_summary(models: Iterable[Model]) -> str:
+    """Return how many numbers of the files were tested, each file in its best engine."""
+    best: dict[tuple[str, str], Coverage] = {}
+    for model in models:
+        one, key = model.coverage, (model.folder, model.model)
+        if one is not None and one.numbers and (key not in best or one.seen > best[key].seen):
+            best[key] = one
+    total = sum(one.numbers for one in best.values())
+    tested = sum(one.seen for one in best.values())
+    share = f"{100 * tested / total:.0f} %" if total else ""
+    return f"{tested} of {counted(total, 'number')} tested ({share})" if total else ""
+
+
 def left_out(models: Iterable[Model]) -> list[str]:
     """A line for each robot's file of which something is left out, in whatever engine."""
     told = {

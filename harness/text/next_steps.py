@@ -1,4 +1,4 @@
-"""What to do next, in a line or two under the summary: the change, and the command that tells."""
+"""The changes of files that a run proposes, and the command that checks them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,6 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.text.places import shown_line
-from physics_crosscheck.harness.text.troubles import explained_alike
-
-MOST = 3
-"""Changes that are told; the page has them all."""
 
 DEFAULT_OUT = Path("reports")
 
@@ -41,39 +37,12 @@ class Change:
         return f"{places} from {self.old:.10g} to {self.new}"
 
 
-def next_steps(results: Results, out: Path) -> list[str]:
-    """Lines, each a thing to do; none where all agrees.
-
-    Args:
-        results: of the run.
-        out: the folder that it wrote to.
-    """
-    explained = _explained(results)
-    changes = list(dict.fromkeys(str(one) for model in explained for one in changes_of(model)))
-    lines = [f"change {one}" for one in changes[:MOST]]
-    if len(changes) > MOST:
-        lines.append(f"and {len(changes) - MOST} more, on the page: {out / 'index.html'}")
-    if command := run_again(results, out):
-        lines.append(f"then  {command}")
-    return lines
-
-
 def run_again(results: Results, out: Path) -> str:
     """The command that tells whether a change has helped; empty where all passes."""
     if not results.failed:
         return ""
     there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
     return f"crosscheck run --last-failed{there}"
-
-
-def _explained(results: Results) -> list[Model]:
-    """Of models that don't pass: what was accepted is to stay."""
-    failing = {case.key for case in results.failed}
-    return [
-        alike[0]
-        for alike in explained_alike(one for one in results.models if one.key in failing)
-        if (found := alike[0].diagnosis) is not None and found.explained
-    ]
 
 
 def changes_of(model: Model) -> list[Change]:

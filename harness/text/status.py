@@ -1,4 +1,4 @@
-"""Whether a case or an audit passes, fails or is skipped, in pytest and in the function API."""
+"""How a test of a case or an audit ends, and numbers as every text writes them."""
 
 from __future__ import annotations
 
@@ -64,3 +64,28 @@ def counted(number: int, noun: str, plural: str = "") -> str:
         plural: of several; empty: the noun with an s.
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def percent(share: float) -> str:
+    """Return a share in percent with two digits: `0.50 %`, `12 %`, `210 %`.
+
+    A share below 0.01 % has a power of ten instead, such as `8.5e-07`.
+    """
+    value = 100 * share
+    if value == 0:
+        return "0 %"
+    if value < 0.01:
+        return f"{share:.1e}"
+    if value < 10:
+        return f"{value:.2f} %" if value < 1 else f"{value:.1f} %"
+    scale = 10 ** (len(f"{value:.0f}") - 2)
+    return f"{round(value / scale) * scale:.0f} %"
+
+
+def duration(seconds: float) -> str:
+    """Return a time with two or three digits and a unit: `2 ms`, `0.18 ms`, `76 µs`, `21 s`."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size or unit == "µs":
+            value = float(f"{seconds / size:.2g}")
+            return f"{round(seconds / size) if value >= 100 else f'{value:g}'} {unit}"
+    raise AssertionError("every time has a unit")

@@ -1,4 +1,4 @@
-"""Colours of outcomes: each means one thing, wherever it stands."""
+"""The word and the colour of each outcome, the same everywhere in the terminal."""
 
 from __future__ import annotations
 
@@ -10,3 +10,9 @@ STYLES: Mapping[str, str] = {
     Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.REFUSED: "yellow",
     Outcome.UNRESOLVED: "magenta", Outcome.DIFFERS: "bold red", Outcome.FAILED: "bold red reverse",
 }  # fmt: skip
+
+WORDS: Mapping[str, str] = {
+    Outcome.AGREES: "ok", Outcome.ABSENT: "skipped", Outcome.REFUSED: "REFUSED",
+    Outcome.UNRESOLVED: "UNRESOLVED", Outcome.DIFFERS: "FAIL", Outcome.FAILED: "ERROR",
+}  # fmt: skip
+"""The status words of the terminal; JSON keeps the names of the outcomes."""

@@ -1,208 +1,307 @@
-"""Results for the terminal: a table of models, what is to be known of them, what doesn't agree."""
+"""Results for the terminal: the verdict, what to fix, the models, and one line that sums up."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from rich.console import Console
 
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.text.coverage import coverage_lines
+from physics_crosscheck.harness.text.coverage import coverage_lines, coverage_summary
 from physics_crosscheck.harness.text.dynamics import dynamics_lines
-from physics_crosscheck.harness.text.markup import escape
-from physics_crosscheck.harness.text.models_table import known, print_models
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.models_table import is_chaotic, known, print_models
+from physics_crosscheck.harness.text.places import shown_path
+from physics_crosscheck.harness.text.problems import MAX_PROBLEMS, is_single_file, print_problems
+from physics_crosscheck.harness.text.status import counted, percent
 from physics_crosscheck.harness.text.stepping import stepping_lines
-from physics_crosscheck.harness.text.troubles import MOST_TOLD, print_troubles
+from physics_crosscheck.harness.text.styles import STYLES, WORDS
+from physics_crosscheck.harness.text.terminal import print_wrapped
 
 GROWS = 1e-9
 """By how much more than rounding the largest eigenvalue of a step is off the unit circle."""
 
+GREEN_ROWS = 6
+"""Rows of a table that a run without problems shows at most."""
 
-def print_results(console: Console, results: Results, *, quiet: bool = False) -> None:
-    """Print the table of models, what is to be known of them, and last what doesn't agree.
+COUNTS_AT = 44
+"""The column at which a header's counts start, where there is room."""
 
-    Last stands what one looks for first: each cause once, then the summary line.
+
+def print_results(
+    console: Console,
+    results: Results,
+    *,
+    quiet: bool = False,
+    details: bool = False,
+    report: Path | None = None,
+) -> None:
+    """Print what was run, the problems with their fixes, the models, and last the summary.
 
     Args:
-        console: to print on; nothing is cut to its width.
-        results: to be printed.
-        quiet: whether what agrees is only counted.
+        console: to print on; lines are wrapped to its width.
+        results: of the run.
+        quiet: whether to print problems and the summary alone.
+        details: whether to print all that the report has: errors, coverage, linearizations, steps.
+        report: the page that was written.
     """
     if not quiet:
-        print_models(console, [c for c in results.cases if c.outcome is not Outcome.ABSENT])
-        differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
-        _print_linear(console, [model for model in results.models if model.id not in differ])
-        _print_stepping(console, results.cases)
-        _print_reservations(console, results.cases)
-        _print_coverage(console, results.models)
-        amiss = [case for case in results.cases if case.outcome is not Outcome.AGREES]
-        _print_accepted(console, [case for case in amiss if case.accepted])
+        _print_header(console, results)
+    print_problems(console, results, details=details)
+    if not quiet:
+        _print_models(console, results, details)
+        if details:
+            _print_details(console, results)
+        _print_notes(console, results, details)
     if results.baseline is not None:
         _print_changes(console, results.baseline)
-    print_troubles(console, results)
-    console.print()
-    console.print(escape(summary(results)), soft_wrap=True)
+    _print_last(console, summary(results), report)
 
 
 def summary(results: Results) -> str:
-    """One line: how many of each outcome, and how long it took."""
+    """Return one line: how many cases agree, and to how many digits, or how many do not."""
     counts = Counter(case.outcome for case in results.cases)
-    parts = [f"{counts[o]} {o}" for o in Outcome if counts[o]]
+    unit = "engine" if is_single_file(results) else "case"
+    total = len(results.cases) - counts[Outcome.ABSENT]
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
-    differing = sum(bool(case.accepted) for case in results.cases)
-    accepted = f"; {differing} accepted as known differences" if differing else ""
-    worst = max(known(largest(case) for case in agreeing), default=None)
-    told = agreement(worst)
-    return (
-        f"{counted(len(results.cases), 'case')}: {', '.join(parts)}{accepted}"
-        f"{_unfinished(results)}{told}; {results.seconds:.1f} s{_cached(results)}"
-    )
+    digits = known(map(digits_known, agreeing))
+    to = f" to {min(digits):.1f} digits" if digits else ""
+    if not total:
+        parts = ["no case was run" if not results.cases else "nothing was tested"]
+    elif len(agreeing) == total:
+        every = f"all {total} {unit}s agree" if total > 1 else f"1 {unit} agrees"
+        parts = [f"{every}{to}"]
+    else:
+        parts = _failing(counts, total, unit)
+        if agreeing:
+            parts.append(f"{len(agreeing)} {_verb(len(agreeing), 'agrees', 'agree')}{to}")
+    if counts[Outcome.ABSENT]:
+        parts.append(f"{counts[Outcome.ABSENT]} skipped")
+    parts += _reservations(results)
+    line = ", ".join(parts)
+    return f"{line[0].upper()}{line[1:]} ({_time(results.seconds)})"
 
 
-def _cached(results: Results) -> str:
-    """How many cases were not run, since they had been."""
-    return f"; {results.cached} had from the cache" if results.cached else ""
+def _failing(counts: Counter[Outcome], total: int, unit: str) -> list[str]:
+    """Return how many cases do not agree, by what became of them; the worst first."""
+    verbs = {
+        Outcome.FAILED: ("failed", "failed"),
+        Outcome.DIFFERS: ("differs", "differ"),
+        Outcome.UNRESOLVED: ("is unresolved", "are unresolved"),
+        Outcome.REFUSED: ("was refused", "were refused"),
+    }
+    if unit == "engine":
+        verbs[Outcome.REFUSED] = ("refuses the file", "refuse the file")
+    found = [(counts[one], *verb) for one, verb in verbs.items() if counts[one]]
+    number, *verb = found[0]
+    first = f"{number} of {counted(total, unit)} {_verb(number, *verb)}"
+    return [first, *(f"{n} {_verb(n, *each)}" for n, *each in found[1:])]
 
 
-def _unfinished(results: Results) -> str:
-    """What a summary says of what was not done: a failed audit finds nothing, which is no pass."""
+def _verb(number: int, one: str, several: str) -> str:
+    return one if number == 1 else several
+
+
+def _reservations(results: Results) -> list[str]:
+    """Return what a summary adds: faults that no case shows, failures, and what was left out."""
+    parts = []
+    differing = {(c.folder, c.model) for c in results.cases if c.outcome is Outcome.DIFFERS}
+    faulty = {
+        (model.folder, model.model)
+        for model in results.models
+        if model.findings and not model.accepted
+    }
+    if hidden := faulty - differing:
+        parts.append(f"the audit finds faults in {counted(len(hidden), 'model file')}")
     failed = Counter(what for model in results.models for what, _ in model.failures)
-    parts = [f"{number} FAILED as {what}" for what, number in failed.items()]
+    parts += [f"{counted(number, what, _PLURALS[what])} failed" for what, number in failed.items()]
+    if accepted := sum(bool(case.accepted) for case in results.cases):
+        parts.append(f"{counted(accepted, 'difference')} accepted")
     if refused := len(results.refusals):
         parts.append(f"{counted(refused, 'refusal')} ignored without --strict")
-    if results.untested:
-        parts.append(results.untested)
     if results.stopped:
         parts.append(f"stopped by {results.stopped}, {len(results.not_run)} not run")
-    return "".join(f"; {part}" for part in parts)
+    if results.cached:
+        parts.append(f"{results.cached} reused from the cache")
+    return parts
 
 
-def largest(case: Case) -> Number:
-    """The largest discrepancy or uncertainty of a case, over all components and segments."""
-    if case.verdict is None:
-        return None
-    sizes = known((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
-    return max(sizes, default=None)
+_PLURALS = {"audit": "audits", "linearization": "linearizations", "diagnosis": "diagnoses"}
 
 
-def agreement(worst: Number) -> str:
-    """The end of a summary: to what cases agree that do; empty where none does."""
-    return "" if worst is None else f"; all that agree do so to {worst:.1e}"
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
 
 
 def case_line(done: int, total: int, case: Case) -> str:
-    """One plain line for a finished case, for logs."""
-    numbers = ""
-    if case.verdict is not None:
-        e, u = _or_infinite(case.verdict.discrepancy), _or_infinite(case.verdict.uncertainty)
-        numbers = f"  E {e:.1e}  U {u:.1e}"
-    return f"[{done}/{total}] {case.outcome:<10} {case.id}{numbers}"
+    """Return one plain line for a finished case, for logs."""
+    verdict = case.verdict
+    number = ""
+    if case.outcome is Outcome.DIFFERS and verdict is not None and verdict.discrepancy is not None:
+        number = f"  off by {percent(verdict.discrepancy)}"
+    elif (digits := digits_known(case)) is not None and case.outcome is Outcome.AGREES:
+        number = f"  {digits:.1f} digits"
+    return f"[{done}/{total}] {WORDS[case.outcome]:<10} {case.id}{number}"
 
 
-def _or_infinite(value: Number) -> float:
-    return float("inf") if value is None else value
+def _print_header(console: Console, results: Results) -> None:
+    """Print what was run, and how many cases have which status."""
+    if is_single_file(results):
+        folder = results.cases[0].folder
+        title = next((one.title for one in results.systems if one.folder == folder), "")
+        print_wrapped(console, f"{shown_path(folder)}  {title}".rstrip(), indent=2)
+        return
+    systems = {case.folder: case.system for case in results.cases}
+    models = counted(len({(case.folder, case.model) for case in results.cases}), "model")
+    first = next(iter(systems.values()), "")
+    name = f"{first}  {models}" if len(systems) == 1 else f"{len(systems)} systems, {models}"
+    counts = Counter(case.outcome for case in results.cases)
+    words = ", ".join(f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one])
+    if systems:
+        print_wrapped(console, f"{name.ljust(min(COUNTS_AT, console.width // 2))}  {words}")
 
 
-def _print_linear(console: Console, models: Iterable[Model]) -> None:
-    """How far linearizations equal Taylor's; those that don't are findings of their models."""
+def _print_models(console: Console, results: Results, details: bool) -> None:
+    cases = [case for case in results.cases if case.outcome is not Outcome.ABSENT]
+    rows = len({(case.folder, case.id.of_model) for case in cases})
+    red = any(case.outcome is not Outcome.AGREES for case in cases)
+    one_folder = len({case.folder for case in cases}) == 1
+    if details or (red and rows > 1 and not is_single_file(results)):
+        if red:
+            console.print()
+        print_models(console, cases, details=details)
+    elif one_folder:
+        _print_engines(console, [case for case in cases if case.outcome is Outcome.AGREES])
+    elif rows <= GREEN_ROWS:
+        print_models(console, cases)
+
+
+def _print_engines(console: Console, cases: Sequence[Case]) -> None:
+    """Print a line an engine in which every case of a folder agrees."""
+    by_engine: dict[str, list[Case]] = {}
+    for case in cases:
+        by_engine.setdefault(case.engine, []).append(case)
+    width = max((len(name) for name in by_engine), default=0)
+    for engine, agreeing in by_engine.items():
+        digits = known(map(digits_known, agreeing))
+        parts = [f"{min(digits):.1f} digits"] if digits else []
+        if len(cases) > len(by_engine):
+            parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")
+        if chaotic := sum(map(is_chaotic, agreeing)):
+            parts.append(f"{chaotic} chaotic")
+        style, word = STYLES[Outcome.AGREES], WORDS[Outcome.AGREES]
+        text = f"{engine:<{width}}  {'  '.join(parts)}"
+        print_wrapped(console, text, lead=f"  {word:<5} ", style=style, indent=8)
+
+
+def _print_notes(console: Console, results: Results, details: bool) -> None:
+    """Print a short line each about coverage, accepted differences and reservations."""
+    if details:
+        return
+    if len({case.folder for case in results.cases}) == 1 and (
+        line := coverage_summary(results.models)
+    ):
+        print_wrapped(console, f"{line}; --details lists the rest")
+    if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
+        verb = _verb(len(reserved), "agrees", "agree")
+        text = f"{counted(len(reserved), 'case')} {verb} with a reservation"
+        print_wrapped(console, f"{text}; --details lists {_verb(len(reserved), 'it', 'them')}")
+
+
+def _print_details(console: Console, results: Results) -> None:
+    differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
+    models = [model for model in results.models if model.id not in differ]
+    _print_list(console, "linearization", [*_linear(models), *_single_steps(models)])
+    _print_list(console, "single steps", [*dynamics_lines(results.cases),
+                                         *stepping_lines(results.cases)])  # fmt: skip
+    reserved = [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]
+    _print_list(console, "reservations", [f"{case.id}: {case.reason}" for case in reserved])
+    accepted = [c for c in results.cases if c.outcome is not Outcome.AGREES and c.accepted]
+    lines = [f"{case.id}: {WORDS[case.outcome]}, {case.accepted}" for case in accepted]
+    _print_list(console, "accepted", lines)
+    _print_list(console, "coverage", coverage_lines(results.models))
+
+
+def _print_list(console: Console, title: str, lines: Sequence[str]) -> None:
+    if not lines:
+        return
+    console.print(f"\n[bold]{title}[/]")
+    for line in lines:
+        print_wrapped(console, line, lead="  ", indent=4)
+
+
+def _linear(models: Iterable[Model]) -> list[str]:
+    """Return how close the engines' linearizations are; those that differ are findings."""
     alike = [(model, one) for model in models for one in model.linearizations if not one.differs]
-    lost = [str(model.id) for model, one in alike if one.a_bound is None]
+    lost = dict.fromkeys(str(model.id) for model, one in alike if one.a_bound is None)
     errors: list[tuple[float, Model, EngineLinearization]] = [
         (max(one.a_error, one.b_error or 0.0), model, one)
         for model, one in alike
         if one.a_error is not None and one.a_bound is not None
     ]
+    lines = []
     if errors:
         worst, model, one = max(errors, key=lambda entry: entry[0])
-        where = f"{model.id} about {one.equilibrium}"
-        console.print(
-            f"\nThe engines' own linearizations where motions agree, {len(errors)}, equal Taylor's"
-            f" A and B to {worst:.1e} of the largest entry (worst: {escape(where)}).",
-            soft_wrap=True,
+        lines.append(
+            f"{counted(len(errors), 'linearization')} of the engines: A and B agree with the"
+            f" equations to {worst:.1e} of the largest entry"
+            f" (worst: {model.id} about {one.equilibrium})"
         )
-    _print_steps(console, alike)
     if lost:
-        told = ", ".join(dict.fromkeys(lost))
-        console.print(f"\nLinearizations without a limit: {escape(told)}.", soft_wrap=True)
+        lines.append(f"linearization without a limit: {', '.join(lost)}")
+    return lines
 
 
-def _print_steps(console: Console, alike: list[tuple[Model, EngineLinearization]]) -> None:
-    """Of one step at the shipped size: how near to its rule, and where it grows for itself."""
-    steps = [(model, one, one.one_step) for model, one in alike if one.one_step is not None]
+def _single_steps(models: Iterable[Model]) -> list[str]:
+    """Return how close a linearized step is to the engine's rule, and where it grows."""
+    steps = [
+        (model, one, one.one_step)
+        for model in models
+        for one in model.linearizations
+        if not one.differs and one.one_step is not None
+    ]
     ruled = [
         (step.error, model)
         for model, _, step in steps
-        if step.error is not None and not step.differs  # what acts in a step is told of its cases
+        if step.error is not None and not step.differs  # the cases report what acts in a step
     ]
+    lines = []
     if ruled:
-        error, model = max(ruled, key=lambda entry: entry[0])
-        console.print(
-            f"\nOne step, linearized about {len(ruled)} of those equilibria, equals the engine's"
-            f" own rule on the equations to {error:.1e} of the largest entry that it changes"
-            f" (worst: {escape(str(model.id))}).",
-            soft_wrap=True,
+        error, worst = max(ruled, key=lambda entry: entry[0])
+        lines.append(
+            f"{counted(len(ruled), 'linearized step')}: follows the engine's own rule to"
+            f" {error:.1e} of the largest entry that it changes (worst: {worst.id})"
         )
     for model, one, step in steps:
         grown, exact = step.radius or 0.0, step.exact_radius or 0.0
         if grown > 1 + GROWS and exact < 1 - GROWS:
-            console.print(
-                f"\nAbout {escape(one.equilibrium)}, {escape(str(model.id))} grows by"
-                f" {grown - 1:.1e} in each step of {step.step:g} s, where the equations die out.",
-                soft_wrap=True,
+            lines.append(
+                f"{model.id} grows by {grown - 1:.1e} in each step of {step.step:g} s about"
+                f" {one.equilibrium}, where the equations decay"
             )
-
-
-def _print_stepping(console: Console, cases: Iterable[Case]) -> None:
-    """Accelerations, and next states: how near they are to the equations', and which are not."""
-    cases = list(cases)
-    lines = [*dynamics_lines(cases), *stepping_lines(cases)]
-    if lines:
-        console.print()
-    for line in lines:
-        console.print(escape(line), soft_wrap=True)
-
-
-def _print_reservations(console: Console, cases: Iterable[Case]) -> None:
-    """What is said of cases that agree all the same."""
-    told = [case for case in cases if case.outcome is Outcome.AGREES and case.reason]
-    if told:
-        console.print("\n[bold]AGREES[/], with a reservation")
-    for case in told[:MOST_TOLD]:
-        console.print(f"  {escape(str(case.id))}: {escape(case.reason)}", soft_wrap=True)
-    if len(told) > MOST_TOLD:
-        console.print(f"  and {len(told) - MOST_TOLD} more, in results.json")
-
-
-def _print_coverage(console: Console, models: Iterable[Model]) -> None:
-    """What the verdicts cover, a line a model."""
-    lines = coverage_lines(models)
-    if lines:
-        console.print("\n[bold]covered[/]")
-    for line in lines:
-        console.print(f"  {escape(line)}", soft_wrap=True)
-
-
-def _print_accepted(console: Console, cases: Sequence[Case]) -> None:
-    """The known differences, each with the reason it was accepted with."""
-    if cases:
-        console.print("\n[bold]accepted[/] as they are")
-    for case in cases:
-        said = f"  {case.id}: {case.outcome}, {case.accepted}"
-        console.print(escape(said), soft_wrap=True)
+    return lines
 
 
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
-    """What is not as it was accepted."""
-    if baseline.changes:
-        console.print(f"\n[bold]since[/] {escape(baseline.name)}")
-    for change in baseline.changes[:MOST_TOLD]:
-        said = f"  {change.kind:<12}{change.id}: {change.message}"
-        console.print(escape(said), soft_wrap=True)
-    if len(baseline.changes) > MOST_TOLD:
-        console.print(f"  and {len(baseline.changes) - MOST_TOLD} more, in results.json")
+    """Print what changed since it was accepted."""
+    lines = [f"{one.kind:<12}{one.id}: {one.message}" for one in baseline.changes[:MAX_PROBLEMS]]
+    if (left := len(baseline.changes) - MAX_PROBLEMS) > 0:
+        lines.append(f"{counted(left, 'more change')}: see the report")
+    _print_list(console, f"changes since {baseline.name}", lines)
+
+
+def _print_last(console: Console, line: str, report: Path | None) -> None:
+    """Print the summary and the report's path, which stays whole, in one line if there is room."""
+    where = "" if report is None else f"Report: {shown_path(report)}"
+    if where and len(line) + len(where) + 2 <= console.width:
+        print_wrapped(console, f"{line}. {where}")
+        return
+    print_wrapped(console, line)
+    if where:
+        print_wrapped(console, where)

@@ -1,26 +1,15 @@
-"""What doesn't agree, for the terminal: each thing once, however many cases it is seen in."""
+"""Groups of what does not agree: each thing once, however many cases it affects."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
-
-from rich.console import Console
 
 from physics_crosscheck.harness.records.case import Case, ModelKey
 from physics_crosscheck.harness.records.finding import SAME, AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
-from physics_crosscheck.harness.text.findings import audit_lines
-from physics_crosscheck.harness.text.markup import escape
-from physics_crosscheck.harness.text.places import placed
-from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.styles import STYLES
-
-MOST_TOLD = 40
 
 
 @dataclass(frozen=True)
@@ -95,19 +84,6 @@ def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
     ]
 
 
-def print_troubles(console: Console, results: Results) -> None:
-    """Print them: cases, what could not be done, findings, and last the causes."""
-    found = troubles(results.cases)
-    for trouble in found[:MOST_TOLD]:
-        _print_trouble(console, trouble)
-    if len(found) > MOST_TOLD:
-        console.print(f"\nand {len(found) - MOST_TOLD} more, in results.json")
-    _print_failures(console, results)
-    _print_audits(console, results.models)
-    for alike in explained_alike(results.models):
-        _print_diagnosis(console, alike)
-
-
 def _kind(case: Case) -> Hashable:
     if case.outcome is Outcome.DIFFERS:
         return case.outcome, case.folder, case.model
@@ -119,66 +95,6 @@ def _kind(case: Case) -> Hashable:
 def _worst_first(case: Case) -> tuple[int, float]:
     discrepancy = 0.0 if case.verdict is None else case.verdict.discrepancy or 0.0
     return -case.outcome.severity, -discrepancy
-
-
-def _print_trouble(console: Console, trouble: Trouble) -> None:
-    case = trouble.worst
-    if case.outcome is Outcome.ABSENT:
-        told = f"{counted(1 + len(trouble.others), 'case')}: {case.reason}"
-        console.print(f"\n[{STYLES[case.outcome]}]{case.outcome}[/] {escape(told)}", soft_wrap=True)
-        return
-    console.print(f"\n[{STYLES[case.outcome]}]{case.outcome}[/] {escape(str(case.id))}")
-    console.print(f"  {escape(case.reason)}", soft_wrap=True)
-    for line in case.stdout.splitlines()[-6:]:
-        console.print(f"  | {escape(line)}", soft_wrap=True)
-    if trouble.others:
-        console.print(f"  {escape(_others(trouble))}", soft_wrap=True)
-
-
-def _others(trouble: Trouble) -> str:
-    """How many more there are, and which."""
-    one, others = trouble.worst, trouble.others
-    models = {other.key[:2] for other in others} | {one.key[:2]}
-    if len(models) > 1:
-        names = dict.fromkeys(f"{case.system}/{case.model}" for case in (one, *others))
-        return f"and {len(others)} more, of {len(names)} model files: {', '.join(names)}"
-    by_engine = sorted(others, key=lambda case: case.engine)
-    each = [
-        f"{', '.join(case.scenario for case in cases)} [{engine}]"
-        for engine, cases in groupby(by_engine, key=lambda case: case.engine)
-    ]
-    return f"and {len(others)} more: {'; '.join(each)}"
-
-
-def _print_diagnosis(console: Console, alike: Sequence[Model]) -> None:
-    model = alike[0]
-    diagnosis = model.diagnosis
-    assert diagnosis is not None
-    console.print(f"\n[bold]cause[/] in {escape(named_models(alike))}", soft_wrap=True)
-    if not diagnosis.explanations:
-        console.print(f"  none found: {escape(diagnosis.failure)}", soft_wrap=True)
-        return
-    if model.unexplained_findings:
-        console.print(f"  {BEGIN_WITH_AUDIT}, above", soft_wrap=True)
-        return
-    if not diagnosis.explained:
-        console.print("  unexplained; what leaves least is")
-    for sentence in cause_sentences(placed(diagnosis.explanations[0], model.folder)):
-        console.print(f"  {escape(sentence)}", soft_wrap=True)
-
-
-def _print_audits(console: Console, models: Iterable[Model]) -> None:
-    for alike in audited_alike(models):
-        console.print(f"\n[bold]audit[/] of {escape(named_models(alike))}", soft_wrap=True)
-        for text in audit_lines(alike[0].findings):
-            console.print(f"  {escape(text)}", soft_wrap=True)
-
-
-def _print_failures(console: Console, results: Results) -> None:
-    for model, what, why in untold_failures(results):
-        style = STYLES[Outcome.FAILED]
-        console.print(f"\n[{style}]FAILED[/] {what} of {escape(str(model.id))}")
-        console.print(f"  {escape(why)}", soft_wrap=True)
 
 
 def named_models(alike: Sequence[Model]) -> str:

@@ -41,20 +41,8 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.chosen_model(command)
     arguments.resolution_of(command)
     arguments.strict(command)
-    group(command, "Checks").add_argument(
-        "--require-engines",
-        action="store_true",
-        help="Fail if a default engine is not installed",
-    )
-    arguments.out(command, "reports")
-    arguments.output_format(command, "text", "json", "github", "sarif")
-    verbosity = group(command, "Output").add_mutually_exclusive_group()
-    verbosity.add_argument(
-        "-q", "--quiet", action="store_true", help="Print only problems and the summary"
-    )
-    verbosity.add_argument(
-        "-v", "--verbose", action="store_true", help="Print a line for each finished case"
-    )
+    engines_required(command)
+    output(command)
     group(command, "Output").add_argument(
         "--history",
         action="store_true",
@@ -75,3 +63,33 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.limits(command)
     arguments.jobs(command)
     arguments.scheduler(command)
+
+
+def engines_required(command: argparse.ArgumentParser) -> None:
+    """Declare whether a missing engine is a failure."""
+    group(command, "Checks").add_argument(
+        "--require-engines",
+        action="store_true",
+        help="Fail if a default engine is not installed",
+    )
+
+
+def output(command: argparse.ArgumentParser) -> None:
+    """Declare where results go, and what is printed."""
+    arguments.out(command, "reports")
+    arguments.output_format(command, "text", "json", "github", "sarif")
+    group(command, "Output").add_argument(
+        "--details",
+        action="store_true",
+        help="Print errors, coverage, linearizations and single steps too",
+    )
+    verbosity = group(command, "Output").add_mutually_exclusive_group()
+    verbosity.add_argument(
+        "-q", "--quiet", action="store_true", help="Print only problems and the summary"
+    )
+    verbosity.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="Print a line for each finished case, and missing engines",
+    )
