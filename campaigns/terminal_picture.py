@@ -20,7 +20,6 @@ from rich.terminal_theme import DEFAULT_TERMINAL_THEME, DIMMED_MONOKAI
 from rich.text import Text
 
 from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.text.next_steps import next_steps
 from physics_crosscheck.harness.text.table import print_results
 
 _FACES = re.compile(r"@font-face \{\{.*?\}\}", re.DOTALL)
@@ -33,15 +32,14 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("width", type=int)
     parser.add_argument("out", type=Path)
     parser.add_argument("--light", action="store_true")
+    parser.add_argument("--command", default="run", help="what was typed [run]")
+    parser.add_argument("--report", type=Path, default=Path("reports/index.html"))
     options = parser.parse_args(arguments)
     results = read_results(options.results)
     told = io.StringIO()
     console = Console(width=options.width, file=told, force_terminal=True, highlight=False)
-    console.print("[bold]$ crosscheck run[/]")
-    print_results(console, results, quiet=True)
-    console.print(f"{options.results}  {options.results.with_name('index.html')}")
-    for line in next_steps(results, options.results.parent):
-        console.print(line)
+    console.print(f"[bold]$ crosscheck {options.command}[/]")
+    print_results(console, results, report=options.report)
     # Lines longer than the terminal go on in the next, which a recording would cut.
     console = Console(record=True, width=options.width, file=io.StringIO(), force_terminal=True)
     console.print(Text.from_ansi(told.getvalue().rstrip()), highlight=False)

@@ -72,9 +72,8 @@ def watch(wanted: Targets, run: Run) -> int:
     reads = dict(ran.reads)
     before = _with_reads(before, reads)  # as they were when they were read
     while not ran.stopped:
-        _say(
-            f"watching {counted(len(_stamps(wanted, before)), 'file')} for changes; press Ctrl-C to end"
-        )
+        files_watched = counted(len(_stamps(wanted, before)), "file")
+        _say(f"watching {files_watched} for changes; press Ctrl-C to end")
         before, again, files = _wait(wanted, before, reads)
         part = _part(wanted, again)
         if not (part.folders or part.robots):

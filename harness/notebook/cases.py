@@ -18,8 +18,9 @@ from physics_crosscheck.harness.records.base import Number, Rows
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.problems import print_problems
+from physics_crosscheck.harness.text.styles import WORDS
 from physics_crosscheck.harness.text.table import summary
-from physics_crosscheck.harness.text.troubles import print_troubles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +30,8 @@ What = Literal["verdicts", "steps"]
 MOST_ROWS = 60
 """Of a page; `to_frame` has all."""
 
-_OUTCOME = re.compile(rf"({'|'.join(Outcome)}) (.*)")
+_OUTCOME = re.compile(rf" *({'|'.join(WORDS.values())}) +(.*)")
+_OF_WORD = {word: Outcome(name) for name, word in WORDS.items()}
 
 
 def columns(cases: Iterable[Case]) -> Mapping[str, list[object]]:
@@ -109,14 +111,14 @@ def _cells(case: Case) -> list[str]:
 def _troubles(results: Results) -> list[str]:
     """As the terminal has them."""
     text = StringIO()
-    print_troubles(paper(text, 10_000), results)
+    print_problems(paper(text, 10_000), results)
     return text.getvalue().splitlines()
 
 
 def _told(text: str) -> str:
     found = _OUTCOME.fullmatch(text)
     if found is not None:
-        return f'<div style="margin:8px 0 0">{badge(Outcome(found[1]))} {escape(found[2])}</div>'
+        return f'<div style="margin:8px 0 0">{badge(_OF_WORD[found[1]])} {escape(found[2])}</div>'
     if not text.strip():
         return ""
     inner = len(text) - len(text.lstrip())

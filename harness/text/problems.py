@@ -90,7 +90,7 @@ def problems(results: Results, *, details: bool = False) -> list[Problem]:
     found += [
         Problem(
             outcome=Outcome.FAILED,
-            name=_name([model], short),
+            name=model.engine if short else str(model.id),
             headline=f"the {what} failed: {why}",
         )
         for model, what, why in untold_failures(results)

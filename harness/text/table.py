@@ -67,7 +67,8 @@ def print_results(
 def summary(results: Results) -> str:
     """Return one line: how many cases agree, and to how many digits, or how many do not."""
     counts = Counter(case.outcome for case in results.cases)
-    unit = "engine" if is_single_file(results) else "case"
+    reached = all(case.engine != "-" for case in results.cases)
+    unit = "engine" if reached and is_single_file(results) else "case"
     total = len(results.cases) - counts[Outcome.ABSENT]
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
     digits = known(map(digits_known, agreeing))
@@ -137,6 +138,19 @@ _PLURALS = {"audit": "audits", "linearization": "linearizations", "diagnosis": "
 
 def _time(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
+
+
+def largest(case: Case) -> Number:
+    """Return the largest discrepancy or uncertainty of a case, over components and segments."""
+    if case.verdict is None:
+        return None
+    sizes = known((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
+    return max(sizes, default=None)
+
+
+def agreement(worst: Number) -> str:
+    """Return the end of pytest's summary: to what cases agree; empty where none does."""
+    return "" if worst is None else f"; all that agree do so to {worst:.1e}"
 
 
 def case_line(done: int, total: int, case: Case) -> str:
