@@ -24,12 +24,12 @@ def crosscheck(
     Args:
         cwd: the folder.
         known: whether the known-answer engine is found, by its entry point.
-        environment: variables, beside CI; None: not set.
+        environment: variables, beside CI and a width; None: not set.
     """
     words, out, err = [*map(str, arguments)], io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.chdir(cwd)
-        for name, value in ({"CI": "1"} | environment).items():
+        for name, value in ({"CI": "1", "COLUMNS": "300"} | environment).items():
             if value is None:
                 patch.delenv(name, raising=False)
             else:

@@ -1,4 +1,4 @@
-"""What a verdict on a model covers, in a line."""
+"""Coverage of a model by its verdict, in a line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.harness.text.status import counted
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:
-    """A line a model, those of several models that are alike folded into one."""
+    """Return a line a model; models with the same coverage share one."""
     said: dict[str, list[str]] = {}
     for model in models:
         if line := coverage_line(model):
@@ -35,29 +35,29 @@ def coverage_summary(models: Iterable[Model]) -> str:
 
 
 def left_out(models: Iterable[Model]) -> list[str]:
-    """A line for each robot's file of which something is left out, in whatever engine."""
+    """Return a line for each robot file of which something is not compared."""
     told = {
         model.folder: ", ".join(model.coverage.left_out)
         for model in models
         if model.coverage is not None and model.coverage.left_out
     }
-    said = "it says more than is checked; left out"
+    said = "it has more than is checked; not compared"
     return [f"{file}: {said}: {what}" for file, what in told.items()]
 
 
 def refused(results: Results) -> list[str]:
-    """A line for each engine that would not load a robot's file, where others judge it."""
+    """Return a line for each engine that refuses a robot file which others judge."""
     return [f"{case.id}: refused: {case.reason}" for case in results.refusals]
 
 
 def coverage_line(model: Model, *, examples: bool = False) -> str:
-    """Which numbers had a say, whether poses were checked, and what no motion reaches."""
+    """Return which numbers were tested, which poses compared, and what no motion reaches."""
     parts = []
     if model.coverage is not None:
         if model.coverage.numbers or model.coverage.note:
             parts.append(numbers_seen(model.coverage, examples))
         if model.coverage.left_out:
-            parts.append(f"left out: {', '.join(model.coverage.left_out)}")
+            parts.append(f"not compared: {', '.join(model.coverage.left_out)}")
     if model.poses is not None:
         parts.append(poses_checked(model.poses))
     beyond = [one.message for one in model.audit or () if one.kind == BEYOND]
@@ -67,7 +67,7 @@ def coverage_line(model: Model, *, examples: bool = False) -> str:
 
 
 def numbers_seen(coverage: Coverage, examples: bool) -> str:
-    """Such as: 23 of 31 numbers tested (18 by motion, 4 by audit, 1 by frames); untested: ..."""
+    """Return how many numbers were tested, by what, and why the others were not."""
     if coverage.note:
         return f"numbers not counted: {coverage.note}"
     by: Mapping[str, int] = {
@@ -89,13 +89,13 @@ def _some(untested: Untested) -> str:
 
 
 def poses_checked(poses: Poses) -> str:
-    """Which frames agree, or why none was compared."""
+    """Return which frames agree, or why none was compared."""
     if poses.note:
-        return f"poses not checked: {poses.note}"
+        return f"poses not compared: {poses.note}"
     wrong = [frame.name for frame in poses.frames if not frame.agrees]
-    told = f"{counted(len(poses.frames), 'pose')} checked"
+    told = f"{counted(len(poses.frames), 'pose')} compared"
     if wrong:
-        told += f", {len(wrong)} elsewhere ({', '.join(wrong)})"
+        told += f", {len(wrong)} wrong ({', '.join(wrong)})"
     if poses.unchecked:
         told += f", not {', '.join(poses.unchecked)} (not in the sidecar's [frames])"
     return told

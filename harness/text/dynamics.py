@@ -1,4 +1,4 @@
-"""What is said of engines' accelerations: one line for all that are the equations'."""
+"""Accelerations that engines compute without a step, against the equations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from physics_crosscheck.harness.text.status import counted
 
 
 def dynamics_lines(cases: Iterable[Case]) -> list[str]:
-    """None where no engine tells accelerations; one that differs is told by its case's reason."""
+    """Return a line for all that agree; the reason of a case names one that differs."""
     alike = [
         (one.forward_dynamics, one)
         for one in cases
@@ -21,7 +21,6 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
     found, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
     states = sum(one.states for one, _ in alike)
     return [
-        f"The engines' own accelerations, in {counted(len(alike), 'case')} at"
-        f" {counted(states, 'state')}, are the equations' to"
-        f" {found.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})."
+        f"accelerations of {counted(len(alike), 'case')} at {counted(states, 'state')} agree to"
+        f" {found.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})"
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from msgspec.structs import replace
 from rich.console import Console
@@ -351,6 +352,12 @@ def _is_same(one: AuditFinding, cause: Cause) -> bool:
     """Return whether a finding is about a number of a cause."""
     if set(one.subject) & set(cause.subject):
         return True
-    lines = {(where.file.rsplit("/", 1)[-1], where.span) for where in cause.locations if where.span}
     where = one.location
-    return where is not None and (where.file.rsplit("/", 1)[-1], where.span) in lines
+    return where is not None and any(_is_same_place(where, each) for each in cause.locations)
+
+
+def _is_same_place(one: SourceLine, other: SourceLine) -> bool:
+    """Return whether two lines are of the same number, or the same where no number is known."""
+    if Path(one.file).name != Path(other.file).name or one.line != other.line:
+        return False
+    return one.span is None or other.span is None or one.span == other.span

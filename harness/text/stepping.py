@@ -1,4 +1,4 @@
-"""What is said of engines' next states: one step at the step that a model ships with."""
+"""Single steps of engines at a model's own time step, against their own rule."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from physics_crosscheck.harness.text.status import counted
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:
-    """One line for all that step as they say, then one for each model that does not.
+    """Return a line for all that follow their rule, then one for each model that does not.
 
-    What differs as its step goes to zero is told by that; its step can be no other.
+    A case that differs as its step goes to zero is left out: its step differs too.
     """
     known = [(case, case.stepping) for case in cases if case.stepping is not None]
     alike = [(case, one) for case, one in known if one.outcome is Outcome.AGREES]
@@ -23,27 +23,27 @@ def stepping_lines(cases: Iterable[Case]) -> list[str]:
         if one.outcome is Outcome.AGREES or case.outcome is Outcome.DIFFERS or model in seen:
             continue
         seen.add(model)
-        lines.append(f"The next state of {model} {_apart(one)}")
+        lines.append(f"single step of {model} {_apart(one)}")
     return lines
 
 
 def _alike(cases: list[tuple[Case, Stepping]]) -> str:
     worst, one = max(cases, key=lambda entry: entry[1].discrepancy or 0.0)
+    verb = "follows" if len(cases) == 1 else "follow"
     return (
-        f"The engines' next states at the shipped step, in {counted(len(cases), 'case')}, are"
-        f" the equations' by the engines' own rules to {one.discrepancy or 0.0:.1e} of a step's"
-        f" movement (worst: {worst.id})."
+        f"single step of {counted(len(cases), 'case')} {verb} the engine's own rule to"
+        f" {one.discrepancy or 0.0:.1e} of how far it moves (worst: {worst.id})"
     )
 
 
 def _apart(one: Stepping) -> str:
     if one.outcome is Outcome.UNRESOLVED:
-        return f"can't be told from {one.rule}: the uncertainty is {one.uncertainty or 0.0:.1e}."
-    why = f"; besides act {one.besides}" if one.besides else (
-        "; it has another integrator than it says, or something acts at this step alone"
+        return f"is too uncertain to compare with {one.rule} ({one.uncertainty or 0.0:.1e})"
+    why = f"; also acting: {one.besides}" if one.besides else (
+        "; the integrator is another one, or something acts at this step only"
     )  # fmt: skip
-    far = "without end" if one.discrepancy is None else f"{one.discrepancy:.1e}"
+    off = "without bound" if one.discrepancy is None else f"by {one.discrepancy:.1e}"
     return (
-        f"is not that of {one.rule} at {one.step:g} s: {one.component} is {far} of its movement"
-        f" off, where {one.uncertainty or 0.0:.1e} is uncertain{why}."
+        f"deviates from {one.rule} at {one.step:g} s: {one.component} {off} of how far it moves"
+        f" (uncertainty {one.uncertainty or 0.0:.1e}){why}"
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case
@@ -23,6 +24,7 @@ from physics_crosscheck.harness.text.status import counted, percent
 from physics_crosscheck.harness.text.stepping import stepping_lines
 from physics_crosscheck.harness.text.styles import STYLES, WORDS
 from physics_crosscheck.harness.text.terminal import print_wrapped
+from physics_crosscheck.harness.text.visible import visible
 
 GROWS = 1e-9
 """By how much more than rounding the largest eigenvalue of a step is off the unit circle."""
@@ -318,4 +320,4 @@ def _print_last(console: Console, line: str, report: Path | None) -> None:
         return
     print_wrapped(console, line)
     if where:
-        print_wrapped(console, where)
+        console.print(Text(visible(where)), soft_wrap=True)

@@ -96,4 +96,4 @@ def test_a_servo_that_no_step_resolves_is_resolved_without_one(tmp_path: Path) -
     assert "of its motions the limit of stiff is known to" in case.reason
     assert case.forward_dynamics is not None
     (line,) = dynamics_lines([case])
-    assert line.startswith("The engines' own accelerations, in 1 case at 200 states, are the")
+    assert line.startswith("accelerations of 1 case at 200 states agree to ")

@@ -70,21 +70,20 @@ def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
     asked = ("--engine", "mujoco", "--out", "out dir", "--verbose")
     done = by_itself("run", folder, *asked, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "6 cases: 6 AGREES" in done.stdout
+    assert "All 6 cases agree to " in done.stdout
     found = json.loads((tmp_path / "out dir" / "results.json").read_text())
     jsonschema.validate(found, schema(Results))
     assert {case["engine"] for case in found["cases"]} == {"mujoco"}
     assert (tmp_path / "out dir" / "index.html").stat().st_size > 10_000
-    assert len(re.findall(r"^\[\d/6\] AGREES", done.stderr, re.MULTILINE)) == 6
+    assert len(re.findall(r"^\[\d/6\] ok ", done.stderr, re.MULTILINE)) == 6
 
 
 def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
     done = by_itself("run", folder, "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
-    assert "3 DIFFERS" in done.stdout
-    assert re.search(r"DIFFERS mass_spring_damper/mujoco.xml/\w+ \[mujoco\]", done.stdout)
-    assert "and 2 more: " in done.stdout
+    assert "3 of 3 cases differ" in done.stdout
+    assert re.search(r"FAIL  mass_spring_damper/mujoco.xml \[mujoco\]", done.stdout)
     line = 1 + (folder / "mujoco.xml").read_text().split("47.000047")[0].count("\n")
     assert f"change my mass/mujoco.xml:{line} from 47.000047 to 47" in done.stdout
 
@@ -114,7 +113,7 @@ def test_a_bad_file_exits_3_and_is_named_with_its_place(
 def test_a_bad_file_does_not_cost_the_models_beside_it(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", "<worldbody>", "<worldbody")
     done = crosscheck("run", folder, cwd=tmp_path)
-    assert "9 AGREES, 3 FAILED" in done.stdout
+    assert "3 of 12 cases failed, 9 agree" in done.stdout
 
 
 def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path: Path) -> None:
@@ -250,10 +249,11 @@ def test_what_could_not_be_done_beside_the_cases_is_no_pass(
     found = results(*cases, models=(one,))
     assert not one.passes
     assert exit_code(found, False) == 3
-    assert "1 FAILED as " in summary(found)
+    assert f"1 {one.failures[0][0]} failed" in summary(found)
     shown = io.StringIO()
     print_results(Console(file=shown, width=160), found)
-    assert f"{one.failures[0][0]} of disc/mujoco.xml [mujoco]\n  it died" in shown.getvalue()
+    assert "disc/mujoco.xml [mujoco]  the" in shown.getvalue()
+    assert f"{one.failures[0][0]} failed: it died" in shown.getvalue()
     decision = status_of(one, require_engines=False)
     assert decision == Decision(TestStatus.FAIL, f"{one.failures[0][0]} failed: it died")
 

@@ -61,7 +61,8 @@ def test_a_run_that_is_stopped_keeps_what_is_done_and_goes_on(
     told = capsys.readouterr()
     assert f"stopped by {number.name}: 2 cases done and kept" in told.err
     assert "crosscheck run --resume --out out" in told.err
-    assert f"2 cases: 2 AGREES; stopped by {number.name}, 2 not run" in told.out
+    assert "All 2 cases agree to " in told.out
+    assert f"stopped by {number.name}, 2 not run" in told.out
     first = read_results(Path("out/results.json"))
     assert [case.model for case in first.cases] == ["good.known"] * 2
     assert [str(case) for case in first.not_run] == [
@@ -104,7 +105,7 @@ def test_what_changed_since_is_run_again(
     (folder / "good.known").write_text(KNOWN.replace("47.0", "47.00047"))
     after(lambda done: None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 1
-    assert "2 DIFFERS" in capsys.readouterr().out
+    assert "2 of 4 cases differ" in capsys.readouterr().out
 
 
 def test_what_was_kept_and_contradicts_itself_is_run_again(
@@ -141,7 +142,7 @@ def test_what_a_declaration_read_elsewhere_counts_among_its_files(
     stiffness.write_text("47.00047")
     after(lambda done: None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 1
-    assert "2 DIFFERS" in capsys.readouterr().out
+    assert "2 of 4 cases differ" in capsys.readouterr().out
 
 
 def test_what_a_model_that_is_code_depends_on_is_not_known(tmp_path: Path) -> None:

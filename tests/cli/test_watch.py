@@ -83,7 +83,7 @@ def test_a_saved_file_is_run_again_with_its_results_among_the_others(
     wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
     said = watching.until("watching")
     assert "changed: models/oscillator/wrong.known\n" in said
-    assert "1 case: 1 AGREES" in said
+    assert "1 case agrees to" in said
     assert outcomes(place) == dict.fromkeys(("good.known", "wrong.known"), Outcome.AGREES)
     (folder / "system.py").write_text((folder / "system.py").read_text().replace("1.3", "1.4"))
     said = watching.until("watching")
@@ -134,4 +134,4 @@ def test_a_new_model_is_run_and_one_that_is_gone_is_left_out(
 def test_a_program_is_not_told_what_a_person_watches(place: Path) -> None:
     done = crosscheck(place, "run", "--watch", "models", "--format", "json")
     assert (done.returncode, done.stdout) == (2, "")
-    assert "--watch prints what a person reads, no json" in done.stderr
+    assert "--watch prints text, not json" in done.stderr

@@ -178,7 +178,7 @@ def test_the_line_says_what_had_a_say_and_what_had_not() -> None:
     one = model(coverage=COVERAGE, poses=poses, audit=(stop,))
     assert coverage_line(one) == (
         "23 of 31 numbers tested (18 by motion, 4 by audit, 1 by frames); untested: 8 (visual"
-        " geometry); 1 pose checked, not tip (not in the sidecar's [frames]); not reached: a"
+        " geometry); 1 pose compared, not tip (not in the sidecar's [frames]); not reached: a"
         " is limited to [-3, 3]"
     )
     assert "untested: 8 (visual geometry: geom@rgba, site@size, ...)" in coverage_line(
@@ -190,5 +190,5 @@ def test_models_that_are_alike_share_a_line_and_unchecked_poses_are_said() -> No
     bare = Poses(note="the system declares no frames")
     models = [model(poses=bare), model(engine="other", poses=bare), model(engine="third")]
     assert coverage_lines(models) == [
-        "arm/a.xml [known], arm/a.xml [other]: poses not checked: the system declares no frames"
+        "arm/a.xml [known], arm/a.xml [other]: poses not compared: the system declares no frames"
     ]

@@ -164,7 +164,7 @@ def test_a_run_annotates_the_diagnosed_line(tmp_path: Path) -> None:
     (made,) = case_notes(results)
     assert (made.file.name, made.line) == ("m.xml", 12)
     where = f"joint[x]@stiffness ({tmp_path}/m.xml:12)"
-    assert made.message == f"{where} is 1, the motion wants 2 ± 0.1: off"
+    assert made.message == f"{where} is 1; the motion implies 2 ± 0.1: off"
     assert made.title == "DIFFERS spring/m.xml/free [e]"
     assert case_notes(results_of(differing(tmp_path, "free", accepted="known"))) == []
 
@@ -175,8 +175,8 @@ def test_a_pair_of_causes_is_annotated_at_the_first_that_stands_in_a_file(tmp_pa
     (made,) = case_notes(results_of(differing(tmp_path, "free"), causes=pair))
     assert (made.file.name, made.line) == ("m.xml", 7)
     assert made.message == (
-        "nut and bolt is 1, the motion wants 2 ± 0.1 and"
-        f" joint[x]@damping ({tmp_path}/m.xml:7) is 1, the motion wants 2 ± 0.1: off"
+        "nut and bolt is 1; the motion implies 2 ± 0.1 and"
+        f" joint[x]@damping ({tmp_path}/m.xml:7) is 1; the motion implies 2 ± 0.1: off"
     )
 
 

@@ -34,7 +34,7 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(
         assert done.returncode == code, f"{command}\n{done.stdout}{done.stderr}"
         return done.stdout
 
-    assert "12 cases: 12 AGREES" in does("git init --quiet && crosscheck run models")
+    assert "All 12 cases agree" in does("git init --quiet && crosscheck run models")
     assert "18 passed" in does("pytest -q -n 2 --crosscheck models")
     assert does("crosscheck accept --folder models --reason measured").count("accepted ") == 12
     assert "0 run" in does("crosscheck gate")

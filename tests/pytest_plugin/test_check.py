@@ -72,7 +72,7 @@ def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder: Path) -> Non
     text = str(result)
     assert text == repr(result)
     assert "mass_spring_damper/mujoco.xml/free [mujoco]\nDIFFERS: x_dot ends" in text
-    assert "the motion wants 47 ±" in text
+    assert "the motion implies 47 ±" in text
     assert "Traceback" not in text
     for wanted in ({"scenario": "free"}, {"scenario": "nothing"}):
         with pytest.raises(LookupError, match=r"mass_spring_damper/robot.urdf/free \[mujoco\]"):

@@ -76,7 +76,9 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
         "--crosscheck", "models", "-k", "free or step or audit", "--junitxml=j.xml", "-v"
     )
     done.assert_outcomes(failed=3, deselected=1)
-    cause = f"cause: joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047, the motion wants 47 ± *"
+    cause = (
+        f"cause: joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047; the motion implies 47 ± *"
+    )
     done.stdout.fnmatch_lines(
         [
             "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",

@@ -131,7 +131,7 @@ def test_without_javascript_everything_but_the_plots_is_there(
         text = tab.run("document.body.innerText")
         assert "JavaScript is off" in text
         assert "13 of 20 cases agree" in text
-        assert "is 38.25, the motion wants 39.5" in text
+        assert "is 38.25; the motion implies 39.5" in text
         assert len(rows(tab)) == len(troubled.cases)
         assert not tab.run("document.querySelector('.filters').checkVisibility()")
         tab.run(f"document.getElementById('{CASE}').open = true")

@@ -214,7 +214,7 @@ def test_the_matrix_tells_costs_and_what_engines_read_otherwise() -> None:
 def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report) -> None:
     differs = next(one for one in seen.troubles if one.outcome == "DIFFERS")
     assert differs.sentence == (
-        "joint[x]@stiffness (mujoco.xml:21) is 38.25, the motion wants 39.5 ± 1e-09."
+        "joint[x]@stiffness (mujoco.xml:21) is 38.25; the motion implies 39.5 ± 1e-09."
     )
     assert differs.id == "diagnosis-system_0/mujoco.xml/mujoco"
     absent = [one for one in seen.troubles if one.outcome == "ABSENT"]
@@ -370,7 +370,7 @@ def test_a_cause_whose_name_has_an_and_in_it_is_one_cause(troubled: Results) -> 
         assert [one.name for one in shown_first.causes] == names
         assert [one.kind for one in shown_first.causes] == ["literal"] * len(causes)
         assert shown_first.tied == "body[nut and bolt]@mass"
-        assert view.sentence.count("the motion wants") == len(causes)
+        assert view.sentence.count("the motion implies") == len(causes)
 
 
 def test_a_system_that_was_not_derived_is_shown_as_it_is_declared() -> None:

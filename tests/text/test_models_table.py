@@ -7,14 +7,17 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
+from physics_crosscheck.harness.records.case import TargetStep
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.models_table import print_models
-from tests.records.made import case, verdict
+from physics_crosscheck.harness.text.models_table import MAX_ROWS, print_models
+from tests.records.made import case, full_run, verdict
 
 LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"
 
+CHAOTIC = full_run(global_error=0.94, steps_for=(TargetStep(target=0.001, step=None),))
 
-def table(width: int) -> str:
+
+def table(width: int, *, details: bool = False) -> str:
     out = StringIO()
     wrong = verdict(
         discrepancy=8.5e-2, uncertainty=4.4e-12, largest_discrepancy=0.3, largest_uncertainty=0.7
@@ -24,40 +27,71 @@ def table(width: int) -> str:
         case(Outcome.DIFFERS, system=LONG[0], model=LONG[1], verdict=wrong),
         case(Outcome.FAILED, system=LONG[0], model=LONG[1], scenario="driven"),
     ]
-    print_models(Console(file=out, width=width), cases)
+    print_models(Console(file=out, width=width), cases, details=details)
+    return out.getvalue()
+
+
+def printed(*cases: object, details: bool = False) -> str:
+    out = StringIO()
+    print_models(Console(file=out, width=160), cases, details=details)  # type: ignore[arg-type]
     return out.getvalue()
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 200])
 def test_no_name_and_no_number_is_cut_at_any_width(width: int) -> None:
     text = table(width)
-    for word in (*LONG, "1 FAILED, 1 DIFFERS", "8.5e-02", "4.4e-12", "3.0e-13", "4.0e-12"):
+    for word in (*LONG, "1 ERROR, 1 FAIL", "11.3"):
         assert word in text
     assert "…" not in text
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
-def test_no_line_is_longer_than_the_terminal(width: int) -> None:
-    assert max(map(len, table(width).splitlines())) <= width
+@pytest.mark.parametrize("details", [False, True])
+def test_no_line_is_longer_than_the_terminal(width: int, details: bool) -> None:
+    assert max(map(len, table(width, details=details).splitlines())) <= width
 
 
-def test_more_columns_are_shown_where_there_is_room() -> None:
-    heads = {width: table(width).splitlines()[0].split() for width in (60, 100, 160)}
-    assert heads[60] == ["outcome", "discrepancy", "uncertainty"]
-    assert "global" in heads[100]
-    assert heads[160][:3] == ["system", "model", "engine"]
-    assert heads[160][-3:] == ["0.1", "%", "at"]
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+def test_a_column_that_does_not_fit_is_named_below(width: int) -> None:
+    text = table(width)
+    for head in ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %"):
+        assert head in text
 
 
 def test_names_have_lines_of_their_own_where_they_are_too_wide() -> None:
-    assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(80).splitlines()
+    assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(60).splitlines()
 
 
-def test_what_differs_is_told_with_the_numbers_that_decide() -> None:
-    """The largest U is of another segment, and above the largest E."""
-    lines = table(160).splitlines()
+def test_errors_and_uncertainties_are_details() -> None:
+    """Where a case differs, both are of the component that decides."""
+    assert "e-" not in table(200)
+    lines = table(200, details=True).splitlines()
     (row,) = (line.split() for line in lines if line.startswith(LONG[0]))
     assert {"8.5e-02", "4.4e-12"} <= set(row)
     assert not {"3.0e-01", "7.0e-01"} & set(row)
-    (agreeing,) = (line for line in lines if "1 AGREES" in line)
+    (agreeing,) = (line for line in lines if "1 ok" in line)
     assert "3.0e-13" in agreeing
+
+
+def test_a_column_that_is_empty_in_all_rows_is_not_printed() -> None:
+    text = printed(case(full_run=None), case(engine="pymunk", full_run=None))
+    assert text.splitlines()[0].split() == ["model", "engine", "status", "digits"]
+
+
+def test_a_chaotic_motion_is_no_error_of_the_model() -> None:
+    (row,) = (line for line in printed(case(full_run=CHAOTIC)).splitlines() if "1 ok" in line)
+    assert "chaotic" in row
+    assert "94 %" not in row
+    both = printed(case(), case(scenario="wild", full_run=CHAOTIC))
+    assert "0.50 %, chaotic" in both
+    assert "400 µs" in both, "the step is that of the motions that have one"
+    assert "chaotic: a motion that no time step follows" in both
+
+
+def test_of_many_rows_those_that_agree_are_counted() -> None:
+    cases = [case(model=f"m{i}.xml") for i in range(MAX_ROWS + 3)]
+    text = printed(*cases, case(Outcome.DIFFERS, model="wrong.xml"))
+    assert "wrong.xml" in text
+    assert "m1.xml" not in text
+    assert f"{MAX_ROWS + 3} more rows: every case ok" in text
+    assert "m1.xml" in printed(*cases, details=True)

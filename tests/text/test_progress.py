@@ -1,32 +1,40 @@
-"""Progress in a log: what is amiss, and a count."""
+"""Progress in a log: a line now and then, and the right percentage."""
 
 from __future__ import annotations
 
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.progress import Progress
+from physics_crosscheck.harness.text.progress import LOG_SECONDS, Progress
 from tests.records.made import case
 
 
-def told(capsys: pytest.CaptureFixture[str], *, every: bool) -> list[str]:
-    with Progress(every=every) as progress:
+def logged(capsys: pytest.CaptureFixture[str], seconds: float, *, every: bool) -> list[str]:
+    """Return the lines of 40 cases that take so many seconds each."""
+    now = [0.0]
+    with Progress(every=every, clock=lambda: now[0]) as progress:
         for i in range(1, 41):
-            wrong = i == 7
-            progress(i, 40, case(Outcome.DIFFERS if wrong else Outcome.AGREES))
+            now[0] += seconds
+            progress(i, 40, case(Outcome.DIFFERS if i == 7 else Outcome.AGREES))
     return capsys.readouterr().err.splitlines()
 
 
-def test_a_log_has_a_line_a_tenth_and_one_for_what_does_not_agree(
+def test_a_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert logged(capsys, 0.01, every=False) == []
+    lines = logged(capsys, LOG_SECONDS / 2, every=False)
+    assert lines[0] == "2 of 40 cases (5 %)"
+    assert len(lines) == 19
+
+
+def test_it_never_says_100_percent_while_there_is_work(capsys: pytest.CaptureFixture[str]) -> None:
+    """After the last case come diagnoses and the report."""
+    assert not [line for line in logged(capsys, LOG_SECONDS, every=False) if "100 %" in line]
+
+
+def test_a_log_has_a_line_a_case_where_that_is_asked_for(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    lines = told(capsys, every=False)
-    assert [line for line in lines if line.startswith("[7/40] DIFFERS")]
-    assert len(lines) == 11
-    assert lines[-1] == "40 of 40 cases (100 %)"
-
-
-def test_it_has_a_line_a_case_where_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = told(capsys, every=True)
+    lines = logged(capsys, LOG_SECONDS, every=True)
     assert len(lines) == 40
-    assert sum("AGREES" in line for line in lines) == 39
+    assert lines[6].startswith("[7/40] FAIL ")
+    assert sum("] ok " in line for line in lines) == 39

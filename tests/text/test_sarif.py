@@ -142,7 +142,7 @@ def test_a_cause_of_several_lines_is_at_all_of_them_and_its_fix_changes_all(file
     (one,) = found(sarif(seen))
     regions = [place["physicalLocation"]["region"] for place in one["locations"]]
     assert [region["startLine"] for region in regions] == [2, 3, 4]
-    assert "the motion wants 0.8" in one["message"]["text"]
+    assert "the motion implies 0.8" in one["message"]["text"]
     (fix,) = one["fixes"]
     assert applied(fix, TEXT) == TEXT.replace('m="0.9"', 'm="0.8"')
     (note,) = run_notes(seen)

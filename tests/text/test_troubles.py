@@ -15,7 +15,6 @@ from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.next_steps import next_steps
 from physics_crosscheck.harness.text.table import print_results
 from physics_crosscheck.harness.text.troubles import troubles
 from tests.records.made import case, finding, model, results, verdict
@@ -35,9 +34,9 @@ def diagnosis(cause: Cause = WRONG, *, explained: bool = True, left: float = 4e-
     return Diagnosis(explanations=(found,), explained=explained)
 
 
-def printed(found: Results, width: int = 80) -> str:
+def printed(found: Results, width: int = 80, *, details: bool = False) -> str:
     out = StringIO()
-    print_results(Console(file=out, width=width), found)
+    print_results(Console(file=out, width=width), found, details=details)
     return out.getvalue()
 
 
@@ -100,54 +99,59 @@ def planted() -> Results:
     return results(*differing("mujoco", "pybullet"), *agreeing, models=models)
 
 
-def test_a_cause_is_told_once_for_all_engines() -> None:
-    text = printed(planted())
-    assert text.count("the motion wants 3.6") == 1
-    assert "cause in disc/mujoco.xml [mujoco, pybullet]" in text
-    assert text.count("is 3.3 where m = 3.6") == 1
-    assert "and 3 more: free [mujoco]; driven, free [pybullet]" in text
+def test_a_cause_is_reported_once_for_all_engines_and_replaces_the_finding() -> None:
+    text = printed(planted(), 120)
+    assert text.count("the motion implies 3.6") == 1
+    assert "FAIL  disc/mujoco.xml [mujoco, pybullet]" in text
+    assert "where m = 3.6" not in text, "the audit found the same number"
+    assert "x off by up to 2.0 % (driven); 4 of 4 cases differ" in text
+    details = printed(planted(), 120, details=True)
+    assert "residual 4.0e-12 of the discrepancy" in details
+    assert "disc/mujoco.xml/free [pybullet]" in details
 
 
-@pytest.mark.parametrize("width", [80, 120, 200])
-def test_the_last_screen_of_a_terminal_shows_the_line_and_the_value(width: int) -> None:
-    """24 lines of so many columns, wrapped as a terminal does."""
-    found = planted()
-    lines = [*printed(found, width).splitlines(), *next_steps(found, Path("reports"))]
-    shown = [line[i : i + width] for line in lines for i in range(0, max(len(line), 1), width)]
-    screen = "\n".join(shown[-24:])
-    assert "mujoco.xml:21" in screen
-    assert "is 3.3, the motion wants 3.6" in screen
-    assert "cases: 16 AGREES, 4 DIFFERS" in screen
-
-
-def test_where_nothing_is_explained_no_change_is_told() -> None:
-    vague = model(diagnosis=diagnosis(explained=False, left=0.7))
-    lines = next_steps(results(*differing("mujoco"), models=(vague,)), Path("reports"))
-    assert lines == ["then  crosscheck run --last-failed"]
-
-
-def test_the_next_step_names_the_line_the_values_and_the_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("width", [60, 80, 120, 200])
+def test_the_first_lines_show_the_line_and_the_value(
+    width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "models" / "disc").mkdir(parents=True)
     (tmp_path / "models" / "disc" / "mujoco.xml").write_text("")
-    lines = next_steps(planted(), Path("my out"))
-    assert lines == [
-        "change models/disc/mujoco.xml:21 from 3.3 to 3.6",
-        "then  crosscheck run --last-failed --out 'my out'",
-    ]
-    assert "(models/disc/mujoco.xml:21)" in printed(planted())
-    assert next_steps(results(case()), Path("reports")) == []
+    lines = printed(planted(), width).splitlines()
+    top = " ".join(" ".join(lines[:8]).split())
+    assert "body[rod]/inertial@mass is 3.3; the motion implies 3.6" in top
+    assert "fix: change models/disc/mujoco.xml:21 from 3.3 to 3.6" in top
+    assert lines[-1].startswith("4 of 20 cases differ, 16 agree to 11.3 digits")
 
 
-def test_what_was_accepted_is_not_to_be_changed() -> None:
+def test_another_fault_beside_the_cause_is_reported_too() -> None:
+    """Poses move nothing, so that no motion explains them."""
+    frame = finding("rod is 3 mm off", kind="pose", subject=("rod",))
+    term = finding("inertia of x is 2, not 1", kind="inertia", subject=("x",))
+    other = finding("height is 2 where h = 1", location=SourceLine(file="mujoco.xml", line=30))
+    explained = model(frame, term, other, diagnosis=diagnosis())
+    text = printed(results(*differing("mujoco"), models=(explained,)), 120)
+    assert "height is 2 where h = 1" in text
+    assert "1 more finding about computed terms" in text
+    assert "inertia of x" not in text, "it follows from the cause"
+    details = printed(results(*differing("mujoco"), models=(explained,)), 120, details=True)
+    assert "rod is 3 mm off" in details
+
+
+def test_where_nothing_is_explained_no_change_is_proposed() -> None:
+    vague = model(diagnosis=diagnosis(explained=False, left=0.7))
+    assert "fix:" not in printed(results(*differing("mujoco"), models=(vague,)))
+
+
+def test_what_was_accepted_is_no_problem() -> None:
     kept = case(Outcome.DIFFERS, accepted="soft")
-    explained = model(diagnosis=diagnosis())
-    assert next_steps(results(kept, models=(explained,)), Path("reports")) == []
+    explained = model(diagnosis=diagnosis(), accepted="soft")
+    text = printed(results(kept, models=(explained,)))
+    assert "cause" not in text
+    assert "1 difference accepted" in text
 
 
-def test_findings_that_differ_in_numbers_alone_are_told_once() -> None:
+def test_findings_that_differ_in_numbers_alone_are_reported_once() -> None:
     alike = tuple(
         model(
             finding(f"A is {i}.5e-12 off", subject=("A",), expected=3.0, found=3 + i * 1e-12),
@@ -155,18 +159,43 @@ def test_findings_that_differ_in_numbers_alone_are_told_once() -> None:
         )
         for i, engine in enumerate(("mujoco", "pybullet"))
     )
-    other = model(finding("A is off", subject=("A",), expected=3.0, found=4.0), engine="drake")
-    text = printed(results(case(), models=(*alike, other)))
-    assert "audit of disc/mujoco.xml [mujoco, pybullet]" in text
-    assert "audit of disc/mujoco.xml [drake]" in text
+    text = printed(results(case(), models=alike), 120)
+    assert "disc/mujoco.xml [mujoco, pybullet]" in text
     assert text.count("e-12 off") == 1
 
 
-def test_quiet_counts_what_agrees() -> None:
+def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
+    cause = Cause(
+        kind="dropped", subject=("moments of link[tool]/inertial/inertia",), nominal=0.0,
+        estimate=0.0, standard_error=0.0, locations=(SourceLine(file="arm.urdf", line=22),),
+    )  # fmt: skip
+    link = finding(
+        "link 'tool' has inertia and no mass", kind="inertia", subject=("tool", "massless"),
+        location=SourceLine(file="arm.urdf", line=18),
+    )  # fmt: skip
+    alone = {"folder": "arm.urdf", "model": "arm.urdf", "system": "arm"}
+    agreeing = case(engine="pybullet", full_run=None, **alone)
+    differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=2.1), **alone)
+    models = tuple(
+        model(link, engine=engine, diagnosis=found, **alone)
+        for engine, found in (("mujoco", diagnosis(cause)), ("pybullet", None))
+    )
+    assert printed(results(agreeing, differs, models=models)).splitlines()[:7] == [
+        "arm.urdf",
+        "  FAIL  mujoco  x off by up to 210 %",
+        "        cause: mujoco drops the inertia of massless links",
+        "        arm.urdf:18 tool",
+        "        fix:   give the link a mass, or remove its inertia",
+        "  ok    pybullet  11.3 digits",
+        "1 of 2 engines differs, 1 agrees to 11.3 digits (1.5 s)",
+    ]
+
+
+def test_quiet_prints_problems_and_the_summary() -> None:
     out = StringIO()
     print_results(Console(file=out, width=100), planted(), quiet=True)
-    text = out.getvalue()
-    assert "uncertainty  " not in text
-    assert "model_0.xml" not in text
-    assert "the motion wants 3.6" in text
-    assert "16 AGREES, 4 DIFFERS" in text
+    lines = out.getvalue().splitlines()
+    assert lines[0].startswith("  FAIL  disc/mujoco.xml")
+    assert "model_0.xml" not in out.getvalue()
+    assert "the motion implies 3.6" in out.getvalue()
+    assert lines[-1].startswith("4 of 20 cases differ")
