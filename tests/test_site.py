@@ -29,6 +29,17 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+def test_notebooks_are_pages_with_their_code(site: Path) -> None:
+    for path in (ROOT / "examples").glob("*.ipynb"):
+        page = (site / "examples" / f"{path.stem}.html").read_text()
+        assert "physics_crosscheck" in page, path.name
+
+
+def test_the_site_is_searched_offline(site: Path) -> None:
+    index = (site / "search" / "search_index.json").read_text()
+    assert "panda_link8" in index
+
+
 @pytest.mark.slow
 def test_every_page_is_in_the_site(site: Path) -> None:
     pages = {
