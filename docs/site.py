@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
+import posixpath
 import re
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-_OUTSIDE = re.compile(
-    r"\[([^\]]+)\]\((?:\.\./)+(?!how-to|get-started|decisions|schema|cases|engines|reference|messages)[^)\s]*/[^)\s]*\)"
-)
+_LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(((?:\.\./)+[^)#\s]*)(#[^)\s]*)?\)")
 NOTEBOOKS = Path(__file__).parents[1] / "examples"
 
 
@@ -30,10 +29,19 @@ def on_files(files: Files, *, config: Any, **_: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
-    """Replace links that leave the pages by their text."""
-    if "/" in page.file.src_path:
-        return markdown
-    return _OUTSIDE.sub(r"\1", markdown)
+    """Point links to notebooks at their pages; replace other links that leave the pages by text."""
+    folder = posixpath.dirname(page.file.src_uri)
+
+    def inside(link: re.Match[str]) -> str:
+        target = posixpath.normpath(posixpath.join(folder, link[2]))
+        if not target.startswith("../"):
+            return link[0]
+        if target.startswith("../examples/"):
+            to = posixpath.relpath(target[3:].replace(".ipynb", ".md"), folder or ".")
+            return f"[{link[1]}]({to})"
+        return link[1]
+
+    return _LINK.sub(inside, markdown)
 
 
 def notebook_page(path: Path) -> str:
