@@ -75,7 +75,10 @@ def summary(results: Results) -> str:
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
     digits = known(map(digits_known, agreeing))
     to = f" to {min(digits):.1f} digits" if digits else ""
-    if not total:
+    if agreeing and results.stopped and len(agreeing) == total:
+        whole = total + len(results.not_run)
+        parts = [f"{total} of {counted(whole, unit)} {_verb(total, 'agrees', 'agree')}{to}"]
+    elif not total:
         parts = ["no case was run" if not results.cases else "nothing was tested"]
     elif len(agreeing) == total:
         every = f"all {total} {unit}s agree" if total > 1 else f"1 {unit} agrees"

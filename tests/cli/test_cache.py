@@ -105,7 +105,7 @@ def test_what_is_known_is_not_run_again_nor_derived(
     monkeypatch.setattr(Workers, "submit", refused)
     monkeypatch.setattr(Workers, "begin", refused)
     second = run()
-    assert "; 4 had from the cache" in capsys.readouterr().out
+    assert ", 4 reused from the cache" in capsys.readouterr().out
     assert second.cached == 4
     # All of it: the diagnosis of the one that differs, linearizations, coverage, the derivation.
     assert second.cases == before.cases

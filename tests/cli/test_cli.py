@@ -129,7 +129,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
     (["run", "--resolution", "0"], "must be a number between 1e-13 and 1e-2, not 0"),
     (["run", "--jobs", "0"], "must be a whole number above 0, not 0"),
     (["report", "nothing.json"], "nothing.json: can't be read"),
-    (["frobnicate"], "unknown command 'frobnicate'. Commands: run, list"),
+    (["frobnicate"], "unknown command 'frobnicate'. Commands: run, demo, list"),
     (["audti", "x"], "unknown command 'audti'. Did you mean audit?"),
     (["."], "To check this path, run `crosscheck run .`"),
     (["run", "--lst-failed"], "crosscheck run: unknown option --lst-failed. Did you mean --last-f"),

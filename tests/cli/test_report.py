@@ -59,7 +59,7 @@ def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
         (("old", "none"), "none: can't be read: No such file or directory"),
         (("old", "empty"), "empty/results.json: can't be read"),
         (("old", "torn.json"), "torn.json: no JSON"),
-        (("old", "other.json"), "other.json: not results of schema 2; run `crosscheck run` again"),
+        (("old", "other.json"), "other.json: not results of schema 3; run `crosscheck run` again"),
         (("old", "old", "old"), "report takes one run, or two to compare, and not 3"),
     ],
 )
@@ -73,7 +73,7 @@ def test_what_is_no_run_is_refused_with_its_name_and_writes_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
-    (tmp_path / "torn.json").write_text('{"schema": 2, "cases": [')
+    (tmp_path / "torn.json").write_text('{"schema": 3, "cases": [')
     (tmp_path / "other.json").write_text('{"schema": 7}')
     assert main(["report", *names]) == 2
     assert sentence in capsys.readouterr().err

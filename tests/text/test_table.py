@@ -139,9 +139,7 @@ def test_many_problems_and_changes_are_counted() -> None:
     text = printed(
         results(
             *(case(Outcome.DIFFERS, model=f"{i}.xml") for i in range(MAX_PROBLEMS + 2)),
-            baseline=BaselineChanges(
-                name="reports/baseline", changes=(change,) * (MAX_PROBLEMS + 1)
-            ),
+            baseline=BaselineChanges(name="reports/baseline", changes=many),
         )
     )
     assert "2 more problems: see the report" in text

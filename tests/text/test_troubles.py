@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -173,7 +174,7 @@ def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
         "link 'tool' has inertia and no mass", kind="inertia", subject=("tool", "massless"),
         location=SourceLine(file="arm.urdf", line=18),
     )  # fmt: skip
-    alone = {"folder": "arm.urdf", "model": "arm.urdf", "system": "arm"}
+    alone: dict[str, Any] = {"folder": "arm.urdf", "model": "arm.urdf", "system": "arm"}
     agreeing = case(engine="pybullet", full_run=None, **alone)
     differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=2.1), **alone)
     models = tuple(
