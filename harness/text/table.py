@@ -81,7 +81,8 @@ def summary(results: Results) -> str:
     elif not total:
         parts = ["no case was run" if not results.cases else "nothing was tested"]
     elif len(agreeing) == total:
-        every = f"all {total} {unit}s agree" if total > 1 else f"1 {unit} agrees"
+        every = f"1 {unit} agrees" if total == 1 else f"all {total} {unit}s agree"
+        every = f"both {unit}s agree" if total == 2 else every
         parts = [f"{every}{to}"]
     else:
         parts = _failing(counts, total, unit)

@@ -67,7 +67,7 @@ def test_the_page_shows_every_outcome_in_words_and_the_causes_beneath(mixed: Res
     assert html.index("DIFFERS") < html.index("system_0/mujoco.xml [mujoco]")
     assert "accepted" in html
     assert "Segmentation fault" in html
-    assert "joint[x]@stiffness is 39.5" in html
+    assert "the motion implies 39.5" in html
     assert "<script" not in html
     assert "url(" not in html
 

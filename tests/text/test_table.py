@@ -42,7 +42,7 @@ SMALL_BESIDE = verdict(
 
 def test_digits_are_the_fewest_of_all_components_not_of_the_one_that_decides() -> None:
     found = results(case(verdict=SMALL_BESIDE), case(scenario="driven"))
-    assert summary(found) == "All 2 cases agree to 10.3 digits (1.5 s)"
+    assert summary(found) == "Both cases agree to 10.3 digits (1.5 s)"
     assert "mujoco  2 cases   10.3 digits" in printed(found)
     worse = verdict(largest_discrepancy=7e-11, largest_uncertainty=4e-11)
     assert "to 10.1 digits" in summary(results(case(verdict=worse)))
@@ -66,7 +66,7 @@ def test_the_summary_counts_outcomes_and_what_is_accepted() -> None:
 def test_the_summary_names_faults_that_no_motion_shows() -> None:
     found = results(case(), case(engine="pymunk"), models=(model(finding("mass is 9")),))
     assert summary(found) == (
-        "All 2 cases agree to 11.3 digits, the audit finds faults in 1 model file (1.5 s)"
+        "Both cases agree to 11.3 digits, the audit finds faults in 1 model file (1.5 s)"
     )
 
 
