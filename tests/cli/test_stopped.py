@@ -27,6 +27,10 @@ from tests.robots.files import joint, link
 
 Told = Callable[[int], None]
 
+UNWRITABLE = (
+    "cannot be read or written: {}. Check the path, its permissions and the free disk space."
+)
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -248,7 +252,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_anything_is_run(
 ) -> None:
     Path("out").touch()
     assert main(["run", "osc", "--out", "out"]) == 3
-    assert capsys.readouterr().err == "crosscheck: out: cannot be read or written: File exists. Check the path, its permissions and the free disk space.\n"
+    assert capsys.readouterr().err == f"crosscheck: out: {UNWRITABLE.format('File exists')}\n"
 
 
 def test_a_disk_that_is_full_leaves_the_results_that_were_there(
@@ -263,7 +267,8 @@ def test_a_disk_that_is_full_leaves_the_results_that_were_there(
     monkeypatch.setattr(os, "fsync", full)
     assert main(["run", "osc", "--out", "out", "--engine", "known"]) == 3
     told = capsys.readouterr().err.splitlines()[-1]
-    assert told == "crosscheck: out/results.json: cannot be read or written: No space left on device. Check the path, its permissions and the free disk space."
+    full = UNWRITABLE.format("No space left on device")
+    assert told == f"crosscheck: out/results.json: {full}"
     assert Path("out/results.json").read_text() == "as it was"
     assert sorted(path.name for path in Path("out").iterdir()) == ["results.json", NAME]
 
