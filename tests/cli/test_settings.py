@@ -148,7 +148,7 @@ def test_the_command_line_takes_settings_and_tells_a_wrong_one(place: Path) -> N
     assert len(done.stdout.splitlines()) == 4
     assert done.stderr.splitlines()[0] == "crosscheck: settings from pyproject.toml"
     assert "Defaults from pyproject.toml: folders." in crosscheck(place, "list", "--help").stdout
-    settings(place, "[tool.crosscheck]\npaths = ['models']\n")
+    settings(place, "[tool.crosscheck]\nfolders = ['models']\n")
     assert len(crosscheck(place, "list").stdout.splitlines()) == 4
     settings(place, "[tool.crosscheck]\nfolder = ['models']\n")
     done = crosscheck(place, "run")

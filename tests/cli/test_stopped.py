@@ -267,8 +267,8 @@ def test_a_disk_that_is_full_leaves_the_results_that_were_there(
     monkeypatch.setattr(os, "fsync", full)
     assert main(["run", "osc", "--out", "out", "--engine", "known"]) == 3
     told = capsys.readouterr().err.splitlines()[-1]
-    full = UNWRITABLE.format("No space left on device")
-    assert told == f"crosscheck: out/results.json: {full}"
+    sentence = UNWRITABLE.format("No space left on device")
+    assert told == f"crosscheck: out/results.json: {sentence}"
     assert Path("out/results.json").read_text() == "as it was"
     assert sorted(path.name for path in Path("out").iterdir()) == ["results.json", NAME]
 
