@@ -217,18 +217,23 @@ class MjcfModel(TreeModel):
         yield from (Remark(message=f"{self.title}: {one}") for one in self._merged())
         for element, what in unread(self.declared.source):
             file, line = self.declared.source.places[element]
-            yield Remark(message=f"{file}:{line}: {self.title} does not read {what}")
+            yield Remark(
+                kind="ignored", message=f"{file}:{line}: {self.title} does not read {what}"
+            )
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"
-            yield Remark(message=f"{cause}, by a setting", fault=True, address=address)
+            yield Remark(
+                kind="setting", message=f"{cause}, by a setting", fault=True, address=address
+            )
         if self.misread:
             told = f"{self._classes}: it loses numbers that classes give joints or geoms"
-            yield Remark(message=told, fault=True, address="mujoco/default")
+            yield Remark(kind="ignored", message=told, fault=True, address="mujoco/default")
         stops = self.limits
         for one in self.declared.singles:
             i, address = self.coordinates.index(one.name), f"body/joint[{one.name}]"
             if one.friction and not self.settings["smooth"]:
                 yield Remark(
+                    kind="dry friction",
                     message=f"frictionloss of {one.name} is {one.friction:g};"
                     f" {self.title} ignores it",
                     subject=(one.name, self.title, "frictionloss"),

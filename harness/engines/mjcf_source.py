@@ -117,6 +117,7 @@ def option_remarks(source: MjcfSource, title: str, attributes: frozenset[str]) -
     for attribute, _ in OPTIONS.values():
         if attribute in attributes and source.stated("option", attribute):
             yield Remark(
+                kind="ignored",
                 message=f"{title} reads over <option {attribute}>: the adapter sets what it says",
                 address=f"option@{attribute}",
             )

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
+
+RemarkKind = Literal[
+    "default", "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
+    "constraint", "setting", "warning", "replaced",
+]  # fmt: skip
+"""Subject of a remark: each kind has a message code and a page (`harness.records.codes`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,6 +19,7 @@ class Remark:
 
     Attributes:
         message: a sentence.
+        kind: what it is about; `default` is a value that the engine assumes, or a force it adds.
         subject: what it is about, where its message has numbers that are computed rather than of
             the file: two remarks of one subject are the same; empty where the message says it all.
         fault: whether it is wrong in itself.
@@ -22,7 +30,6 @@ class Remark:
             so called, the file is meant; empty: the file as a whole; None: nothing in it.
         beside: another such number, whose line is told in the message.
         value: the number, where it is about one.
-        beyond: whether it is about something that no motion reaches.
         cause: what a diagnosis calls it, as in `Model.remedies` and `CompiledTree.taken`.
         shows_in: kinds of compiled terms that it enters; where one of these differs from the
             equations it is to blame, otherwise it is as it should be.
@@ -31,6 +38,7 @@ class Remark:
     """
 
     message: str
+    kind: RemarkKind = "default"
     subject: tuple[str, ...] = ()
     fault: bool = False
     address: str | None = None
@@ -38,7 +46,6 @@ class Remark:
     value: float | None = None
     shows_in: tuple[str, ...] = ()
     undone_by: Mapping[str, object] = field(default_factory=dict)
-    beyond: bool = False
     cause: str = ""
 
 
@@ -62,7 +69,7 @@ def limit_remarks(
                 f" {low:.4g} and {high:.4g}",
                 subject=(name, "limits"),
                 address=address,
-                beyond=True,
+                kind="reach",
             ),
         )
     return tuple(
@@ -70,6 +77,7 @@ def limit_remarks(
             message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach"
             f" {extreme:.4g}: the limit stops it",
             subject=(name, side),
+            kind="joint limit",
             fault=True,
             address=address,
             value=bound,

@@ -183,13 +183,14 @@ class SapienModel(UrdfModel):
         for key, cause in self._acts.items():
             named = f" ({', '.join(self._dropped)})" if key == "dropped_inertials" else ""
             yield Remark(
+                kind="setting",
                 message=f"{cause}{named}",
                 address=f"sidecar:settings.{key}",
                 shows_in=SHOWS.get(key, ("damping",)),
             )
         for mimic in self.declared.mimics:
             told, address = SERVO.format(mimic.joint), f"robot/joint[{mimic.joint}]"
-            yield Remark(message=told, fault=True, address=address)
+            yield Remark(kind="constraint", message=told, fault=True, address=address)
 
     @property
     def places(self) -> tuple[str, ...]:

@@ -128,6 +128,7 @@ def sdf_remarks(
         name = link.get("name", "")
         if link.find("inertial") is None:
             yield Remark(
+                kind="inertial",
                 message=f"link {name} has no <inertial>: the format, and {reader.name}, take 1 kg"
                 " and 1 kg m^2",
                 address=f"model/link[{name}]",
@@ -147,6 +148,7 @@ def sdf_remarks(
         friction = 0.0 if dynamics is None else number(dynamics, "friction", 0.0)
         if friction and reader.no_friction:
             yield Remark(
+                kind="dry friction",
                 message=f"<friction> of {name} is {friction:g}; {reader.no_friction} ignores it",
                 subject=(name, reader.name, "friction"),
                 fault=True,

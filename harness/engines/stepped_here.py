@@ -77,6 +77,7 @@ class SteppedHere(TreeModel):
         if self._undamped:
             left = _dampers_of(self.title)
             yield Remark(
+                kind="setting",
                 message=f"{left}, by the setting damping: nothing brakes a joint",
                 address="sidecar:settings.damping",
                 shows_in=("damping",),

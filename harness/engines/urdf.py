@@ -166,6 +166,7 @@ def urdf_remarks(
         name = link.get("name", "")
         if name in moved and link.find("inertial") is None:
             yield Remark(
+                kind="inertial",
                 message=f"link {name} moves and has no <inertial>: {reader.name} takes"
                 f" {reader.no_inertial}",
                 fault=True,
@@ -174,6 +175,7 @@ def urdf_remarks(
     for tag in ("transmission", "joint/safety_controller"):
         for _ in robot.findall(tag)[:1]:
             yield Remark(
+                kind="ignored",
                 message=f"<{tag.split('/')[-1]}> is read over: nothing is driven or held by it",
                 address="",
             )
@@ -197,6 +199,7 @@ def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterat
     velocity, quick = float(limit.get("velocity", "inf")), float(abs(w).max())
     if quick >= velocity and joint.get("type") != "continuous":
         yield Remark(
+            kind="joint limit",
             message=f"<limit velocity> of {name} is {velocity:g} and the motions reach {quick:.4g};"
             f" {reader.name} does not hold it to that here",
             subject=(name, reader.name, "velocity limit"),
@@ -214,6 +217,7 @@ def _bounds(
     why = _read_over(reader, joint.get("type") == "continuous", lower, upper)
     if why:
         yield Remark(
+            kind="empty limit",
             message=f"the limits [{lower:g}, {upper:g}] of {name} hold nothing: {why}",
             address=f"robot/joint[{name}]/limit",
         )
@@ -253,6 +257,7 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
     friction = float(dynamics.get("friction", "0")) if dynamics is not None else 0.0
     if friction and reader.no_friction:
         yield Remark(
+            kind="dry friction",
             message=f"<dynamics friction> of {name} is {friction:g}; {reader.no_friction} ignores"
             " it",
             subject=(name, reader.name, "friction"),

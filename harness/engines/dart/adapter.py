@@ -206,7 +206,7 @@ class DartModel(UrdfModel):
         yield from super().remarks(z, w)
         for one in () if self.settings["couplers"] else self.declared.mimics:
             told, address = SERVO.format(one.joint), f"robot/joint[{one.joint}]"
-            yield Remark(message=told, fault=True, address=address)
+            yield Remark(kind="constraint", message=told, fault=True, address=address)
 
     @property
     def warnings(self) -> tuple[str, ...]:

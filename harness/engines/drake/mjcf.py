@@ -98,6 +98,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         yield from MjcfModel.remarks(self, z, w)
         if self._light:
             yield Remark(
+                kind="setting",
                 message=f"{ARMATURE}, by a setting",
                 fault=True,
                 address="sidecar:settings.armature",

@@ -150,7 +150,9 @@ class DrakeModel(TreeModel):
 
     def said_remarks(self) -> Iterator[Remark]:
         """What Drake says of the file."""
-        yield from (Remark(message=f"Drake: {word}", address="") for word in self.warnings)
+        yield from (
+            Remark(kind="warning", message=f"Drake: {word}", address="") for word in self.warnings
+        )
 
     @property
     @abstractmethod

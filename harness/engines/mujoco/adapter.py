@@ -289,7 +289,7 @@ class MujocoModel(Model):
         with self._warnings.heard():
             yield from model_remarks(self.model, self._spec, self._sources, self._states.qpos(z), w)
         for warning in self._warnings:
-            yield Remark(message=f"MuJoCo warns: {warning}", address="")
+            yield Remark(kind="warning", message=f"MuJoCo warns: {warning}", address="")
 
     @property
     def step_rule(self) -> StepRule | None:

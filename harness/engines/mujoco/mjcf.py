@@ -166,6 +166,7 @@ def override_remarks(found: Sequence[XmlSource], spec: ModelSpec) -> Iterator[Re
         for words, _ in list(stated(found, attribute))[-1:]:
             if not _same(words, given):
                 yield Remark(
+                    kind="setting",
                     message=f"the file's own {attribute} is {words}; the sidecar's {key} ="
                     f" {given} counts",
                     address=f"option@{attribute}",

@@ -72,6 +72,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
     if m.dof_frictionloss[dof]:
         value = float(m.dof_frictionloss[dof])
         yield Remark(
+            kind="dry friction",
             message=f"frictionloss of {name} holds it with {value:g}; friction is not smooth",
             subject=(name, "frictionloss"),
             fault=True,
@@ -81,6 +82,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
     lower, upper = map(float, m.jnt_range[i])
     if parent == "body" and not m.jnt_limited[i] and lower > upper:
         yield Remark(
+            kind="empty limit",
             message=f"the range [{lower:g}, {upper:g}] of {name} holds nothing: the lower is above"
             " the upper",
             address=f"{address}@range",
@@ -145,10 +147,14 @@ def _equalities(m: Any, urdf: bool) -> Iterator[Remark]:
         address = f"{'robot' if urdf else 'equality'}/{tag}[{name}]"
         if not m.eq_active0[i]:
             yield Remark(
-                message=f"equality {name} is not active", address=address, shows_in=("inertia",)
+                kind="constraint",
+                message=f"equality {name} is not active",
+                address=address,
+                shows_in=("inertia",),
             )
         elif np.array_equal(m.eq_solref[i], plain.solref):
             yield Remark(
+                kind="constraint",
                 message=f"equality {name} is soft: solref is MuJoCo's default, 0.02 s, and wrong at"
                 " any step",
                 fault=True,
@@ -157,6 +163,7 @@ def _equalities(m: Any, urdf: bool) -> Iterator[Remark]:
             )
         elif np.array_equal(m.eq_solimp[i], plain.solimp):
             yield Remark(
+                kind="constraint",
                 message=f"equality {name} is soft: solimp is MuJoCo's default",
                 address=address,
                 shows_in=("inertia",),
@@ -181,6 +188,7 @@ def _tendons(m: Any, file: Path) -> Iterator[Remark]:
             )
         if m.tendon_limited[i] or m.tendon_frictionloss[i]:
             yield Remark(
+                kind="dry friction",
                 message=f"tendon {tendon.name or i + 1} has a limit or friction",
                 fault=True,
                 address=address,
@@ -205,6 +213,7 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
     for one, other in sorted(touching):
         names = [m.geom(g).name or f"of body {m.body(m.geom_bodyid[g]).name}" for g in (one, other)]
         yield Remark(
+            kind="contact",
             message=f"geoms {names[0]} and {names[1]} touch along the motions",
             fault=True,
             address="",
@@ -215,7 +224,7 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
             message=f"{able} geoms can collide (contype, conaffinity); at the motions' states none"
             " does",
             address="",
-            beyond=True,
+            kind="reach",
         )
 
 
@@ -247,6 +256,7 @@ def file_remarks(copy: Path, path: Path) -> Iterator[Remark]:
     for key in stated_here:
         for what in _replaced(key, (tree, m), copy, path):
             yield Remark(
+                kind="replaced",
                 message=f"<compiler {key}> replaces {what}",
                 fault=path.suffix == ".urdf",  # which other engines read without it
                 address=f"{address}@{key}",
@@ -256,6 +266,7 @@ def file_remarks(copy: Path, path: Path) -> Iterator[Remark]:
     for i, pair in split_tendons(m):
         name = m.tendon(i).name
         yield Remark(
+            kind="ignored",
             message=f"tendon {name or i + 1} has an armature across branches: MuJoCo leaves out its"
             f" coupling between {' and '.join(pair)}",
             fault=True,
@@ -359,6 +370,7 @@ def _idle_compensation(m: Any) -> Iterator[Remark]:
     for joint in idle_compensation(m):
         name = m.joint(joint).name
         yield Remark(
+            kind="ignored",
             message=f"actuatorgravcomp of {joint_name(m, joint)} compensates nothing: MuJoCo"
             " applies it with the forces of actuators, and no actuator acts",
             fault=True,

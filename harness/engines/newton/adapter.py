@@ -165,9 +165,9 @@ class NewtonModel(Model):
         """What Newton changes, leaves out and reads over."""
         if self._corrected:
             told = f"{self._enlarged}: they are small beside the body's others, or break a triangle"
-            yield Remark(message=told, address="", shows_in=("inertia",))
+            yield Remark(kind="replaced", message=told, address="", shows_in=("inertia",))
         for cause in self._read.lost:
-            yield Remark(message=f"{cause}, by a setting", address="", fault=True)
+            yield Remark(kind="setting", message=f"{cause}, by a setting", address="", fault=True)
         for message, address in self._read.told.items():
             yield Remark(message=message, address=address)
 
@@ -192,6 +192,7 @@ class NewtonUrdf(NewtonModel, UrdfModel):
         yield from UrdfModel.remarks(self, z, w)
         for name, (lower, upper) in stopped_turns(self.declared.robot):
             yield Remark(
+                kind="joint limit",
                 message=f"{name} is continuous, and Newton stops it at its limits all the same:"
                 f" [{lower:g}, {upper:g}]",
                 fault=not self.settings["smooth"],

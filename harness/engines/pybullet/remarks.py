@@ -57,6 +57,7 @@ def model_remarks(
     for key, value in on.items():
         does, shows_in = _LEFT_ON[key]
         yield Remark(
+            kind="setting",
             message=f"{CAUSES[key]}, left on by the setting {key}: {does}",
             fault=not shows_in,
             address=f"sidecar:settings.{key}",

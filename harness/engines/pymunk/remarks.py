@@ -42,7 +42,9 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
     shapes = [s for s in space.shapes if not s.sensor and s.filter.mask != 0]
     if len(shapes) > 1:
         yield Remark(
-            message=f"{len(shapes)} shapes can collide: their filters let them", address=""
+            kind="contact",
+            message=f"{len(shapes)} shapes can collide: their filters let them",
+            address="",
         )
 
 
@@ -56,6 +58,7 @@ def _overridden(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
         counts = tuple(map(float, given[:2])) if name == "gravity" else float(given)
         if own not in (plain, counts):
             yield Remark(
+                kind="setting",
                 message=f"the file's own {name} is {own}; the sidecar's, {counts}, counts",
                 address=f"Space().{name}",
                 beside=f"sidecar:settings.{name}",
@@ -77,6 +80,7 @@ def _joint_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
             continue  # forces, which have no error to correct
         if constraint.error_bias == plain:
             yield Remark(
+                kind="constraint",
                 message=f"error_bias of a {kind} is pymunk's default, 0.9**60: at ordinary steps"
                 " the joint takes energy out of the motion",
                 address=f"{kind}()",
@@ -84,6 +88,7 @@ def _joint_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
             )
         if constraint.max_force < float("inf") or constraint.max_bias < float("inf"):
             yield Remark(
+                kind="constraint",
                 message=f"a {kind} has a largest force or correction: it lets go beyond",
                 address=f"{kind}()",
             )
