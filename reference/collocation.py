@@ -38,6 +38,8 @@ Field = Callable[[Array, Array], Array]
 class ReferenceError(LocatedError, RuntimeError):
     """The reference could not be solved to the accuracy that a comparison needs."""
 
+    kind = "reference"
+
 
 def collocate(
     field: Field,

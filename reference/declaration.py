@@ -29,7 +29,10 @@ class LocatedError(Exception):
     Attributes:
         about: what it is wrong with, as it is declared: ("Scenario", its name); None if unknown.
         file, line: where it stands, counted from 1; None if unknown.
+        kind: which kind of failure a case reports.
     """
+
+    kind = "declaration"
 
     about: tuple[str, str] | None = None
     file: Path | None = None

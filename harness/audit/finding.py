@@ -6,11 +6,11 @@ from typing import Literal
 
 from physics_crosscheck.harness.files.locations import Location
 from physics_crosscheck.harness.records.base import SourceLine, number
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 
 
 def finding(
-    kind: str,
+    kind: AuditKind,
     subject: tuple[str, ...],
     message: str,
     *,

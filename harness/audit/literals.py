@@ -13,15 +13,15 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.reference.system import System
 
 MOST_LOST = 10
-"""Bindings that can't be read and are told one by one."""
+"""Unreadable bindings that are reported one by one."""
 
 
 def declared_bindings(
     system: System, sidecar: Sidecar
 ) -> tuple[tuple[Binding, ...], tuple[AuditFinding, ...]]:
-    """Every binding that can be read, and a finding for each that can't.
+    """Return every readable binding, and a finding for each unreadable one.
 
-    Beyond some that can't, the rest are not looked at: one finding says how many they are.
+    After ten unreadable bindings the rest are not checked; one finding counts them.
     """
     try:
         return bindings(system, sidecar), ()
@@ -33,11 +33,11 @@ def declared_bindings(
                 alone = replace(sidecar, bindings={address: expression})
                 found += bindings(system, alone)
             except (LocationError, SidecarError) as error:
-                lost.append(finding("literal", (address,), f"the binding can't be read: {error}"))
+                lost.append(finding("binding", (address,), f"the binding can't be read: {error}"))
             if len(lost) == MOST_LOST and i + 1 < len(sidecar.bindings):
                 left = len(sidecar.bindings) - i - 1
-                rest = f"{left} more bindings were not looked at, after {MOST_LOST} that can't be"
-                lost.append(finding("literal", ("bindings",), f"{rest} read; mend these first"))
+                rest = f"{left} more bindings were not checked, after {MOST_LOST} unreadable ones"
+                lost.append(finding("binding", ("bindings",), f"{rest}; fix these first"))
                 break
         if not lost:
             raise  # what is wrong is between two of them
@@ -45,19 +45,19 @@ def declared_bindings(
 
 
 def literal_findings(declared: tuple[Binding, ...]) -> Iterator[AuditFinding]:
-    """A finding for each literal that is not its expression, a note for each that is rounded."""
+    """Yield a finding for each literal that is not its expression, a note for a rounded one."""
     for b in declared:
         if b.exact:
             continue
-        says = f"{b.address} is {b.place.text}"
-        is_to_be = f"{b.expression} = {b.correction!r}"
-        off = f"{abs(b.error):.1e} {'relative' if b.expected else 'off'}"
+        stated = f"{b.address} is {b.place.text}"
+        declared_value = f"{b.expression} = {b.correction!r}"
+        error = f"{'relative ' if b.expected else ''}error {abs(b.error):.1e}"
         if b.rounded:
-            message = f"{says}, {is_to_be} rounded to its digits ({off})"
+            message = f"{stated}, which is {declared_value} rounded ({error})"
         else:
-            message = f"{says} where {is_to_be} ({off})"
+            message = f"{stated}, but {declared_value} ({error})"
         yield finding(
-            "literal",
+            "rounded" if b.rounded else "literal",
             (b.address,),
             message,
             location=source_line(b.place),

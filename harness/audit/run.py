@@ -19,7 +19,7 @@ from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.files.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.poses.check import check_poses
-from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
 
@@ -57,7 +57,7 @@ def _poses(
     try:
         checked = check_poses(task.system, task.sidecar, model, coordinates, reached)
     except SidecarError as error:
-        return Poses(note="[frames] can't be read"), (finding("pose", ("frames",), str(error)),)
+        return Poses(note="[frames] can't be read"), (finding("frames", ("frames",), str(error)),)
     return checked.record, tuple(
         finding("pose", one.frames, one.message, expected=0.0, found=one.off)
         for one in checked.findings
@@ -84,7 +84,7 @@ def _without_lost_digits(
     return [
         one
         if one.kind not in shown or any(_same(one, other) for other in left)
-        else _note(one, "no more than the engine's own loss of digits")
+        else _note(one, "the engine's own rounding explains it")
         for one in compiled
     ]
 
@@ -105,7 +105,7 @@ def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
         return found
     if abs(found.found - found.expected) > 10 * rounded * abs(found.expected):
         return found
-    return _note(found, "no more than its rounded literals")
+    return _note(found, "the rounded numbers of the file explain it")
 
 
 def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
@@ -115,7 +115,7 @@ def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
     if remark.beside:
         message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
     return finding(
-        BEYOND if remark.beyond else "default",
+        remark.kind,
         remark.subject or (remark.message,),
         message,
         location=where(remark, task.sidecar, task.engine),

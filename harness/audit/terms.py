@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.stops import stopped
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.reference.derive import derive
 from physics_crosscheck.reference.numeric import Array, NumericFunction
 
@@ -99,9 +99,10 @@ class Compiled:
                 yield finding(
                     "freedom",
                     (name,),
-                    f"{name} accelerates with {found.value[row, j]:.6g} off the coordinate map, at"
-                    f" {self._at(states[row])} (one of {int(differing.sum())} of {DRAWS} random"
-                    " states): a freedom that the equations don't have",
+                    f"{name} accelerates away from the coordinate map with"
+                    f" {found.value[row, j]:.6g} at {self._at(states[row])}"
+                    f" ({int(differing.sum())} of {DRAWS} random states differ): the model has an"
+                    " additional degree of freedom",
                     expected=0.0,
                     found=float(found.value[row, j]),
                 )
@@ -109,7 +110,7 @@ class Compiled:
                 yield finding(
                     "unresolved",
                     (name,),
-                    f"whether {name} keeps to the coordinate map is not resolved without motion",
+                    f"the audit can't resolve whether {name} follows the coordinate map",
                     severity="note",
                 )
 
@@ -173,8 +174,8 @@ class Compiled:
                 yield finding(
                     "friction",
                     (name,),
-                    f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
-                    " the equations have none",
+                    f"a friction of {left[i]:.6g} acts on {name} at any speed, but the equations"
+                    " have none",
                     expected=0.0,
                     found=float(left[i]),
                 )
@@ -182,8 +183,7 @@ class Compiled:
             yield finding(
                 "unresolved",
                 ("stiffness", "rest"),
-                "stiffness and rest forces can't be told from friction, which holds"
-                " what is at rest",
+                "friction hides stiffness and rest forces: it holds what is at rest",
                 severity="note",
             )
             return
@@ -211,11 +211,11 @@ class Compiled:
 
     def _rest(self, equilibrium: Equilibrium, at: Array, name: str, pull: float) -> str:
         if np.array_equal(at, equilibrium.position):
-            where, other = f"in equilibrium {equilibrium.name!r}", "have no force there"
+            where, other = f"in equilibrium {equilibrium.name!r}", "have none there"
         else:
             where = f"where {self._place(at)}"
-            other = "pull otherwise"
-        return f"at rest {where} {name} is pulled with {pull:.6g}; the equations {other}"
+            other = "have another force"
+        return f"a force of {pull:.6g} acts on {name} at rest {where}, but the equations {other}"
 
     def _held(
         self, equilibrium: Equilibrium, at: Array | None, step: Array
@@ -224,8 +224,8 @@ class Compiled:
         held = tuple(stopped(*self._loaded, equilibrium.position, step))
         if held:
             where = "nowhere" if at is None else f"where {self._place(at)}"
-            message = f"a stop holds {', '.join(held)} in equilibrium {equilibrium.name!r}: the"
-            message += f" engine is not linearized about it, and terms are compared {where}"
+            message = f"a joint limit holds {', '.join(held)} in equilibrium {equilibrium.name!r}:"
+            message += f" no linearization is compared there, and terms are compared {where}"
             yield finding("unresolved", (*held, equilibrium.name), message, severity="note")
 
     def _place(self, at: Array) -> str:
@@ -258,7 +258,7 @@ class Compiled:
         return Estimate(value=force, uncertainty=np.where(np.isnan(error), np.inf, error))
 
     def _entries(
-        self, kind: str, equilibrium: str, expected: Array, found: Array, error: Array
+        self, kind: AuditKind, equilibrium: str, expected: Array, found: Array, error: Array
     ) -> Iterator[AuditFinding]:
         """Each entry of a matrix that differs, and one note for those without a limit."""
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
@@ -285,7 +285,7 @@ class Compiled:
             yield finding(
                 "unresolved",
                 (kind, *unresolved),
-                f"{kind} of {', '.join(unresolved)} is not resolved without motion",
+                f"the audit can't resolve {kind} of {', '.join(unresolved)} without motion",
                 severity="note",
             )
 
@@ -309,8 +309,8 @@ class Compiled:
             yield finding(
                 "unresolved",
                 ("acceleration",),
-                f"accelerations at {int(lost.sum())} of {DRAWS} random states are not"
-                " resolved without motion",
+                f"the audit can't resolve the accelerations at {int(lost.sum())} of {DRAWS}"
+                " random states",
                 severity="note",
             )
         if not differing.any():
@@ -319,12 +319,12 @@ class Compiled:
         row, i = np.unravel_index(int(np.argmax(share)), share.shape)
         here, there = float(found.value[row, i]), float(wanted[row, i])
         shown = _told_apart(here, there)
-        of = f"one of {int(differing.any(axis=1).sum())} of {DRAWS} random states"
+        of = f"{int(differing.any(axis=1).sum())} of {DRAWS} random states differ"
         yield finding(
             "acceleration",
             (self.names[i],),
-            f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
-            f" in the equations, at {self._at(states[row])} ({of})",
+            f"the acceleration of {self.names[i]} is {shown[0]} in the model and {shown[1]} in the"
+            f" equations at {self._at(states[row])} ({of})",
             expected=there,
             found=here,
             severity="note" if known else "finding",
@@ -355,11 +355,11 @@ def _sentence(kind: str, about: str, own: bool, found: float, expected: float, e
     name = f"{kind} of {about}" if own else f"{_COUPLING[kind]} {about}"
     nothing = max(error, 1e-9 * abs(expected - found))
     if abs(found) <= nothing:
-        return f"{name} is missing; it is {expected:.6g} in the equations"
+        return f"{name} is 0 in the model and {expected:.6g} in the equations"
     if abs(expected) <= nothing:
-        return f"{name} is {found:.6g} in the model; the equations have none"
+        return f"{name} is {found:.6g} in the model and 0 in the equations"
     shown = _told_apart(found, expected)
-    return f"{name} is {shown[0]} in the model, {shown[1]} in the equations"
+    return f"{name} is {shown[0]} in the model and {shown[1]} in the equations"
 
 
 def _told_apart(found: float, expected: float) -> tuple[str, str]:

@@ -55,6 +55,8 @@ STEPPED = 100
 class StepError(ValueError):
     """A shipped step at which nothing can be run; the message names file, place and remedy."""
 
+    kind = "long step"
+
 
 @dataclass(frozen=True, kw_only=True)
 class CaseTask:

@@ -64,7 +64,7 @@ def _decided(
         time=float("nan"),
         reason=reason,
         resolution=resolution,
-        kind="",
+        kind="acceleration" if judged.outcome is Outcome.DIFFERS else "",
     )
 
 

@@ -11,17 +11,18 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import installs
 from physics_crosscheck.harness.files.sidecar import Sidecar
-from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.schedule.workers import Failure
 
 
 @dataclass(frozen=True)
 class Hurdle:
-    """Why a model can't be run in an engine at all: ABSENT, or FAILED with a sentence."""
+    """Why a model can't be run in an engine at all: ABSENT, or FAILED with a reason of a kind."""
 
     outcome: Outcome
     reason: str
+    kind: CaseKind
 
 
 def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle | None:
@@ -30,26 +31,29 @@ def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle |
     if engine is None:
         names = ", ".join(sorted(known))
         return Hurdle(
-            Outcome.FAILED, f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}"
+            Outcome.FAILED,
+            f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}",
+            "engine",
         )
     if why := absent(engine):
         return why
     if sidecar.model.suffix not in engine.formats:
         reads = ", ".join(engine.formats)
-        return Hurdle(Outcome.FAILED, f"{sidecar.model}: {name} reads {reads} files alone")
+        reason = f"{sidecar.model}: {name} reads {reads} files alone"
+        return Hurdle(Outcome.FAILED, reason, "format")
     return None
 
 
 def absent(engine: Engine) -> Hurdle | None:
     """That an engine is not installed; None where it is."""
     if engine.version() is None:
-        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed; {installs(engine)}")
+        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed; {installs(engine)}", "")
     return None
 
 
 def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
     """A case that was not begun."""
-    return _case(one, folder, why.outcome, why.reason, "")
+    return replace(_case(one, folder, why.outcome, why.reason, ""), kind=why.kind)
 
 
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:

@@ -290,6 +290,7 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
         outcome=Outcome.REFUSED,
         reason=failure.about(task.file),
         locations=failure.locations,
+        kind=failure.kind,
     )
 
 

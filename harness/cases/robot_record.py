@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.files.locations import line_of
 from physics_crosscheck.harness.files.locations.outline import MARKUP
 from physics_crosscheck.harness.records.base import SourceLine, number
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.records.system import Scenario, System
 from physics_crosscheck.harness.robots.compiled import parts_of
 from physics_crosscheck.harness.robots.document import Document, DocumentError
@@ -38,7 +38,7 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     still = {part.name for part in robot.parts if part.body == WORLD}
     return tuple(
         AuditFinding(
-            kind="inertia",
+            kind=one.kind,
             subject=(one.link, one.kind),
             message=f"{one.sentence}; {one.remedy}",
             location=SourceLine(file=str(one.file), line=one.line or None),
@@ -65,7 +65,7 @@ def _remarks(file: Path) -> Iterator[AuditFinding]:
         with suppress(EngineError):  # its own case reports that it can't read the file
             for remark in engine.file_remarks(file) if engine.version() is not None else ():
                 yield AuditFinding(
-                    kind="default",
+                    kind=remark.kind,
                     subject=remark.subject or (remark.message,),
                     message=remark.message,
                     location=place_of(file, remark),
@@ -107,7 +107,7 @@ def finding_of(one: Numeral, what: str) -> AuditFinding:
     """Return the finding about a negative number; a spring may well push away."""
     word = next(word for word in _EFFECTS if word in what.lower())
     return AuditFinding(
-        kind=word,
+        kind=_NEGATIVES[word],
         subject=(one.address,),
         message=f"{one.address} is {one.value:g}: negative {word} {_EFFECTS[word]}",
         location=SourceLine(file=str(one.file), line=one.line, span=one.span, text=one.text),
@@ -116,6 +116,12 @@ def finding_of(one: Numeral, what: str) -> AuditFinding:
         severity="note" if word == "stiffness" else "finding",
     )
 
+
+_NEGATIVES: Mapping[str, AuditKind] = {
+    "damping": "negative damping",
+    "stiffness": "negative stiffness",
+    "armature": "negative armature",
+}
 
 _EFFECTS = {
     "damping": "adds energy to a motion. Write a positive number",

@@ -63,7 +63,9 @@ def load_robot(task: RobotTask) -> Model:
     try:
         return engines()[task.engine].load(spec)
     except EngineError as error:
-        raise RefusedError(error.sentence, file=error.file, line=error.line) from error
+        refused = RefusedError(error.sentence, file=error.file, line=error.line)
+        refused.kind = error.kind
+        raise refused from error
 
 
 def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple[str, ...]]:

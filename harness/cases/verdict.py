@@ -7,6 +7,7 @@ uncertainty is that of the extrapolation, its rounding and the reference.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -17,7 +18,7 @@ from physics_crosscheck.harness.numerics.judgement import Judgement, Obstacle, o
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.numerics.residual import Residual
 from physics_crosscheck.harness.numerics.segments import Extrapolated
-from physics_crosscheck.harness.records.case import starts_at
+from physics_crosscheck.harness.records.case import CaseKind, starts_at
 from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
 from physics_crosscheck.reference.motion import Motion
 from physics_crosscheck.reference.numeric import Array
@@ -40,7 +41,7 @@ class Verdict:
             map, likewise, the largest; nan where the map leaves nothing open.
         reason: one sentence for whatever is not AGREES, and for what does with a reservation.
         resolution: at which it is judged: what is asked, or what the engine's numbers allow.
-        kind: which sentence that is of what is UNRESOLVED; empty for others.
+        kind: of the reason for DIFFERS or UNRESOLVED; empty for AGREES.
     """
 
     outcome: Outcome
@@ -55,7 +56,7 @@ class Verdict:
     map_uncertainty: float
     reason: str
     resolution: float
-    kind: str = ""
+    kind: CaseKind = ""
 
 
 STILL = 1e-12
@@ -178,7 +179,7 @@ def judge(
         map_uncertainty=float("nan"),
         reason=reason,
         resolution=resolution,
-        kind="" if found.obstacle is None else found.obstacle.name.lower(),
+        kind=_kind(found, limit),
     )
 
 
@@ -242,7 +243,7 @@ def with_residual(
         time=time,
         reason=told,
         resolution=resolution,
-        kind="coordinate map" if found.outcome is Outcome.UNRESOLVED else "",
+        kind="coordinate map",
     )
 
 
@@ -292,14 +293,38 @@ def _unresolved(
     )
 
 
+_KINDS: Mapping[Obstacle, CaseKind] = {
+    Obstacle.STANDS_STILL: "stands still",
+    Obstacle.DIVERGES: "diverges",
+    Obstacle.WRONG_ORDER: "wrong order",
+    Obstacle.DIVERGES_HERE: "not smooth",
+}
+
+
+def _kind(found: Judgement, limit: Limit) -> CaseKind:
+    """Return the kind of a reason; empty where the case agrees."""
+    if found.outcome is Outcome.DIFFERS:
+        return "motion"
+    if found.obstacle is None:
+        return ""
+    if found.obstacle is Obstacle.COARSE:
+        return "rounding" if _is_rounding(limit, found) else "coarse"
+    return _KINDS[found.obstacle]
+
+
+def _is_rounding(limit: Limit, found: Judgement) -> bool:
+    """Return whether rounding makes all of the uncertainty."""
+    at = found.segment, found.component
+    return bool(limit.uncertainty[at] <= ROUNDED * limit.rounding[at])
+
+
 def _why_coarse(limit: Limit, found: Judgement, held: bool) -> str:
     """Return why an uncertainty is above the resolution.
 
     Args:
         held: whether the engine holds some coordinates to others.
     """
-    rounding = limit.rounding[found.segment, found.component]
-    if limit.uncertainty[found.segment, found.component] <= ROUNDED * rounding:
+    if _is_rounding(limit, found):
         divided = "; an equality divides the last digits of a position by the step"
         return "rounding allows no more" + (divided if held else "")
     if held:

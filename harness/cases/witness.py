@@ -7,6 +7,7 @@ import numpy as np
 from physics_crosscheck.harness.cases.verdict import Verdict
 from physics_crosscheck.harness.numerics.full_run import SampledRun, follows
 from physics_crosscheck.harness.numerics.step_study import StepStudy
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.motion import Motion
 
@@ -16,7 +17,7 @@ BLOWN_UP = 1e6
 
 def with_full_runs(
     verdict: Verdict, study: StepStudy, motion: Motion, claimed: int
-) -> tuple[Outcome, str, str]:
+) -> tuple[Outcome, str, CaseKind]:
     """Return the outcome of a case, its reason and the kind of the reason.
 
     Both are empty for plain agreement.
@@ -42,7 +43,7 @@ def with_full_runs(
             f" {found.expected:.1e} that they do, where {found.unsure:.1e} is uncertain: something"
             " depends on the step that it ships with"
         )
-        return Outcome.UNRESOLVED, told, "shipped step"
+        return Outcome.UNRESOLVED, told, "time step"
     parts = (verdict.reason, _reservation(study, motion))
     return verdict.outcome, "; ".join(part for part in parts if part), verdict.kind
 
@@ -67,8 +68,8 @@ def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
     return ""
 
 
-def _failure_kind(study: StepStudy) -> str:
-    """Which of these sentences it is."""
+def _failure_kind(study: StepStudy) -> CaseKind:
+    """Return the kind of that failure."""
     if not study.shipped.finite:
         return "not finite"
     return "blows up" if study.global_error > BLOWN_UP else "too coarse"

@@ -45,6 +45,7 @@ COMMAND_GROUPS: Mapping[str, Mapping[str, str]] = {
         "report": "Create the HTML report, or compare two runs",
     },
     "Set up": {
+        "explain": "Explain a message code, and what to do",
         "engines": "List engines, their versions and capabilities",
         "completion": "Print a shell completion script",
     },

@@ -34,7 +34,10 @@ class FileError(Exception):
         sentence: what is wrong; it names the file itself where `file` is None.
         file: in which it stands; None where the sentence names it.
         line: of it, counted from 1; None where it is no line's.
+        kind: which kind of failure a case reports (`harness.records.case.FailureKind`).
     """
+
+    kind = "file"
 
     def __init__(self, sentence: str, *, file: Path | None = None, line: int | None = None) -> None:
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
@@ -54,6 +57,8 @@ class UnsupportedError(EngineError):
 
     A mistake in the file or in its sidecar is an `EngineError` alone.
     """
+
+    kind = "unsupported"
 
 
 @dataclass(frozen=True)

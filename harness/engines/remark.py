@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 RemarkKind = Literal[
-    "default", "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
-    "constraint", "setting", "warning", "replaced",
+    "default", "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit",
+    "contact", "constraint", "setting", "warning", "replaced",
 ]  # fmt: skip
 """Subject of a remark: each kind has a message code and a page (`harness.records.codes`)."""
 

@@ -32,6 +32,8 @@ MOST_INCLUDED = 100
 class PartError(ValueError):
     """A model file, or a part of it, that no engine is given; names file, line and reason."""
 
+    kind = "file"
+
 
 @dataclass
 class _Names:

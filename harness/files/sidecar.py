@@ -27,6 +27,8 @@ _KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings"
 class SidecarError(ValueError):
     """A sidecar that is missing, unreadable or contradicts itself; names file, place and remedy."""
 
+    kind = "sidecar"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sidecar:

@@ -125,6 +125,8 @@ class CrosscheckItem(pytest.Item):
         decision = status_of(record, require_engines=required, demands=self._demands(record))
         if isinstance(record, Case):
             self.user_properties += [("case", str(record.id)), *properties(record).items()]
+        codes = [record.code] if isinstance(record, Case) else [one.code for one in record.findings]
+        self.user_properties += [("code", code) for code in dict.fromkeys(filter(None, codes))]
         if record.accepted:
             self.user_properties.append(("accepted", record.accepted))
         if decision.status is TestStatus.SKIP:

@@ -6,6 +6,7 @@ import msgspec
 
 from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows
 from physics_crosscheck.harness.records.case import CaseId, ModelId
+from physics_crosscheck.harness.records.codes import gate_code
 from physics_crosscheck.harness.records.outcome import Outcome
 
 FORMAT = 2
@@ -253,6 +254,7 @@ class GateChange(Record, frozen=True, kw_only=True):
         messages: Explanations, most important first.
         moved: Largest change of the extrapolated motion, relative to its movement over a segment.
         run: Whether the case ran; unchanged cases do not.
+        code: Message code of the status and of the first kind; empty if accepted.
     """
 
     system: str
@@ -264,6 +266,11 @@ class GateChange(Record, frozen=True, kw_only=True):
     messages: tuple[str, ...]
     moved: Number
     run: bool
+    code: str = ""
+
+    def __post_init__(self) -> None:
+        code = gate_code(self.status, self.kinds)
+        msgspec.structs.force_setattr(self, "code", code)
 
 
 class GateLine(Record, frozen=True, kw_only=True):

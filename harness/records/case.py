@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import msgspec
 
@@ -15,7 +16,27 @@ from physics_crosscheck.harness.records.base import (
     SourceLine,
     one_length,
 )
+from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
+
+CaseKind = Literal[
+    "",
+    "motion", "coordinate map", "acceleration",
+    "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding",
+    "full run", "time step",
+    "not finite", "blows up", "too coarse", "long step",
+    "file", "unsupported", "format", "engine", "sidecar", "declaration", "robot", "reference",
+    "time limit", "waiting", "memory limit", "crash", "exit",
+]  # fmt: skip
+"""Why a case does not agree: by its motion, its extrapolation, its full runs, its files or the
+process that ran it. Each has a message code and a page."""
+
+MEASURED: tuple[CaseKind, ...] = (
+    "motion", "coordinate map", "acceleration", "stands still", "diverges", "wrong order",
+    "not smooth", "coarse", "rounding", "full run", "time step", "not finite", "blows up",
+    "too coarse",
+)  # fmt: skip
+"""Kinds whose reasons differ in the numbers of a case only."""
 
 ModelKey = tuple[str, str, str]
 """Folder, model file and engine: two folders may hold systems of the same name."""
@@ -352,6 +373,7 @@ class Case(Record, frozen=True, kw_only=True):
         accepted: Reason for accepting a known difference; empty if it is not accepted.
         locations: Lines that the reason refers to, if known.
         kind: Type of `reason` if its numbers belong to this case only; empty otherwise.
+        code: Message code of the kind; empty without one.
         stdout: Output that a failed case printed.
         seconds: Duration, wall-clock seconds.
         verdict: Verdict on the motion; None if the case was not judged.
@@ -370,7 +392,8 @@ class Case(Record, frozen=True, kw_only=True):
     reason: str = ""
     accepted: str = ""
     locations: tuple[SourceLine, ...] = ()
-    kind: str = ""
+    kind: CaseKind = ""
+    code: str = ""
     stdout: str = ""
     seconds: float = 0.0
     verdict: Verdict | None = None
@@ -378,6 +401,9 @@ class Case(Record, frozen=True, kw_only=True):
     series: Series | None = None
     stepping: Stepping | None = None
     forward_dynamics: ForwardDynamics | None = None
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "code", case_code(self.outcome, self.kind))
 
     @property
     def id(self) -> CaseId:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+import msgspec
+
 from physics_crosscheck.harness.records.base import Number, Record, SourceLine
+from physics_crosscheck.harness.records.codes import cause_code
 
 CauseKind = Literal[
     "literal", "literals", "unbound literal", "taken", "dropped", "gravity", "default", "axis",
@@ -76,6 +79,7 @@ class Cause(Record, frozen=True, kw_only=True):
 
     Attributes:
         kind: Type of the cause.
+        code: Message code of the kind; empty without one.
         subject: Affected objects: addresses of numbers, constants, a joint, a coordinate, an axis,
             or an engine's behavior.
         nominal: Value in the file or in the equations.
@@ -90,6 +94,10 @@ class Cause(Record, frozen=True, kw_only=True):
     estimate: Number
     standard_error: Number
     locations: tuple[SourceLine, ...] = ()
+    code: str = ""
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "code", cause_code(self.kind))
 
     @property
     def replacement(self) -> str:

@@ -5,11 +5,30 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+import msgspec
+
 from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows, SourceLine
 from physics_crosscheck.harness.records.cause import Cause, CauseId
+from physics_crosscheck.harness.records.codes import finding_code
 
-BEYOND = "reach"
-"""Kind of a note on a stop or an obstacle that no motion reaches: what it does is not checked."""
+AuditKind = Literal[
+    "literal", "rounded", "binding",
+    "massless", "negative mass", "moments", "triangle", "not finite",
+    "negative damping", "negative stiffness", "negative armature",
+    "inertia", "damping", "stiffness", "friction", "rest", "acceleration", "freedom",
+    "linearization", "unresolved", "pose", "frames",
+    "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
+    "constraint", "setting", "warning", "replaced", "default",
+]  # fmt: skip
+"""Subject of an audit finding; each has a message code and a page.
+
+A number of the file against its binding in the sidecar; an inertia, damping, stiffness or armature
+that no body can have; a compiled term against the equations; a pose; and what an engine or a format
+ignores, adds or assumes (`physics_crosscheck.harness.engines.remark`).
+"""
+
+BEYOND: AuditKind = "reach"
+"""Kind of a note on a joint limit or a contact that no motion reaches: it is not tested."""
 
 
 SAME = 1e-6
@@ -30,6 +49,7 @@ class AuditFinding(Record, frozen=True, kw_only=True):
     Attributes:
         kind: Type: `literal`, a compiled term such as `inertia`, `pose`, `default`, or `reach`
             (never reached).
+        code: Message code of the kind; empty without one.
         subject: Affected objects. Findings of equal kind and subject are the same finding, whatever
             their numbers.
         message: Explanation in one sentence.
@@ -40,7 +60,8 @@ class AuditFinding(Record, frozen=True, kw_only=True):
         severity: `finding` for an error, `note` for information.
     """
 
-    kind: str
+    kind: AuditKind
+    code: str = ""
     subject: tuple[str, ...]
     message: str
     location: SourceLine | None
@@ -48,6 +69,9 @@ class AuditFinding(Record, frozen=True, kw_only=True):
     found: Number
     replacement: str = ""
     severity: Literal["finding", "note"]
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "code", finding_code(self.kind))
 
     def is_like(self, other: AuditFinding, tolerance: float) -> bool:
         """Return whether another finding is this one, of the same file, by fields and not by words.

@@ -193,8 +193,8 @@ def _other_linearization(one: EngineLinearization) -> AuditFinding:
     return AuditFinding(
         kind="linearization",
         subject=(one.equilibrium,),
-        message=f"the engine's own linearization about {one.equilibrium!r} is not Taylor's: it"
-        f" differs in {' and in '.join(parts)}",
+        message=f"the engine's own linearization about {one.equilibrium!r} differs from the"
+        f" equations' in {' and in '.join(parts)}",
         location=None,
         expected=None,
         found=None,

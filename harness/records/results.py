@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal
 
+import msgspec
+
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.codes import baseline_code
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import System
@@ -33,6 +36,7 @@ class BaselineChange(Record, frozen=True, kw_only=True):
         scenario: Name of the scenario.
         engine: Name of the engine.
         kind: Type of change; `missing` means that the case no longer exists.
+        code: Message code of the kind; empty without one.
         message: Explanation in one sentence.
     """
 
@@ -42,6 +46,10 @@ class BaselineChange(Record, frozen=True, kw_only=True):
     engine: str
     kind: Literal["regression", "improvement", "change", "new", "missing"]
     message: str
+    code: str = ""
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "code", baseline_code(self.kind))
 
     @property
     def id(self) -> CaseId:

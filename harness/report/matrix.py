@@ -19,7 +19,7 @@ from physics_crosscheck.harness.report.text import NOTHING, percent, shown
 
 Pair = tuple[Case, CaseView]
 
-TOLD = frozenset({"reach", "unresolved", "literal", "pose"})
+TOLD = frozenset({"reach", "unresolved", "rounded", "pose"})
 """Kinds of notes that are of a model, and not of how an engine reads it."""
 
 MOST = 8

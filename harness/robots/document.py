@@ -25,6 +25,8 @@ EXPAND = "expand it first: xacro FILE > robot.urdf"
 class DocumentError(ValueError):
     """A file that is no XML."""
 
+    kind = "file"
+
     def __init__(self, obstacle: Obstacle) -> None:
         super().__init__(str(obstacle))
         self.obstacle = obstacle

@@ -31,7 +31,7 @@ SEEN = 1e-6
 STATES = 6
 """Positions at which a mass matrix is looked at; one that is singular at a few is none to all."""
 
-Kind = Literal["not finite", "mass", "moments", "triangle", "massless"]
+Kind = Literal["not finite", "negative mass", "moments", "triangle", "massless"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +80,7 @@ def _broken(part: Part) -> Iterator[tuple[Kind, str, str]]:
         yield "not finite", "has an inertia that is not finite", "write finite numbers"
         return
     if part.mass < 0:
-        yield "mass", f"has a mass of {part.mass:g} kg", "a mass is not negative"
+        yield "negative mass", f"has a mass of {part.mass:g} kg", "a mass is not negative"
     small, middle, large = np.linalg.eigvalsh(part.inertia).tolist()
     far = float(part.center @ part.center)
     allowed = MARGIN * max(abs(small), abs(large)) + DIGITS * abs(part.mass) * far

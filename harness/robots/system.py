@@ -13,8 +13,10 @@ class RobotError(ValueError):
     """A robot that can't be checked; the message names file, line and remedy.
 
     Attributes:
-        obstacles: what is in the way, each with its line.
+        obstacles: the problems that prevent building the tree, each with its line.
     """
+
+    kind = "robot"
 
     def __init__(self, message: str, obstacles: tuple[Obstacle, ...] = ()) -> None:
         super().__init__(message)

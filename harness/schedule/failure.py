@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.text.visible import visible
 
 LONGEST = 600
@@ -23,14 +25,14 @@ class Failure:
         reason: in one line, of a length that a person reads; what can't be shown is escaped.
         usage: whether what was asked makes no sense, rather than something having gone wrong.
         locations: where that is in the user's files, as far as it is known.
-        kind: as of a case.
+        kind: of the failure, as a case reports it; empty where no rule names it.
     """
 
     reason: str
     stdout: str
     usage: bool = False
     locations: tuple[SourceLine, ...] = ()
-    kind: str = ""
+    kind: CaseKind = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reason", _sentence(self.reason))
@@ -50,7 +52,8 @@ def failure_of(error: BaseException, reason: str = "") -> Failure:
     files = [error, *getattr(error, "obstacles", ())]
     found = [(getattr(one, "file", None), getattr(one, "line", None)) for one in files]
     locations = tuple(SourceLine(file=str(file), line=line or None) for file, line in found if file)
-    kind = getattr(error, "kind", "")
+    kind: CaseKind = getattr(error, "kind", "")  # an engine outside this package may have its own
+    kind = kind if kind in get_args(CaseKind) else ""
     return Failure(reason or str(error), "", locations=locations, kind=kind)
 
 

@@ -211,7 +211,7 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     """What was raised, in a sentence."""
     shortage = _shortage(error)
     if shortage is not None:
-        return Failure(_at(shortage, limits.full), "")
+        return Failure(_at(shortage, limits.full), "", kind="memory limit")
     # Our own errors, of these kinds, carry a sentence; anything else is told with its own kind.
     ours = type(error).__module__.startswith("physics_crosscheck.")
     if ours and isinstance(error, ValueError | RuntimeError):

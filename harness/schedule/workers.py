@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.schedule.clock import is_waiting, processor_seconds
 from physics_crosscheck.harness.schedule.environment import workers_defaults
 from physics_crosscheck.harness.schedule.executor import MOMENT, Executor, Pending
@@ -56,6 +57,11 @@ PRELOADED = (
 _UNKNOWN = 255
 """Exit code that multiprocessing gives where the process that would have told it is gone."""
 
+_UNAFFECTED = "the cases beside it are not affected"
+
+_Ended = tuple[str, CaseKind]
+"""Why a task was ended, in a sentence, and the kind of that."""
+
 _NO_MEMORY = ("bad_alloc", "Could not allocate memory", "Cannot allocate memory", "out of memory")
 """What C and C++ print before they end the process for want of memory."""
 
@@ -81,19 +87,21 @@ class _Worker:
         self.pending, self.since = pending, time.monotonic()
         self.used = processor_seconds(self.process.pid or 0)
 
-    def overdue(self) -> str:
-        """Why its task is to be ended; "" while it may go on.
+    def overdue(self) -> _Ended | None:
+        """Return why its task must end; None while it may continue.
 
         By the clock, and not for want of the processor; or it has had twice its share of that: it
         does not hear the signal that ends such tasks.
         """
         elapsed, limits = time.monotonic() - self.since, self.station.limits
         if self.pending is None or elapsed <= min(2 * limits.seconds, limits.wall):
-            return ""
+            return None
         used = processor_seconds(self.process.pid or 0) - self.used
         if used > 2 * limits.seconds:
-            return limits.spent
-        return limits.waited if elapsed > limits.wall and is_waiting(used, elapsed) else ""
+            return limits.spent, "time limit"
+        if elapsed > limits.wall and is_waiting(used, elapsed):
+            return limits.waited, "waiting"
+        return None
 
     def lives_on(self) -> bool:
         """Whether it lives though its end was told: the process that started it has ended."""
@@ -228,7 +236,7 @@ class Workers(Executor):
                 if not worker.orphaned:
                     self._bury(worker)
             elif why := worker.overdue():
-                self._bury(worker, _at(worker, why))
+                self._bury(worker, why)
             if pending is not None and pending.ended:
                 yield pending
 
@@ -253,13 +261,14 @@ class Workers(Executor):
         if last or worker.orphaned:
             self._bury(worker)
 
-    def _bury(self, worker: _Worker, reason: str = "") -> None:
+    def _bury(self, worker: _Worker, why: _Ended | None = None) -> None:
         """Remove a worker that died, or is to; its task, if it has one, failed."""
         self._crew.remove(worker)
         worker.kill()
         if worker.pending is not None:
-            reason = reason or _cause_of_death(worker)
-            worker.pending.end(Failure(reason, worker.printed()))
+            reason, kind = why or _cause_of_death(worker)
+            failure = Failure(_at(worker, reason), worker.printed(), kind=kind)
+            worker.pending.end(failure)
         for file in (worker.station.log, worker.station.trace):
             file.unlink(missing_ok=True)
 
@@ -358,20 +367,17 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _cause_of_death(worker: _Worker) -> str:
-    """Why a worker died, in a sentence: a limit, or what ended it where."""
+def _cause_of_death(worker: _Worker) -> _Ended:
+    """Return why a worker died, and the kind of that: a limit, or what ended it."""
     code, limits = worker.process.exitcode, worker.station.limits
     if hasattr(signal, "SIGPROF") and code == -signal.SIGPROF:
-        return _at(worker, limits.spent)
+        return limits.spent, "time limit"
     if code == -signal.SIGABRT and any(words in worker.printed() for words in _NO_MEMORY):
-        return _at(worker, limits.full)
-    died = f"the process died ({_signal(code)}); the cases beside it are not affected"
-    line = line_of_death(worker.station.trace)
-    if line and code is not None and code >= 0:
-        return (
-            f"{line}: it ends the process, exit code {code}; the cases beside it are not affected"
-        )
-    return f"{line}: {died}" if line else died
+        return limits.full, "memory limit"
+    if code is not None and code >= 0 and line_of_death(worker.station.trace):
+        return f"it ends the process, exit code {code}; {_UNAFFECTED}", "exit"
+    kind: CaseKind = "crash" if code is None or code < 0 else "exit"
+    return f"the process died ({_signal(code)}); {_UNAFFECTED}", kind
 
 
 def _at(worker: _Worker, sentence: str) -> str:

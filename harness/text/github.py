@@ -17,6 +17,7 @@ from typing import Any, TextIO, cast
 
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
@@ -46,7 +47,7 @@ class Annotation:
 
     Attributes:
         level: `error`, `warning` or `notice`.
-        rule: `audit`, or the outcome in lower case, as SARIF names them; empty for others.
+        code: message code; empty where none is known.
         file: that it is about.
         line: in it, counted from 1; None where the whole file is meant.
         locations: all that are known, the first of them at that line.
@@ -55,7 +56,7 @@ class Annotation:
     """
 
     level: str
-    rule: str = ""
+    code: str = ""
     file: Path
     line: int | None
     title: str
@@ -70,7 +71,7 @@ class Annotation:
         inside = path.relative_to(root) if path.is_relative_to(root) else path
         where = f"file={_property(inside.as_posix())}"
         where += "" if self.line is None else f",line={self.line}"
-        title = _property(self.title[:200])
+        title = _property(" ".join(filter(None, (self.code, self.title)))[:200])
         message = _data(self.message[:_LONGEST])
         return f"::{self.level} {where},title={title}::{message}".replace("##[", "## [")
 
@@ -92,7 +93,7 @@ def _audit_notes(results: Results) -> Iterator[Annotation]:
                 (model.folder, model.model),
                 where,
                 level="error",
-                rule="audit",
+                code=finding.code,
                 title=f"audit of {named_models(alike)}",
                 message=f"{finding.message}{new}",
                 changes=tuple(changes),
@@ -105,7 +106,9 @@ def _failure_notes(results: Results) -> Iterator[Annotation]:
     for model, what, why in untold_failures(results):
         title = f"{Outcome.FAILED} {what} of {model.id}"
         place = model.folder, model.model
-        yield _note(place, [], level="error", rule="failed", title=title, message=why, model=model)
+        yield _note(
+            place, [], level="error", code=part_code(), title=title, message=why, model=model
+        )
 
 
 def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -> Annotation:
@@ -142,12 +145,13 @@ def case_note(case: Case, model: Model | None) -> Annotation:
     Where no cause explains it, the first line that the audit finds something wrong in.
     """
     message, blamed = case.reason, list(case.locations)
-    diagnosis = model.diagnosis if model else None
+    diagnosis, code = model.diagnosis if model else None, case.code
     changes: list[Change] = []
     if model and diagnosis and diagnosis.explained and diagnosis.explanations:
         best = placed(diagnosis.explanations[0], model.folder)
         message = f"{' and '.join(cause_sentences(best)[:-1])}: {message}"
         blamed = [one for cause in best.causes for one in cause.locations]
+        code = best.causes[0].code
         changes = changes_of(model)
         if len(changes) < len(best.causes):
             changes = []  # half a cause is no remedy
@@ -158,7 +162,7 @@ def case_note(case: Case, model: Model | None) -> Annotation:
         (case.folder, case.model),
         blamed,
         level="error" if case.outcome.is_run or case.outcome is Outcome.FAILED else "warning",
-        rule=case.outcome.lower(),
+        code=code,
         title=f"{case.outcome} {case.id}",
         message=message,
         changes=tuple(changes),

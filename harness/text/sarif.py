@@ -8,11 +8,12 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.codes import CODES, Code
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.text.github import Annotation, run_notes
@@ -22,42 +23,46 @@ from physics_crosscheck.harness.text.visible import visible
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 
-_RULES = {
-    "differs": "the model's motion is not that of the equations",
-    "unresolved": "the motion is not known as closely as was asked",
-    "failed": "the case could not be run",
-    "absent": "the engine is not installed",
-    "audit": "a number, a frame or a compiled term is not that of the equations",
-}
-
 
 def sarif(results: Results) -> str:
     """Return the JSON of a log with one run, whose files are relative to the working folder."""
-    driver: dict[str, object] = {
-        "name": "crosscheck",
-        "rules": [
-            {"id": name, "shortDescription": {"text": text}} for name, text in _RULES.items()
-        ],
-    }
+    notes = run_notes(results)
+    codes = sorted({note.code for note in notes})
+    driver: dict[str, object] = {"name": "crosscheck", "rules": [_rule(CODES[c]) for c in codes]}
     if version := results.versions.get("physics-crosscheck"):
         driver["version"] = version
     run = {
         "tool": {"driver": driver},
         "columnKind": "unicodeCodePoints",
         "newlineSequences": ["\r\n", "\r", "\n"],
-        "results": [_result(note) for note in run_notes(results)],
+        "results": [_result(note, codes) for note in notes],
     }
     return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1)
 
 
-def _result(note: Annotation) -> dict[str, object]:
+def _rule(one: Code) -> dict[str, object]:
+    """Return a message as a rule; its page is linked once it has a public address.
+
+    A `helpUri` must be absolute (section 3.49.12), so that a path in the repository is none.
+    """
+    text = f"{one.title} {one.cause} What to do: {one.remedy}"
+    rule: dict[str, object] = {
+        "id": one.code,
+        "name": one.name,
+        "shortDescription": {"text": _message(one.title)},
+        "help": {"text": _message(text)},
+    }
+    return {**rule, "helpUri": one.page} if urlsplit(one.page).scheme else rule
+
+
+def _result(note: Annotation, codes: Sequence[str]) -> dict[str, object]:
     """A result at all its places where each must change, else at the first with the rest beside."""
     artifact = {"artifactLocation": {"uri": _uri(note.file)}}
     places = list(_places(note)) or [{"physicalLocation": artifact}]
     count = len(places) if note.changes else 1
     result: dict[str, object] = {
-        "ruleId": note.rule,
-        "ruleIndex": list(_RULES).index(note.rule),
+        "ruleId": note.code,
+        "ruleIndex": codes.index(note.code),
         "level": "note" if note.level == "notice" else note.level,
         "message": {"text": _message(f"{note.title}: {note.message}")},
         "locations": places[:count],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.case import MEASURED, Case, ModelKey
 from physics_crosscheck.harness.records.finding import SAME, AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -87,7 +87,7 @@ def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
 def _kind(case: Case) -> Hashable:
     if case.outcome is Outcome.DIFFERS:
         return case.outcome, case.folder, case.model
-    if case.kind:
+    if case.kind in MEASURED:
         return case.outcome, case.kind, case.verdict.component if case.verdict else ""
     return case.outcome, case.reason
 
