@@ -867,7 +867,7 @@ _CASES = (
         "XC315",
         "coarse",
         "The uncertainty is larger than the resolution.",
-        kinds="case:UNRESOLVED:coarse",
+        kinds="case:UNRESOLVED:coarse, case:UNRESOLVED:",
         cause="""No difference was found, but the result is known less precisely than was asked.
         Stiff parts, soft constraints or a nearly rough motion need smaller steps than the check
         takes.""",

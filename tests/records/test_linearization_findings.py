@@ -21,7 +21,7 @@ def test_it_is_a_finding_a_failing_test_and_an_exit_code_of_one() -> None:
     assert sound.passes
     assert not wrong.passes
     assert [one.kind for one in wrong.findings] == ["linearization"]
-    assert "differs in A by 1.3e+01 of its largest entry" in wrong.findings[0].message
+    assert "equations' in A by 1.3e+01 of its largest entry" in wrong.findings[0].message
     assert status_of(wrong, require_engines=True).status == "fail"
     for one, code in ((wrong, 1), (sound, 0)):
         results = Results(

@@ -11,8 +11,10 @@ import pytest
 
 from physics_crosscheck.harness.audit.finding import source_line
 from physics_crosscheck.harness.files.locations import find_in
+from physics_crosscheck.harness.records import codes
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.codes import CODES
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.text.github import run_notes
@@ -26,6 +28,12 @@ def found(text: str) -> list[dict[str, Any]]:
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
     rules = [rule["id"] for rule in run["tool"]["driver"]["rules"]]
+    for rule in run["tool"]["driver"]["rules"]:
+        assert CODES[rule["id"]].remedy in rule["help"]["text"].replace("{{", "{").replace(
+            "}}", "}"
+        )
+        assert "helpUri" not in rule, "a path of the repository is no absolute URI"
+    assert rules == sorted({one["ruleId"] for one in run["results"]})
     assert run["columnKind"] == "unicodeCodePoints"
     for one in run["results"]:
         assert rules[one["ruleIndex"]] == one["ruleId"]
@@ -81,12 +89,21 @@ def test_a_cause_and_a_finding_stand_at_their_line(
     (tmp_path / "models" / "disc").mkdir(parents=True)
     (tmp_path / "models" / "disc" / "mujoco.xml").write_text("")
     told = found(sarif(planted()))
-    assert {one["ruleId"] for one in told} == {"differs", "audit"}
+    assert {one["ruleId"] for one in told} == {"XC201", "XC101"}
     for one in told:
         (place,) = one["locations"]
         physical = place["physicalLocation"]
         assert physical["artifactLocation"]["uri"] == "models/disc/mujoco.xml"
         assert physical["region"]["startLine"] == 21
+
+
+def test_a_rule_links_to_its_page_once_the_pages_have_an_address(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(codes, "DOCS", "https://example.org/messages/")
+    absent = results(case(Outcome.ABSENT, reason="pymunk is not installed"))
+    (rule,) = json.loads(sarif(absent))["runs"][0]["tool"]["driver"]["rules"]
+    assert rule["helpUri"] == "https://example.org/messages/XC606.md"
 
 
 def test_what_agrees_is_no_result() -> None:
@@ -95,7 +112,7 @@ def test_what_agrees_is_no_result() -> None:
 
 def test_an_engine_that_is_absent_is_a_warning() -> None:
     (one,) = found(sarif(results(case(Outcome.ABSENT, reason="pymunk is not installed"))))
-    assert (one["ruleId"], one["level"]) == ("absent", "warning")
+    assert (one["ruleId"], one["level"]) == ("XC606", "warning")
 
 
 TEXT = """<mujoco>
@@ -175,7 +192,7 @@ def test_every_finding_is_a_result_and_an_annotation_in_a_line_or_in_none(file: 
     )
     seen = results(case(), models=models)
     first, second, failed = found(sarif(seen))
-    assert [one["ruleId"] for one in (first, second, failed)] == ["audit", "audit", "failed"]
+    assert [one["ruleId"] for one in (first, second, failed)] == ["XC101", "XC121", "XC613"]
     assert first["message"]["text"].endswith("b@m is 1.25 where m = 1.5; write 1.5")
     assert first["locations"][0]["physicalLocation"]["region"]["startLine"] == 3
     assert applied(first["fixes"][0], TEXT) == TEXT.replace("1.25", "1.5")

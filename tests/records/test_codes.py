@@ -1,0 +1,149 @@
+"""Message codes: every kind has one, none is dead, and a record's code follows from its kind."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import get_args
+
+import msgspec
+import pytest
+
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
+from physics_crosscheck.harness.engines.remark import RemarkKind
+from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.baseline import GateChange
+from physics_crosscheck.harness.records.case import Case, CaseKind
+from physics_crosscheck.harness.records.cause import Cause, CauseKind
+from physics_crosscheck.harness.records.codes import CODES, GROUPS
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChange
+from physics_crosscheck.harness.robots.inertias import Kind as InertiaKind
+from physics_crosscheck.harness.schedule.failure import failure_of
+from tests.records.made import case, finding
+
+HARNESS = Path(__file__).parents[2] / "harness"
+KINDS = [kind for one in CODES.values() for kind in one.kinds]
+CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
+           "unexplained")  # fmt: skip
+"""What the gate calls a change (`harness.baseline.changes`, `harness.gate.audits`)."""
+
+
+def of(group: str) -> set[str]:
+    return {kind.split(":")[-1] for kind in KINDS if kind.startswith(f"{group}:")}
+
+
+def test_every_kind_has_one_code_and_every_code_a_kind() -> None:
+    assert len(set(KINDS)) == len(KINDS)
+    assert of("audit") == set(get_args(AuditKind))
+    assert of("cause") == set(get_args(CauseKind))
+    assert of("case") == set(get_args(CaseKind))
+    assert of("baseline") == set(msgspec.structs.fields(BaselineChange)[4].type.__args__)
+    states = {kind.split(":")[1] for kind in KINDS if kind.startswith("gate:")}
+    assert states == {one.value for one in Status} - {Status.SAME.value}
+    assert of("gate") == {"", *CHANGES}
+    assert set(get_args(RemarkKind)) | set(get_args(InertiaKind)) <= set(get_args(AuditKind))
+
+
+def words() -> Iterator[str]:
+    """Every text in the code of the harness, but for the declarations of kinds."""
+    for file in HARNESS.rglob("*.py"):
+        if file.name == "codes.py":
+            continue
+        tree = ast.parse(file.read_text())
+        declared = {
+            id(inner)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Literal"
+            for inner in ast.walk(node)
+        }
+        yield from (
+            node.value
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and id(node) not in declared
+        )
+
+
+@pytest.mark.parametrize("group", ["audit", "cause", "case", "gate", "baseline"])
+def test_no_code_is_dead(group: str) -> None:
+    found = {*words(), ""}
+    # The diagnosis takes the kinds of terms from the equations' variants.
+    reference = "".join(file.read_text() for file in (HARNESS.parent / "reference").glob("*.py"))
+    dead = {kind for kind in of(group) if kind not in found and f'"{kind}"' not in reference}
+    assert not dead
+
+
+def test_codes_and_names_are_unique_and_in_their_group() -> None:
+    assert len({one.name for one in CODES.values()}) == len(CODES)
+    assert list(CODES) == sorted(CODES)
+    assert all(code[:3] in GROUPS for code in CODES)
+
+
+def test_a_code_is_written_and_is_never_another_than_that_of_its_kind() -> None:
+    one = finding("a is 1", kind="massless")
+    assert one.code == "XC104"
+    told = msgspec.json.encode(one)
+    assert msgspec.json.decode(told)["code"] == "XC104"
+    assert msgspec.json.decode(told.replace(b"XC104", b"XC999"), type=AuditFinding) == one
+    assert msgspec.structs.replace(one, kind="triangle").code == "XC107"
+
+
+def test_each_record_has_the_code_of_its_kind() -> None:
+    cause = Cause(kind="axis", subject=("q",), nominal=1.0, estimate=None, standard_error=None)
+    names = {"system": "s", "model": "m", "scenario": "c", "engine": "e"}
+    gate = [
+        GateChange(**names, status=status, kinds=kinds, messages=(), moved=None, run=True).code
+        for status, kinds in (("changed", ("text", "engine")), ("gone", ()), ("as accepted", ()))
+    ]
+    since = BaselineChange(**names, kind="new", message="")
+    assert (cause.code, gate, since.code) == ("XC208", ["XC511", "XC502", ""], "XC503")
+
+
+CASES = [
+    (Outcome.AGREES, "", ""),
+    (Outcome.DIFFERS, "motion", "XC301"),
+    (Outcome.DIFFERS, "coordinate map", "XC302"),
+    (Outcome.UNRESOLVED, "coordinate map", "XC317"),
+    (Outcome.UNRESOLVED, "rounding", "XC316"),
+    (Outcome.REFUSED, "file", "XC403"),
+    (Outcome.REFUSED, "unsupported", "XC402"),
+    (Outcome.FAILED, "time limit", "XC601"),
+    (Outcome.FAILED, "", "XC612"),
+    (Outcome.ABSENT, "", "XC606"),
+]
+
+
+@pytest.mark.parametrize(("outcome", "kind", "code"), CASES)
+def test_a_case_has_the_code_of_its_outcome_and_kind(
+    outcome: Outcome, kind: CaseKind, code: str
+) -> None:
+    assert case(outcome, kind=kind).code == code
+
+
+def test_an_outcome_that_fails_has_a_code_whatever_its_kind() -> None:
+    for outcome in set(Outcome) - {Outcome.AGREES}:
+        assert case(outcome, kind="").code in CODES
+
+
+class OwnError(EngineError):
+    """Of an engine outside this package."""
+
+    kind = "mine"
+
+
+def test_a_failure_has_the_kind_of_its_error() -> None:
+    kinds = [failure_of(error("bad")).kind for error in (EngineError, UnsupportedError, OwnError)]
+    assert kinds == ["file", "unsupported", ""]
+    assert failure_of(SidecarError("bad")).kind == "sidecar"
+
+
+def test_every_record_with_a_kind_of_ours_has_a_code() -> None:
+    for record in (AuditFinding, Cause, Case, GateChange, BaselineChange):
+        assert issubclass(record, Record)
+        assert "code" in record.__struct_fields__

@@ -1,0 +1,58 @@
+"""Pages of the message codes: current, short and complete."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.records.codes import CODES, Code
+from physics_crosscheck.harness.text.messages import main as write
+from physics_crosscheck.harness.text.messages import pages
+
+COMMITTED = Path(__file__).parents[2] / "docs" / "messages"
+LONGEST = 25
+"""Words of a sentence."""
+
+
+def test_the_committed_pages_are_those_of_the_table() -> None:
+    committed = {path.name: path.read_text() for path in COMMITTED.iterdir()}
+    assert committed == pages(), "python -m physics_crosscheck.harness.text.messages docs/messages"
+
+
+def test_a_page_of_a_code_that_no_longer_exists_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "XC999.md").write_text("old")
+    write(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(pages())
+
+
+@pytest.mark.parametrize("one", CODES.values(), ids=str)
+def test_a_page_is_of_short_sentences(one: Code) -> None:
+    for text in (one.title, one.cause, one.remedy):
+        assert text.endswith((".", "`"))
+        for sentence in re.split(r"(?<=[.:?!])\s", text):
+            assert len(sentence.split()) <= LONGEST, sentence
+    assert one.example.strip()
+
+
+def test_explain_prints_a_page_by_code_or_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "xc104"]) == 0
+    by_code = capsys.readouterr().out
+    assert main(["explain", "inertia-without-mass"]) == 0
+    assert by_code == capsys.readouterr().out
+    assert by_code.startswith("XC104 inertia-without-mass: A link has inertia but no mass.\n")
+    assert '<mass value="0.0"/>' in by_code
+
+
+def test_explain_hints_at_the_code_that_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "wrong-numbr", "XC104"]) == 2
+    shown = capsys.readouterr()
+    assert "did you mean wrong-number" in shown.err
+    assert shown.out.startswith("XC104 ")
+
+
+def test_explain_without_a_code_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(CODES)
