@@ -25,8 +25,8 @@ from tests.robots.files import inertial, joint, link, read, tree_of
         ("1", "1 1 1", "0.6 0 0", ["triangle"]),
         ("1", "1 1 1", "1.1 0 0", ["moments"]),
         ("1", "-1 1 1", "0 0 0", ["moments"]),
-        ("-1", "1 1 1", "0 0 0", ["mass"]),
-        ("-1", "1 1 3", "0 0 0", ["mass", "triangle"]),
+        ("-1", "1 1 1", "0 0 0", ["negative mass"]),
+        ("-1", "1 1 3", "0 0 0", ["negative mass", "triangle"]),
         ("0", "1 1 1", "0 0 0", ["massless"]),
         ("1e-300", "1e-300 1e-300 3e-300", "0 0 0", ["triangle"]),
         ("1", "1e300 1e300 3e300", "0 0 0", ["triangle"]),
@@ -69,7 +69,7 @@ def test_a_negative_mass_that_no_position_outweighs_is_in_the_way(tmp_path: Path
     body = link("odd", inertial("-1", "0 0 0", origin='<origin xyz="0 1 0"/>'))
     robot = read(tmp_path, link("base"), body, joint("j", "base", "odd"))
     assert robot.tree is None
-    assert [one.kind for one in impossible(robot)] == ["mass"]
+    assert [one.kind for one in impossible(robot)] == ["negative mass"]
 
 
 def test_numbers_that_are_not_finite_are_told(tmp_path: Path) -> None:
