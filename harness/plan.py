@@ -67,7 +67,7 @@ class Plan:
         awaited = [case for *_, cases in chosen for case in cases]
         self._found.expect(folder, [*(case for case, _ in bad), *awaited])
         for case, reason in bad:
-            self._found.add(failed_case(case, folder, Failure(reason, "")))
+            self._found.add(failed_case(case, folder, Failure(reason, "", kind="sidecar")))
         model = BodiesModel if work.facts.bodies else EnergiesModel
         for sidecar, engine, cases in chosen:
             yield from model(work, self._engines, sidecar, engine, cases).jobs()

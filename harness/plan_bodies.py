@@ -24,7 +24,9 @@ class BodiesModel(ModelPlan):
     def _jobs(self) -> Iterator[Job[Any]]:
         if reason := not_of_a_tree(self.sidecar):
             for case in self.cases:
-                self.work.found.add(failed_case(case, self.folder, Failure(reason, "")))
+                self.work.found.add(
+                    failed_case(case, self.folder, Failure(reason, "", kind="sidecar"))
+                )
             return
         self.begin()
         for case in self.cases:

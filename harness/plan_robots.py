@@ -85,7 +85,7 @@ class RobotPlan:
             self._found.expect(str(file), [_stand_in(file)])
         for file in files:
             if why := no_xml(file, strict=file.suffix != MJCF):
-                failure = Failure(f"{why}; {GIVE_XML}", "")
+                failure = Failure(f"{why}; {GIVE_XML}", "", kind="file")
                 self._found.add(failed_case(_stand_in(file), str(file), failure))
             else:
                 found.append(file)

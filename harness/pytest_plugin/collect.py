@@ -225,7 +225,7 @@ class UnreadItem(CrosscheckItem):
     def record(self) -> Case:
         """What stands for its cases."""
         one = CaseId(system=self.system, model=self.path.name, scenario="-", engine="-")
-        return failed_case(one, str(self.path.parent), Failure(self._reason, ""))
+        return failed_case(one, str(self.path.parent), Failure(self._reason, "", kind="sidecar"))
 
 
 def properties(case: Case) -> dict[str, str]:

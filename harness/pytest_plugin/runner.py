@@ -68,7 +68,7 @@ class CaseRunner:
         if isinstance(found, Failure):
             return failed_case(one, str(folder), found)
         if _has_bodies(found) and (reason := not_of_a_tree(sidecar)):
-            return failed_case(one, str(folder), Failure(reason, ""))
+            return failed_case(one, str(folder), Failure(reason, "", kind="sidecar"))
         task = self._task(sidecar, one.engine, one.scenario)
 
         def measured(accepted: Snapshot) -> Measurement | Failure:

@@ -109,12 +109,7 @@ _AUDIT = (
         cause="""The sidecar binds this number to an expression of the system's constants. The
         file states another value. The error is larger than the last digit of the number.""",
         example="""
-mujoco.xml.toml
-  [bindings]
-  "body/joint[theta]@damping" = "c"          # c = 0.02
-
-mujoco.xml:12
-  <joint name="theta" type="hinge" damping="0.024"/>
+mujoco.xml:21  body[rod]/inertial@mass is 0.82, but m = 0.8 (relative error 2.5e-02)
 """,
         remedy="""Write the value that the message names, or correct the constant in
         `system.py`. An editor that reads SARIF can apply the fix.""",
@@ -150,9 +145,11 @@ mujoco.xml:12
         "inertia-without-mass",
         "A link has inertia but no mass.",
         kinds="audit:massless",
-        cause="""No body has moments of inertia without mass. Engines disagree on such a link:
-        one keeps the inertia, one ignores it, and one replaces it by a default.""",
+        cause="""No body has moments of inertia without mass. Engines disagree on such a link.
+        For the file below, MuJoCo ignores the moments and PyBullet uses them: the last joint of
+        the arm moves differently.""",
         example="""
+panda.urdf:218 of pybullet_data
   <link name="panda_link8">
     <inertial>
       <mass value="0.0"/>
@@ -180,7 +177,8 @@ mujoco.xml:12
         "A principal moment of inertia is negative.",
         kinds="audit:moments",
         cause="""The inertia tensor has a negative eigenvalue. Most often a product of inertia
-        is too large, or has been written in another unit than the moments.""",
+        is too large, or has another unit than the moments. MuJoCo refuses the file. PyBullet
+        sets the inertia to zero.""",
         example="""
   <inertia ixx="0.01" ixy="0.03" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
   # principal moments: -0.02, 0.01 and 0.04 kg m^2
@@ -194,7 +192,8 @@ mujoco.xml:12
         "The principal moments of inertia break the triangle rule.",
         kinds="audit:triangle",
         cause="""The largest principal moment of a body is at most the sum of the other two.
-        MuJoCo and Drake refuse such a tensor. PyBullet and Pinocchio compute with it.""",
+        MuJoCo refuses such a tensor. PyBullet sets the link's inertia to zero. Newton enlarges
+        it.""",
         example="""
   <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.05"/>
   # 0.05 is more than 0.01 + 0.01
@@ -223,6 +222,7 @@ mujoco.xml:12
         cause="""Damping below zero adds energy to every motion of the joint. Engines compute
         with it without a warning, and the motion grows.""",
         example="""
+damp.urdf:12
   <dynamics damping="-0.4"/>
 """,
         remedy="""Write a positive number.""",
@@ -260,7 +260,7 @@ mujoco.xml:12
         entry differs from the equations by more than its uncertainty. A wrong mass, tensor,
         length or armature causes it.""",
         example="""
-  inertia of theta is 0.0353 in the model, 0.0333 in the equations
+inertia of theta is 0.0978 in the model and 0.096 in the equations
 """,
         remedy="""Look first at findings XC101 to XC111 of the same file. Then check whether the
         engine recomputes inertias (XC151) or adds armature.""",
@@ -274,7 +274,7 @@ mujoco.xml:12
         damping number causes a difference, and so do dampers that the engine adds or ignores.
         PyBullet, for example, damps every link by 0.04 unless it is switched off.""",
         example="""
-  damping of theta is missing; it is 0.02 in the equations
+damping of theta is 0.02 in the model and 0 in the equations
 """,
         remedy="""Compare the damping in the file with the equations, then the sidecar's
         settings.""",
@@ -287,7 +287,7 @@ mujoco.xml:12
         cause="""The audit measures how the forces at rest change with the positions. A wrong
         spring constant, length or gravity causes a difference.""",
         example="""
-  stiffness of x is 12 in the model, 10 in the equations
+stiffness of x is 65.00006 in the model and 65 in the equations
 """,
         remedy="""Compare spring constants, gravity and lever arms of the file with the
         equations.""",
@@ -313,7 +313,7 @@ mujoco.xml:12
         cause="""At an equilibrium of the equations the model accelerates. A shifted rest
         position of a spring, another gravity or another zero of a joint causes it.""",
         example="""
-  at rest in equilibrium 'hanging' theta is pulled with 0.49; the equations have no force there
+a force of 0.49 acts on theta at rest in equilibrium 'hanging', but the equations have none there
 """,
         remedy="""Check `springref`, `springlength`, gravity and the zero of the joint.""",
     ),
@@ -326,7 +326,7 @@ mujoco.xml:12
         differ, although no single term about an equilibrium may show it: the error grows with
         the amplitude or with the velocity.""",
         example="""
-  theta accelerates with -12.31 in the model, -12.28 in the equations, at theta = 0.8
+the acceleration of theta is -12.31 in the model and -12.28 in the equations at theta = 0.8
 """,
         remedy="""Fix the terms that are reported beside it first. If there are none, look at
         what is nonlinear: quadratic drag, a joint limit, a center of mass off its axis.""",
@@ -340,7 +340,8 @@ mujoco.xml:12
         equations. The engine accelerates one of them differently: a constraint is missing, soft
         or not active.""",
         example="""
-  x accelerates with 0.327 off the coordinate map
+fall accelerates away from the coordinate map with 3.7025 at x = -0.216, x_dot = 0.07591
+  (24 of 24 random states differ): the model has an additional degree of freedom
 """,
         remedy="""Add the constraint to the file, or make it stiff enough. Soft constraints are
         reported as XC148.""",
@@ -353,7 +354,7 @@ mujoco.xml:12
         cause="""The engine returns matrices A and B about an equilibrium. They differ from the
         first derivatives of the equations by more than their uncertainty.""",
         example="""
-  the engine's own linearization about 'upright' differs in A by 3.1e-03 of its largest entry
+the engine's own linearization about 'rest' differs from the equations' in A by 3.1e-03
 """,
         remedy="""If the model's motions agree, do not use that linearization in a controller:
         take the matrices of `crosscheck derive`.""",
@@ -366,7 +367,7 @@ mujoco.xml:12
         cause="""Friction or a joint limit hides the term, or the engine returns too few digits.
         The audit leaves it open; the motions still test it.""",
         example="""
-  stiffness and rest forces are hidden by friction
+friction hides stiffness and rest forces: it holds what is at rest
 """,
         remedy="""Nothing is wrong. Remove the friction or move the joint limit if the audit
         should test the term.""",
@@ -614,10 +615,12 @@ _CAUSES = (
         "numbers-ignored",
         "The engine ignores numbers of the file.",
         kinds="cause:dropped",
-        cause="""The engine moves as if these numbers were zero. Converters and importers drop
-        attributes without a warning, for example `<dynamics damping>`.""",
+        cause="""The engine moves as if these numbers were zero. Some engines drop the moments
+        of a link without mass. Converters and importers drop attributes without a warning, for
+        example `<dynamics damping>`.""",
         example="""
-  door.urdf:7  robot/joint[hinge]/dynamics@damping (0.4) in the file, 0 in the engine
+panda.urdf in MuJoCo
+  moments of link[panda_link8]/inertial/inertia (panda.urdf:222) in the file, 0 in the engine
 """,
         remedy="""Set the value by the engine's own interface after loading, or use another
         format.""",
@@ -643,7 +646,8 @@ _CAUSES = (
         joint motors and link damping of PyBullet, 1 kg for a link without `<inertial>`, and
         inertias from collision shapes.""",
         example="""
-  leg.urdf  PyBullet's own 1 kg and 1 kg m^2 of a link without <inertial> (upper_shoulder)
+leg.urdf in PyBullet: E = 9.8e-01
+  PyBullet's own 1 kg and 1 kg m^2 of a link without <inertial> (upper_shoulder) explains the motion
 """,
         remedy="""Switch the default off in your script as well, or state the value in the file.
         `docs/engines.md` lists the defaults of each engine.""",
@@ -780,7 +784,8 @@ _CASES = (
         cause="""Extrapolating to zero step size removes the integrator's error. What is left is
         larger than its uncertainty, so the model itself differs from the equations.""",
         example="""
-  x ends the segment at t = 1.2 s 3.05e-03 of its movement off; the uncertainty there is 2.1e-12
+leg.urdf in PyBullet
+  hip_dot ends the segment at state 9 9.85e-01 of its movement off; the uncertainty there is 4.5e-13
 """,
         remedy="""Read the cause that the report names (XC2xx) and the findings of the audit
         (XC1xx). If no cause is named, several things are wrong at once: fix the findings
@@ -933,10 +938,13 @@ _FILES = (
         "unreadable-file",
         "The file can't be read or loaded.",
         kinds="case:FAILED:file",
-        cause="""The file is missing, is not valid XML, or states something that no engine can
-        load: a number that is none, a mesh that does not exist, a name that is used twice.""",
+        cause="""The file is missing, is not valid XML, or has a value that is not a number. Or
+        the engine that must compile it can't load it: a mesh is missing, or a default of its
+        own fails.""",
         example="""
-  arm.urdf:12: mass of link upper is '${m}', where a finite number belongs
+unclosed.urdf:3: no XML at column 3: mismatched tag; write well-formed XML
+xacro.urdf:6: value of <mass> of link 'rod' is '${m}', where a finite number belongs
+mesh.xml: MuJoCo can't load it: Error: Error opening file 'hand.stl'
 """,
         remedy="""Fix the line that the message names. Expand xacro files first: `xacro
         arm.urdf.xacro > arm.urdf`.""",
@@ -949,10 +957,11 @@ _FILES = (
         cause="""The file is valid, but this engine can't run a part of it: a joint type, an
         element, a plugin, or a constraint. Another engine may.""",
         example="""
-  <joint name="base" type="planar"> ... </joint>
+planar.urdf:9: joint 'hinge' is planar, which is not covered
+plugin.xml:2: <extension>, which Pinocchio's adapter can't give it
 """,
-        remedy="""Remove the element, write it in another way, or run the file in another
-        engine: `--engine NAME`. `docs/engines.md` lists what each engine supports.""",
+        remedy="""Remove the element, or write it as the message proposes. Or run the file in
+        another engine: `--engine NAME`. `docs/engines.md` lists what each engine supports.""",
     ),
     _code(
         "XC403",
@@ -960,13 +969,14 @@ _FILES = (
         "An engine refuses a file that others may load.",
         kinds="case:REFUSED:",
         cause="""Engines check files more or less strictly. MuJoCo refuses inertias that break
-        the triangle rule and links that move without mass. Meshes that are not found are
-        another reason. Nothing was tested in this engine.""",
+        the triangle rule. PyBullet would set such an inertia to zero, so its adapter refuses
+        the file as well. Nothing was tested in this engine.""",
         example="""
-  <visual><geometry><mesh filename="package://arm/meshes/hand.stl"/></geometry></visual>
+triangle.urdf: MuJoCo can't load it: Error: inertia must satisfy A + B >= C;
+  use 'balanceinertia' to fix Element name 'rod', id 2
 """,
-        remedy="""Fix what the engine's message names. Place meshes beside the file, or remove
-        visual geometry for the check.""",
+        remedy="""Fix what the engine's message names. The audit often reports the same number
+        with a line (XC1xx).""",
     ),
     _code(
         "XC404",
@@ -1026,7 +1036,8 @@ _FILES = (
         each joint. A closed loop, two roots, an unknown link or a massless end link prevents
         it. All problems are reported together, each with its line.""",
         example="""
-  fingers.urdf:31: link tip has a second parent, by joint loop
+loop.urdf:16: link 'tip' has a second parent, by joint 'loop'
+cloth_z_up.urdf: it has no joint that moves, so there is nothing to check
 """,
         remedy="""Remove the joint that closes the loop, join the roots, or give the links mass
         and inertia.""",

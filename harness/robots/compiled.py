@@ -14,6 +14,7 @@ from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import readers
 from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.robots.compiled_tree import KINDS, compiled_robot, compiled_tree
 from physics_crosscheck.harness.robots.robot import LeftOut, Obstacle, Robot, refused
 from physics_crosscheck.reference.multibody.tree import Tree, TreeError
@@ -51,7 +52,7 @@ def read_compiled_robot(
     try:
         found = engine.compiled(path)
     except EngineError as error:
-        return _refused(error.file or path, [error.sentence], line=error.line or 0)
+        return _refused(error.file or path, [error.sentence], line=error.line or 0, kind="file")
     if not actuated:
         own = tuple(pull for pull in found.pulls if pull.control < 0)
         found = replace(found, pulls=own, controls=0)
@@ -96,8 +97,11 @@ def _refused(
     left_out: tuple[LeftOut, ...] = (),
     name: str = "",
     line: int = 0,
+    kind: CaseKind = "unsupported",
 ) -> Robot:
     """Without a tree, for all of these."""
     remedy = "`crosscheck compare` holds it against another file without equations"
-    obstacles = [Obstacle(sentence=one, file=path, line=line, remedy=remedy) for one in sentences]
+    obstacles = [
+        Obstacle(sentence=one, file=path, line=line, remedy=remedy, kind=kind) for one in sentences
+    ]
     return refused(path, name or path.stem, obstacles, left_out=left_out)

@@ -14,6 +14,7 @@ from physics_crosscheck.harness.files.brief import brief
 from physics_crosscheck.harness.files.locations.location import LocationError, RefusedError, Source
 from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.files.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.robots.robot import Obstacle
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -84,10 +85,13 @@ class Document:
         """Line of a byte, from 1."""
         return bisect_right(self._ends, offset) + 1
 
-    def hinder(self, element: RawElement, sentence: str, remedy: str) -> None:
+    def hinder(
+        self, element: RawElement, sentence: str, remedy: str, kind: CaseKind = "robot"
+    ) -> None:
         """Note what makes it impossible to build a tree."""
+        line = self.line(element)
         self.obstacles.append(
-            Obstacle(sentence=sentence, file=self.path, line=self.line(element), remedy=remedy)
+            Obstacle(sentence=sentence, file=self.path, line=line, remedy=remedy, kind=kind)
         )
 
     def child(self, element: RawElement, tag: str) -> RawElement | None:
@@ -116,6 +120,7 @@ class Document:
                 element,
                 f"{key} of {what} is {brief(text)}, where {wanted}",
                 EXPAND if _UNEXPANDED.search(text) else remedy,
+                "file",
             )
             return default
         return found
@@ -134,6 +139,7 @@ class Document:
                 element,
                 f"<{element.tag}> of {what} is {brief(element.text.strip())}, where {wanted}",
                 "write a number" if count == 1 else f"write {count}, with blanks between them",
+                "file",
             )
             return default
         return found

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.reference.multibody.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.multibody.tree import WORLD, Fluid, Tree
 from physics_crosscheck.reference.numeric import Array
@@ -22,12 +23,14 @@ class Obstacle:
         file: in which it stands.
         line: of the file, counted from 1; 0 where it is no line's.
         remedy: what to do about it.
+        kind: `robot` for a structure that is no tree, `file` for what can't be read, `unsupported`.
     """
 
     sentence: str
     file: Path
     line: int
     remedy: str
+    kind: CaseKind = "robot"
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else f"{self.file}"

@@ -114,12 +114,17 @@ def chosen_model(
         document.hinder(one, "a second <world> of one file", "keep one")
     model = _only_model(document, chosen, [root, *worlds])
     for one in (joint for world in worlds for joint in world.children if joint.tag == "joint"):
-        document.hinder(one, "a <joint> between models is not covered", "write both into one model")
+        document.hinder(
+            one,
+            "a <joint> between models is not covered",
+            "write both into one model",
+            "unsupported",
+        )
     if model is None:
         return None, None
     for one in _within(model):
         if one.tag in _UNCOVERED:
-            document.hinder(one, f"<{one.tag}> is not covered", _UNCOVERED[one.tag])
+            document.hinder(one, f"<{one.tag}> is not covered", _UNCOVERED[one.tag], "unsupported")
     return model, worlds[0] if worlds else None
 
 
@@ -157,6 +162,7 @@ def _only_model(
             includes[0],
             "<include> is not covered, and no model that moves stands in the file itself",
             _UNCOVERED["include"],
+            "unsupported",
         )
     elif models:
         static = next(one for one in models[0].children if one.tag == "static")

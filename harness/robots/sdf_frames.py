@@ -38,7 +38,12 @@ def read_pose(document: Document, owner: RawElement, what: str) -> Pose:
         return Pose(HERE, "")
     relative_to = element.attributes.get("relative_to", "")
     if element.attributes.get("frame", ""):
-        document.hinder(element, f"frame= of the pose of {what} is not covered", "use relative_to=")
+        document.hinder(
+            element,
+            f"frame= of the pose of {what} is not covered",
+            "use relative_to=",
+            "unsupported",
+        )
     if element.attributes.get("rotation_format") == "quat_xyzw":
         default = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         x, y, z, i, j, k, w = document.text_numbers(element, default, what)

@@ -127,6 +127,7 @@ def _joint(document: Document, frames: Frames, element: RawElement, name: str) -
             element,
             f"{what} is of type {brief(kind)}, which is not covered",
             f"types are {', '.join(KINDS)}",
+            "unsupported",
         )
     parents = (one.text.strip() for one in element.children if one.tag == "parent")
     ends = {"parent": next(parents, ""), "child": child_of(element)}

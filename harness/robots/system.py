@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.robots.robot import Obstacle, Robot
 from physics_crosscheck.harness.text.status import counted
 from physics_crosscheck.reference.multibody.chart import coordinate_names
@@ -14,13 +15,13 @@ class RobotError(ValueError):
 
     Attributes:
         obstacles: the problems that prevent building the tree, each with its line.
+        kind: of the first of them.
     """
-
-    kind = "robot"
 
     def __init__(self, message: str, obstacles: tuple[Obstacle, ...] = ()) -> None:
         super().__init__(message)
         self.obstacles = obstacles
+        self.kind: CaseKind = obstacles[0].kind if obstacles else "robot"
 
 
 def robot_system(robot: Robot) -> TreeSystem:

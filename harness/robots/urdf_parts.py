@@ -96,6 +96,7 @@ def read_joint(document: Document, element: RawElement, name: str) -> UrdfJoint:
             element,
             f"{what} is planar, which is not covered",
             "write two prismatic joints and a continuous one",
+            "unsupported",
         )
     elif kind not in KINDS:
         document.hinder(
@@ -261,6 +262,7 @@ def _text(document: Document, element: RawElement | None, joint: str) -> float:
             f"<{element.tag}> of joint {brief(joint)} is {brief(element.text.strip())}, where a"
             " finite number belongs",
             EXPAND if "$" in element.text else "write a number",
+            "file",
         )
         return 0.0
     return found[0]

@@ -106,7 +106,7 @@ def test_one_freedom_too_many_differs_and_is_named(oscillator: Prepared, tmp_pat
         if one.severity == "finding"
     )
     assert audited.kind == "freedom"
-    assert audited.message.startswith("fall accelerates with ")
+    assert audited.message.startswith("fall accelerates away from the coordinate map with ")
     diagnosis = diagnose_model(diagnosis_task(oscillator, sidecar, "known"))
     assert not diagnosis.explained
     assert diagnosis.failure.endswith(": fall")

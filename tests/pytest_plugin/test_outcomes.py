@@ -86,7 +86,7 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
             "DIFFERS: x_dot ends the segment at t = * of its movement off; *",
             "  discrepancy *e-06, uncertainty *",
             "*_ mass_spring_damper/mujoco.xml/audit [[]mujoco] _*",
-            f"*mujoco.xml:{line}: joint[[]x]@stiffness is 47.000047 where k = 47.0 *",
+            f"*mujoco.xml:{line}: joint[[]x]@stiffness is 47.000047, but k = 47.0 *",
             f"FAILED {MSD}/mujoco.xml/free - DIFFERS*",
         ]
     )
