@@ -136,7 +136,7 @@ def test_the_audit_tells_the_size_and_finds_nothing_wrong(hinge: Prepared, right
     assert 1e-13 < remark.found < 1e-8
     assert remark.location is not None
     assert remark.location.line == 4
-    assert "the engine's own loss of digits" in said(found, "inertia", "note")
+    assert "the engine's own rounding explains it" in said(found, "inertia", "note")
     assert "loss of digits" not in "".join(one.message for one in audit(hinge, exact(right)))
 
 

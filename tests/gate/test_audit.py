@@ -50,7 +50,7 @@ def test_a_number_on_which_no_motion_depends_is_a_change_with_its_line(
         assert change.status is Status.CHANGED
         assert change.kinds == ("audit",)
         (said,) = change.messages
-        assert said.startswith(f"the audit finds {file}:{line}: SPARE is 1.4 where m = 1.3")
+        assert said.startswith(f"the audit finds {file}:{line}: SPARE is 1.4, but m = 1.3")
     (note,) = notes(found)
     assert (note.file, note.line, note.level) == (file, line, "error")
 
@@ -65,7 +65,7 @@ def test_what_was_accepted_of_an_audit_passes_until_it_is_another(
     audit = read_baseline(repository.baseline)[SYSTEM].audits[MODEL]
     assert audit.reason == "a spare part, ordered so"
     (kept,) = audit.findings
-    assert kept.message.startswith("SPARE is 1.4 where m = 1.3")
+    assert kept.message.startswith("SPARE is 1.4, but m = 1.3")
     assert str(repository.root) not in repository.file.read_text()
     assert repository.gate("pymunk").passes
     # Run again, it is what was accepted; in a run of all too.

@@ -95,6 +95,8 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     assert not re.search(r"collect\.py|runner\.py|Error\b", shown)
     named = [one.func for one in asked if isinstance(one, partial)]
     assert named.count(tasks.diagnosis) == 1
+    cases = ET.parse(project.path / "j.xml").getroot().iter("testcase")
+    assert [properties(one)["code"] for one in cases] == ["XC301", "XC301", "XC123"]
     failure = junit(project, "failure")
     assert "joint[x]@stiffness" in failure.get("message", "")
     assert failure.text is not None
