@@ -10,17 +10,20 @@ from physics_crosscheck.harness.cli.gate import LateProgress, meant
 from physics_crosscheck.harness.files.folders import check_engines, check_no_robots
 from physics_crosscheck.harness.gate.accept import AcceptError, accept
 from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.gate.text import accepted_lines
 from physics_crosscheck.harness.text.github import in_ci
+from physics_crosscheck.harness.text.terminal import terminal
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
     """Run what changed, and write what was found into the baseline."""
     if in_ci():
-        print("crosscheck: accept is a person's decision and is refused in CI", file=sys.stderr)
+        print("crosscheck: accept needs a person and is refused in CI", file=sys.stderr)
         return USAGE
     reason = " ".join(options.reason.split())
     if not reason:
-        print("crosscheck: --reason is empty; say why this is right", file=sys.stderr)
+        print("crosscheck: --reason is empty. State why the results are right.", file=sys.stderr)
         return USAGE
     check_engines(options.engine)
     check_no_robots(options.cases)
@@ -32,12 +35,9 @@ def main(options: argparse.Namespace) -> int:
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
-    for case in done.cases:
-        print(f"accepted {case}")
-    for path in done.files:
-        print(path)
-    if not done.cases:
-        print("every case is as accepted; nothing to accept")
+    with_cases = getattr(options, "verbose", False)
+    for line in accepted_lines(done.cases, done.files, terminal().width, with_cases=with_cases):
+        print(visible(line))
     for case in done.left:
-        print(f"crosscheck: {case}: its engine is not installed; left as it was", file=sys.stderr)
+        print(f"crosscheck: {case} is unchanged: its engine is not installed", file=sys.stderr)
     return FAIL if done.left else AGREE

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.place import DEFAULT
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.files.folders import check_engines, system_folders
@@ -22,6 +24,7 @@ from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.text.github import commands, print_commands, write_summary
 from physics_crosscheck.harness.text.progress import Progress
+from physics_crosscheck.harness.text.terminal import terminal
 from physics_crosscheck.harness.text.visible import visible
 
 
@@ -31,10 +34,8 @@ def main(options: argparse.Namespace) -> int:
     folders, what = meant(options)
     with LateProgress() as progress:
         found = gate(folders, what, progress)
-    for line in gate_lines(found):
+    for line in gate_lines(found, terminal().width, _accept_options(options)):
         print(visible(line))
-    if found.results is not None and not found.baseline:
-        print(f"nothing is accepted in {options.baseline} yet; see `crosscheck accept --help`")
     print_commands(commands(notes(found), os.environ))
     sys.stdout.flush()
     text = summary(found)
@@ -42,6 +43,14 @@ def main(options: argparse.Namespace) -> int:
     write_whole(options.out / "summary.md", text)
     write_whole(options.out / "gate.json", encoded(found.record(), indent=1))
     return code(found)
+
+
+def _accept_options(options: argparse.Namespace) -> list[str]:
+    """Return the options that `crosscheck accept` needs to find the same cases."""
+    words = [f"--folder {shlex.quote(str(name))}" for name in options.folders]
+    if options.baseline != DEFAULT:
+        words.append(f"--baseline {shlex.quote(str(options.baseline))}")
+    return words
 
 
 def code(found: GateResult) -> int:

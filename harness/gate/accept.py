@@ -24,6 +24,7 @@ from physics_crosscheck.harness.records.baseline import AcceptedCase, Declared
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.status import counted
 
 _UNMOVED = (Status.SAME, Status.WITHIN, Status.KNOWN)
 
@@ -104,14 +105,17 @@ def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
     """
     for pattern in patterns:
         if not any(_matches(change, pattern) for change in found.changes):
-            known = sorted(str(change.id) for change in found.changes)[:8]
-            raise FolderError(f"no case matches {pattern!r}; there are {', '.join(known)}, ...")
+            known = sorted({f"{c.id.system}/{c.id.model}/{c.id.scenario}" for c in found.changes})[
+                :4
+            ]
+            hint = f" Use --folder {pattern} to choose a folder." if Path(pattern).is_dir() else ""
+            raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(known)}.{hint}")
     asked = [c for c in found.changes if not patterns or any(_matches(c, p) for p in patterns)]
     failed = [c for c in asked if c.status is Status.NOT_RUN and not _absent(c)]
     if failed:
         raise AcceptError(
             f"{failed[0].id} can't be accepted: {failed[0].messages[0]}; nothing was written"
-            + (f" ({len(failed) - 1} more like it)" if len(failed) > 1 else "")
+            + (f" ({counted(len(failed) - 1, 'more case')} could not run)" if failed[1:] else "")
         )
     return asked
 
@@ -212,6 +216,8 @@ def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str]
         for name in (model, f"{model}.toml", "system.py"):
             data = (scan.folder / name).read_bytes()
             if digest_of(data) != change.files[name]:
-                raise AcceptError(f"{scan.folder / name}: changed while it was run; accept again")
+                raise AcceptError(
+                    f"{scan.folder / name}: changed during the run. Run crosscheck accept again."
+                )
             texts[change.id.system, name] = data
     return texts

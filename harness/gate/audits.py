@@ -42,7 +42,7 @@ def _with_audit(
     if model is None or change.status is Status.NOT_RUN:
         return change
     if model.audit is None:
-        failed = f"its audit failed: {model.audit_failure or 'it was not done'}"
+        failed = f"its audit failed: {model.audit_failure or 'it did not run'}"
         return replace(change, status=Status.NOT_RUN, messages=(failed, *change.messages))
     new = unaccepted(model, None if one is None else one.audits.get(of_model))
     if not new or (change.status.passes and of_model in moved):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,13 +21,29 @@ MOST_LINES = 12
 MOST_SHOWN = 100
 
 
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+
+_LAST_NAME = re.compile(r"""([A-Za-z_][\w.-]*)\s*(?:=|>|\[|\()[^=<>]*$""")
+"""The attribute, element or variable whose value a number is."""
+
+
 @dataclass(frozen=True)
 class ChangedLine:
-    """A changed place: file, line (from 1) and what changed there, in one sentence."""
+    """A changed place of a file.
+
+    Attributes:
+        file: its path.
+        line: counted from 1.
+        message: one sentence on what changed.
+        edit: the same in a few words, such as `damping 0.05 -> 0.06`; empty: no line of a text.
+        old: the number that was accepted; empty where more than a number changed.
+    """
 
     file: Path
     line: int
     message: str
+    edit: str = ""
+    old: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +63,11 @@ class FileDiff:
     models: tuple[str, ...]
     lines: tuple[ChangedLine, ...]
     more: int = 0
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the file is outside of the system's folder."""
+        return self.name.startswith("../") or Path(self.name).is_absolute()
 
     def concerns(self, change: Change) -> bool:
         """Whether a case depends on the file."""
@@ -92,19 +114,21 @@ def _changed_lines(
 ) -> tuple[list[ChangedLine], int]:
     file = folder / name
     if name == BESIDE:
-        return [ChangedLine(folder, 1, "a file beside the models changed, came or went")], 0
+        return [
+            ChangedLine(folder, 1, "a file beside the models changed, or was added or removed")
+        ], 0
     if file.is_dir():
-        return [ChangedLine(folder, 1, f"in {name} something came or went")], 0
+        return [ChangedLine(folder, 1, f"files were added to or removed from {name}")], 0
     if not file.is_file():
-        return [ChangedLine(folder, 1, f"{name} is gone")], 0
+        return [ChangedLine(folder, 1, f"{name} was removed")], 0
     if accepted == ABSENT:
-        return [ChangedLine(file, 1, "is there now, and was not")], 0
+        return [ChangedLine(file, 1, "was added")], 0
     if not accepted:
-        return [ChangedLine(file, 1, "is used now, and was not")], 0
+        return [ChangedLine(file, 1, "is read now and was not read before")], 0
     old = accepted_text(baseline, system, name, accepted)
     if old is None:
         return [
-            ChangedLine(file, 1, "changed; the accepted text is not kept, so no lines are told")
+            ChangedLine(file, 1, "changed; the accepted text is not kept, so its lines are unknown")
         ], 0
     new = file.read_text(encoding="utf-8", errors="replace")
     found = _literals(file, name, old, new, models)
@@ -132,9 +156,21 @@ def _literals(
             within = address.removeprefix("sidecar:")
             before, after = (_place(file, text, within) for text in (old, new))
             if before and after and before.value != after.value:
-                said = f"{within} {before.text} -> {after.text}, bound to {expression}"
-                found.append(ChangedLine(file, after.line, said))
+                moved = f"{before.text} -> {after.text}"
+                said = f"{within} {moved}, bound to {expression}"
+                edit = f"{_spoken(within)} {moved}"
+                found.append(ChangedLine(file, after.line, said, edit, before.text))
     return found
+
+
+def _spoken(address: str) -> str:
+    """Return the address of a literal in words: `joint[x]@damping` is `damping of joint x`."""
+    *_, name = re.split(r"[@/]", address.removesuffix("@value"))
+    owners = re.findall(r"(\w+)\[([^\]@/]*[^\]@/\d][^\]@/]*)\]", address)
+    if not owners or name.startswith(f"{owners[-1][0]}["):
+        return name
+    kind, owner = owners[-1]
+    return f"{name} of {kind} {owner}"
 
 
 def _place(file: Path, text: str, address: str) -> Location | None:
@@ -152,11 +188,29 @@ def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
         if tag == "equal":
             continue
         for i in range(c, d):
-            found.append(ChangedLine(file, i + 1, f"+ {_short(after[i])}"))
+            was = before[a + i - c] if b - a == d - c else None
+            found.append(_changed_line(file, i + 1, was, after[i]))
         if c == d:
             gone = [line for line in before[a:b] if line.strip()] or before[a:b]
-            found.append(ChangedLine(file, max(c, 1), f"- {_short(gone[0])}"))
+            text = _short(gone[0])
+            found.append(ChangedLine(file, max(c, 1), f"- {text}", f"removed: {text}"))
     return found
+
+
+def _changed_line(file: Path, line: int, old: str | None, new: str) -> ChangedLine:
+    """Return a changed line: the number that changed, if it is one alone, or the new text."""
+    message = f"+ {_short(new)}"
+    if old is None:
+        return ChangedLine(file, line, message, f"added: {_short(new)}")
+    was, now = (list(_NUMBER.finditer(text)) for text in (old, new))
+    if len(was) == len(now) and _NUMBER.sub("0", old) == _NUMBER.sub("0", new):
+        pairs = [(x, y) for x, y in zip(was, now, strict=True) if x[0] != y[0]]
+        if len(pairs) == 1:
+            (before, after), *_ = pairs
+            name = _LAST_NAME.search(new[: after.start()])
+            label = f"{name[1]} " if name else ""
+            return ChangedLine(file, line, message, f"{label}{before[0]} -> {after[0]}", before[0])
+    return ChangedLine(file, line, message, f"changed to: {_short(new)}")
 
 
 def _short(line: str) -> str:

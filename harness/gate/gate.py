@@ -37,7 +37,7 @@ from physics_crosscheck.harness.run import Options, Run, Selection, run
 Progress = Callable[[int, int, Case | None], None]
 """Called with (cases done, cases known, the case just done or None)."""
 
-_GONE = "it was accepted, and there is no such case now"
+_GONE = "accepted earlier, but the case no longer exists"
 
 
 def gate(folders: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:

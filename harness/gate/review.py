@@ -15,7 +15,7 @@ from physics_crosscheck.harness.text.status import counted
 ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
 """Of what a person is asked each by each."""
 
-KEYS = "[a]ccept  [A]ccept with the others of this file  [r]eject  [s]kip  [q]uit"
+KEYS = "[a]ccept  [A]ccept all of this file  [r]eject  [s]kip  [q]uit"
 
 Ask = Callable[[str], str]
 """Shows a question, and returns the line that was typed; EOFError: there is nobody any more."""
@@ -104,7 +104,7 @@ class Review:
         """A reason; an empty line is the last one again."""
         again = f" [{self._reason}]" if self._reason else ""
         while True:
-            said = " ".join(self._ask(f"why is this right?{again} ").split()) or self._reason
+            said = " ".join(self._ask(f"Why is this right?{again} ").split()) or self._reason
             if said:
                 self._reason = said
                 return said
@@ -116,11 +116,11 @@ class Review:
             return
         self._tell("")
         self._tell(
-            f"{counted(len(unmoved), 'case')} with other files or versions, moving as accepted"
+            f"{counted(len(unmoved), 'case')} moved as accepted after a change of files or versions"
         )
         key = ""
         while key not in ("a", "s"):
-            key = self._ask("[a]ccept, with the reasons that they have  [s]kip ? ").strip()
+            key = self._ask("[a]ccept and keep the reasons  [s]kip ? ").strip()
         if key == "a":
             self._decided.reasons |= {one.id: self._reason or "no change" for one in unmoved}
             self._decided.kept |= {one.id for one in unmoved}

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.gate.file_diffs import FileDiff
+from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.text.causes import cause_sentences
 from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.versions import wrapped, wrapped_command
 from physics_crosscheck.harness.text.visible import visible_lines
 
 QUIET = (Status.SAME,)
 """Cases of which a log says nothing but their number."""
 
 MOST_TOLD = 200
-"""Cases told in a log or a summary: beyond, the results say more."""
+"""Cases of a summary; gate.json has all."""
+
+MOST_GROUPS, MOST_CASES, MOST_EDITS, MOST_KNOWN, MOST_PATTERNS = 20, 12, 12, 5, 3
+"""Models, cases of a model, edits, known differences and patterns that a terminal shows."""
 
 _MARKUP = re.compile(r"[<>|`*~\[\]!\\$#]|(?<![^\W_])_|_(?![^\W_])")
 """Characters that Markdown, or GitHub's formulas, read as markup."""
@@ -29,19 +35,236 @@ _REFERENCE = re.compile(r"@|&#35;(?=\d)|www(?=\.)|https?(?=:)|ftp(?=:)")
 behind it ends it."""
 
 
-def gate_lines(found: GateResult) -> list[str]:
-    """Plain lines: each case that is not simply as accepted, what changed in the files, a total."""
+def gate_lines(found: GateResult, width: int = 80, given: Sequence[str] = ()) -> list[str]:
+    """Return what a terminal shows: the verdict, the edit, what to do, each case, and a total.
+
+    Args:
+        found: by the gate.
+        width: columns of the terminal.
+        given: options that `crosscheck accept` needs to see the same cases.
+    """
+    if not found.changes:
+        return [*_headline(found, width), *_failures(found, width)]
+    if found.passes:
+        return [*_headline(found, width), *_remarks(found, width)]
+    lines = [*_headline(found, width), *_edit_list(found, width), *_remedy(found, width, given)]
+    lines += _failures(found, width)
+    for text in _causes(found):
+        lines += wrapped(text, width)
+    bad = [change for change in found.changes if not change.status.passes]
+    groups, place = _groups(bad), _sole_edit(found, bad)
+    for group in groups[:MOST_GROUPS]:
+        named = bool(place) and place[0].file.name == group[0].id.model
+        lines += _group_lines(group, width, with_audit=not named)
+    if len(groups) > MOST_GROUPS:
+        more = counted(len(groups) - MOST_GROUPS, "model")
+        lines.append(f"  and {more} more, listed in gate.json")
+    return [*lines, *wrapped(f"{verdict(found)}: {total(found)}", width)]
+
+
+def verdict(found: GateResult) -> str:
+    """Return the word that the output begins with: `ok`, `FAIL` or `ERROR`."""
+    if found.passes:
+        return "ok"
+    cannot_tell = found.of(Status.NOT_RUN) or not found.changes or found.failures
+    return "ERROR" if cannot_tell else "FAIL"
+
+
+def _headline(found: GateResult, width: int) -> list[str]:
+    """Return the verdict with what made it: one edit, one engine upgrade, or the counts."""
+    word = verdict(found)
+    if not found.changes:
+        return wrapped(f"{word}  no cases found. Name a system folder: crosscheck gate DIR", width)
+    if word == "ok":
+        return wrapped(f"ok: {total(found)}", width)
+    bad = [change for change in found.changes if not change.status.passes]
+    what = f"{len(bad)} of {counted(len(found.changes), 'case')}"
+    status = _one({change.status for change in bad})
+    if place := _sole_edit(found, bad):
+        edit = ", ".join(line.edit for line in place)
+        effect = "broke" if status is Status.NOT_RUN else "changed"
+        where = f"{_relative(place[0].file)}:{place[0].line}"
+        if all(line.old for line in place):
+            return wrapped(f"{word}  {where} {edit} {effect} {what}", width)
+        return wrapped(f"{word}  {where} {effect} {what}; {edit}", width)
+    if status is Status.CHANGED and (upgrade := _one({_upgrade(change) for change in bad})):
+        return wrapped(f"{word}  {upgrade} changed {what}", width)
+    if not bad:
+        return wrapped(f"{word}  {counted(len(found.failures), 'check')} failed", width)
+    if status is Status.NEW:
+        return wrapped(f"{word}  {what} {_be(bad)} new: the baseline has no entry for them", width)
+    if status is not None:
+        verb = f"{_be(bad)} {status}" if status is Status.GONE else f"{status}"
+        return wrapped(f"{word}  {what} {verb}", width)
+    counts = Counter(change.status for change in bad)
+    parts = [f"{counts[one]} {one}" for one in Status if counts[one]]
+    return wrapped(f"{word}  {what}: {', '.join(parts)}", width)
+
+
+def _be(changes: Sequence[Change]) -> str:
+    return "is" if len(changes) == 1 else "are"
+
+
+Item = TypeVar("Item")
+
+
+def _one(items: Collection[Item]) -> Item | None:
+    """Return the item of a collection of one, else None."""
+    return next(iter(items)) if len(items) == 1 else None
+
+
+def _upgrade(change: Change) -> str:
+    """Return how the engine's version changed; empty where it did not."""
+    was, now = change.entry, change.now
+    if was is None or now is None or was.engine_version == now.engine_version:
+        return ""
+    return f"{was.engine_version} -> {now.engine_version}"
+
+
+def _concerned(found: GateResult, bad: Sequence[Change]) -> list[FileDiff]:
+    return [diff for diff in found.file_diffs if any(map(diff.concerns, bad))]
+
+
+def _sole_edit(found: GateResult, bad: Sequence[Change]) -> list[ChangedLine]:
+    """Return the edits of one line, if it is the only one and concerns every case that fails.
+
+    Files outside of the folder, such as an engine's own modules, do not count.
+    """
+    diffs = [diff for diff in _concerned(found, bad) if not diff.is_outside]
+    lines = [line for diff in diffs for line in diff.lines]
+    places = {(line.file, line.line) for line in lines}
+    whole = len(diffs) == 1 and all(map(diffs[0].concerns, bad)) and not diffs[0].more
+    return lines if whole and len(places) == 1 and all(line.edit for line in lines) else []
+
+
+def _edit_list(found: GateResult, width: int) -> list[str]:
+    """Return the edits, unless the headline has the only one; other files in a line."""
+    bad = [change for change in found.changes if not change.status.passes]
+    diffs = _concerned(found, bad)
+    edits = [line for diff in diffs for line in diff.lines if line.edit]
+    shown = [] if _sole_edit(found, bad) else edits[:MOST_EDITS]
     lines = []
-    told = [change for change in found.changes if change.status not in QUIET]
-    for change in told[:MOST_TOLD]:
-        lines += change_lines(change)
-    if len(told) > MOST_TOLD:
-        lines.append(f"and {len(told) - MOST_TOLD} more")
-    for diff in found.file_diffs:
-        lines += diff_lines(diff)
-    lines += _causes(found)
-    lines += [f"FAILED {failure}" for failure in found.failures]
-    return [*lines, total(found)]
+    for line in shown:
+        lines += wrapped(f"  {_relative(line.file)}:{line.line} {line.edit}", width)
+    more = sum(diff.more for diff in diffs) + len(edits[len(shown) :] if shown else ())
+    if more:
+        lines.append(f"  and {counted(more, 'more edit')}, listed in summary.md")
+    inside = [diff for diff in diffs if not diff.is_outside]
+    for line in [one for diff in inside for one in diff.lines if not one.edit][:MOST_EDITS]:
+        lines += wrapped(f"  {_relative(line.file)}: {line.message}", width)
+    outside = {diff.name for diff in diffs if diff.is_outside}
+    if outside:
+        files = counted(len(outside), "file")
+        lines += wrapped(f"  also changed: {files} outside of the folder, see gate.json", width)
+    return lines
+
+
+def _remedy(found: GateResult, width: int, given: Sequence[str]) -> list[str]:
+    """Return what to do: undo the edit, or accept what changed, with the command for it."""
+    bad = [change for change in found.changes if not change.status.passes]
+    usable = [change for change in bad if change.status is not Status.NOT_RUN]
+    if len(usable) < len(bad) or not bad:
+        return wrapped("Fix: correct the error below and run crosscheck gate again.", width)
+    place = _sole_edit(found, bad)
+    if len(place) == 1 and place[0].old:
+        undo = f"set it back to {place[0].old}, or accept the change:"
+    else:
+        undo = {
+            Status.NEW: "accept them:",
+            Status.GONE: "restore the files, or accept the removal:",
+        }.get(usable[0].status, "undo the edit, or accept the change:")
+    words = ["crosscheck accept", '--reason "WHY"', *given, *_patterns(usable)]
+    return [*wrapped(f"Fix: {undo}", width), *wrapped_command(words, width)]
+
+
+def _patterns(changes: Sequence[Change]) -> list[str]:
+    """Return patterns for `crosscheck accept` that match the models of some cases; none: all."""
+    models = list(dict.fromkeys(f"{one.id.system}/{one.id.model}/*" for one in changes))
+    if len(models) > MOST_PATTERNS:
+        models = list(dict.fromkeys(f"{one.id.system}/*" for one in changes))
+    return [] if len(models) > MOST_PATTERNS else [shlex.quote(one) for one in models]
+
+
+def _failures(found: GateResult, width: int) -> list[str]:
+    return [line for failure in found.failures for line in wrapped(f"ERROR  {failure}", width)]
+
+
+def _remarks(found: GateResult, width: int) -> list[str]:
+    """Return a line for what passes and is not simply as accepted."""
+    lines = []
+    if better := _groups(found.of(Status.IMPROVED)):
+        names = ", ".join(f"{group[0].id.system}/{group[0].id.model}" for group in better)
+        lines += wrapped(f"  improved: {names}; crosscheck accept keeps the improvement", width)
+    known = Counter(
+        f"{change.id.system}/{change.id.model}: {change.entry.outcome} ({change.entry.reason})"
+        for change in found.of(Status.KNOWN)
+        if change.entry is not None
+    )
+    for text, number in known.most_common(MOST_KNOWN):
+        lines += wrapped(f"  {counted(number, 'known difference')} in {text}", width)
+    if len(known) > MOST_KNOWN:
+        lines.append(f"  and {len(known) - MOST_KNOWN} more, listed in gate.json")
+    return lines
+
+
+def _groups(changes: Sequence[Change]) -> list[list[Change]]:
+    """Return cases of one model and status together, in the order of the worst."""
+    found: dict[tuple[str, str, Status], list[Change]] = {}
+    for change in changes:
+        found.setdefault((change.id.system, change.id.model, change.status), []).append(change)
+    return list(found.values())
+
+
+def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> list[str]:
+    """Return a line for each case of a model; what holds for all of them once.
+
+    Args:
+        group: cases of one model.
+        width: columns.
+        with_audit: whether to repeat what the audit finds; the headline may have said it.
+    """
+    first = group[0]
+    lines = wrapped(f"{first.status}  {first.id.system}/{first.id.model}", width)
+    said = [
+        [text for text in sentences(one) if with_audit or not text.startswith("the audit")]
+        for one in group
+    ]
+    shared = [text for text in said[0] if all(text in others for others in said)]
+    own: dict[str, list[str]] = {}
+    for change, texts in zip(group, said, strict=True):
+        text = "; ".join(text for text in texts if text not in shared)
+        own.setdefault(text, []).append(f"{change.id.scenario} [{change.id.engine}]")
+    for text, names in list(own.items())[:MOST_CASES]:
+        lines += wrapped(f"  {', '.join(names)}{': ' if text else ''}{text}", width)
+    if len(own) > MOST_CASES:
+        lines.append(f"  and {counted(len(own) - MOST_CASES, 'case')} more, listed in gate.json")
+    for text in shared:
+        lines += wrapped(f"  {text}", width)
+    return lines
+
+
+def accepted_lines(
+    cases: Sequence[str], files: Sequence[Path], width: int, *, with_cases: bool = False
+) -> list[str]:
+    """Return what was accepted: a line for each system, and where it was written.
+
+    Args:
+        cases: ids of those whose entry is new or changed.
+        files: of the baseline that were written.
+        width: columns.
+        with_cases: whether to list the cases.
+    """
+    lines = []
+    for system, number in Counter(case.partition("/")[0] for case in cases).items():
+        lines += wrapped(f"Accepted {counted(number, 'case')} of {system}", width)
+    if not cases:
+        lines.append("Nothing to accept: every case is as accepted")
+    if with_cases:
+        lines += [line for case in cases for line in wrapped(f"  {case}", width)]
+    if files:
+        where = sorted({str(file.parent) for file in files}, key=len)[0]
+        lines += wrapped(f"Wrote {counted(len(files), 'file')} in {where}. Commit them.", width)
+    return lines
 
 
 def change_lines(change: Change) -> list[str]:
@@ -54,26 +277,28 @@ def change_lines(change: Change) -> list[str]:
 def diff_lines(diff: FileDiff) -> list[str]:
     """What changed in a file."""
     models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
-    lines = [f"changed file of {diff.system}: {diff.name}{models}"]
+    lines = [f"changed in {diff.system}: {diff.name}{models}"]
     lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
-    return [*lines, f"  and {counted(diff.more, 'line')} more"] if diff.more else lines
+    return [*lines, f"  and {counted(diff.more, 'more line')}"] if diff.more else lines
 
 
 def total(found: GateResult) -> str:
-    """One line: how many cases of each kind, how many were run, and the verdict."""
-    counts = Counter(change.status for change in found.changes)
-    parts = [f"{counts[status]} {status}" for status in Status if counts[status]]
-    ran = sum(change.case is not None for change in found.changes)
-    verdict = "the gate passes" if found.passes else "the gate fails"
+    """Return one line: how many cases of each kind, how many were run, and the time."""
     if not found.changes:
-        return "no case at all: the gate fails"
-    told = f"{counted(len(found.changes), 'case')}: {', '.join(parts)}"
-    return f"{told}; {ran} run, {found.seconds:.1f} s: {verdict}"
+        return "no cases found"
+    counts = Counter(change.status for change in found.changes)
+    ran = sum(change.case is not None for change in found.changes)
+    cost = f"({ran} run, {found.seconds:.1f} s)"
+    cases = counted(len(found.changes), "case")
+    if len(counts) == 1:
+        return f"{cases} {next(iter(counts))} {cost}"
+    parts = [f"{counts[status]} {status}" for status in Status if counts[status]]
+    return f"{cases}: {', '.join(parts)} {cost}"
 
 
 def summary(found: GateResult) -> str:
     """The findings as Markdown."""
-    lines = [f"## crosscheck gate: {'passes' if found.passes else 'fails'}", "", total(found), ""]
+    lines = [f"## crosscheck gate: {verdict(found)}", "", total(found), ""]
     told = [change for change in found.changes if change.status not in QUIET]
     if told:
         lines += ["| case | | what changed | |", "|---|---|---|---|"]
@@ -90,7 +315,7 @@ def summary(found: GateResult) -> str:
             for one in diff.lines
         ]
         if diff.more:
-            lines.append(f"- and {counted(diff.more, 'line')} more")
+            lines.append(f"- and {counted(diff.more, 'more line')}")
     causes = [*_causes(found), *(f"FAILED {failure}" for failure in found.failures)]
     if causes:
         lines += ["", *(f"- {_cell(cause.strip())}" for cause in causes)]

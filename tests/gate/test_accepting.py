@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -16,6 +18,8 @@ from physics_crosscheck.harness.cli.run import exit_code
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.files.folders import FolderError
 from physics_crosscheck.harness.gate.accept import AcceptError
+from physics_crosscheck.harness.gate.file_diffs import _lines
+from physics_crosscheck.harness.gate.text import gate_lines
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
@@ -193,11 +197,45 @@ def test_accept_and_gate_work_from_the_command_line(
         monkeypatch.delenv(name, raising=False)
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     assert cli.main(["gate"]) == DIFFER
-    assert "space.py:7: DAMPING 0.9 -> 0.91, bound to c" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "space.py:7 DAMPING 0.9 -> 0.91 changed 3 of 12 cases" in " ".join(out.split())
     assert cli.main(["accept", "--reason", "a new damper", "*/space.py/*"]) == AGREE
-    assert f"accepted {SYSTEM}/space.py/free [pymunk]" in capsys.readouterr().out
+    assert capsys.readouterr().out.startswith(f"Accepted 3 cases of {SYSTEM}\n")
     assert cli.main(["gate"]) == AGREE
-    assert "3 known difference, 9 as accepted; 0 run" in capsys.readouterr().out
+    assert "ok: 12 cases: 3 known difference, 9 as accepted (0 run" in capsys.readouterr().out
     assert cli.main(["accept", "--reason", "x", "nothing/*"]) == USAGE
     repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
     assert cli.main(["accept", "--reason", "all"]) == FAIL
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_first_lines_name_the_edit_and_the_remedy(repository: Repository, width: int) -> None:
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    lines = gate_lines(repository.gate("pymunk"), width)
+    top = " ".join(" ".join(lines[:8]).replace("\\", "").split())
+    assert re.match(r"FAIL  ?\S*space\.py:7 DAMPING 0\.9 -> 0\.91 changed 3 of 3 cases", top)
+    assert "Fix: set it back to 0.9, or accept the change:" in top
+    assert f"crosscheck accept --reason \"WHY\" '{SYSTEM}/space.py/*'" in top
+    assert all(len(line) <= width or " " not in line.strip() for line in lines)
+    assert lines[-1].startswith("FAIL: 3 cases changed (3 run, ")
+    assert sum("0.91" in line for line in lines) <= 4  # once an edit, once a case at most
+
+
+def test_what_passes_is_a_line(repository: Repository) -> None:
+    (line,) = gate_lines(repository.gate("pymunk"))
+    assert re.fullmatch(r"ok: 3 cases as accepted \(0 run, \d+\.\d s\)", line)
+
+
+@pytest.mark.parametrize(("old", "new", "edit"), [
+    ('<a b="1" c="2.50"/>', '<a b="1" c="2.75"/>', "c 2.50 -> 2.75"),
+    ("<ixx>0.1</ixx>", "<ixx>0.2</ixx>", "ixx 0.1 -> 0.2"),
+    ('k = Constant("k", 47.0)', 'k = Constant("k", 47.1)', "47.0 -> 47.1"),
+    ('<a b="1" c="2"/>', '<a b="3" c="4"/>', 'changed to: <a b="3" c="4"/>'),
+    ("<body>", "<body", "changed to: <body"),
+    ("x1 = 2", "x2 = 2", "changed to: x2 = 2"),
+])  # fmt: skip
+def test_an_edited_number_is_named(old: str, new: str, edit: str) -> None:
+    (line,) = _lines(Path("file"), f"first\n{old}\n", f"first\n{new}\n")
+    assert line.line == 2
+    assert line.edit.endswith(edit)
+    assert bool(line.old) == ("->" in edit)

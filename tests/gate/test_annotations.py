@@ -123,7 +123,7 @@ def test_a_changed_literal_is_annotated_at_its_line(
     assert "(and 2 cases more)" in made[0]
     assert "\x1b" not in out
     shown = (tmp_path / "summary.md").read_text()
-    assert "## crosscheck gate: fails" in shown
+    assert "## crosscheck gate: FAIL" in shown
     assert f"`models/mass_spring_damper/mujoco.xml:{line}`" in shown
     assert (repository.root / "reports/gate/summary.md").read_text() == shown
 

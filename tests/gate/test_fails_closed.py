@@ -108,7 +108,7 @@ def test_no_baseline_at_all_is_no_pass(
     repository.file.unlink()
     assert gate("models", "--engine", "pymunk") != AGREE
     out = capsys.readouterr().out
-    assert "3 new" in out
+    assert "3 of 3 cases are new" in out
     assert "nothing is accepted in reports/baseline yet" in out
 
 
@@ -120,7 +120,7 @@ def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(
     found = repository.gate()
     assert not found.passes
     told = [line.message for diff in found.file_diffs for line in diff.lines]
-    assert told == ["changed; the accepted text is not kept, so no lines are told"]
+    assert told == ["changed; the accepted text is not kept, so its lines are unknown"]
 
 
 def test_a_file_that_can_t_be_opened_is_named(
@@ -140,7 +140,7 @@ def test_a_file_that_can_t_be_opened_is_named(
     assert gate() == FAIL
     out = capsys.readouterr().out
     assert f"models/{SYSTEM}/robot.urdf: can't be read: Permission denied" in out
-    assert "6 as accepted; 1 run" in out
+    assert "6 as accepted (1 run" in out
 
 
 def test_a_missing_engine_exits_3(

@@ -51,7 +51,7 @@ def test_each_is_decided_with_its_reason_and_its_files_are_told_once(changed: Ga
     assert decided.reasons == {first.id: "a new damper"}
     assert (decided.rejected, decided.left) == ([second], [third])
     text = "\n".join(person.heard)
-    assert text.count(f"changed file of {SYSTEM}: space.py") == 1
+    assert text.count(f"changed in {SYSTEM}: space.py") == 1
     assert "DAMPING 0.9 -> 0.91" in text
     assert "1 of 3  CHANGED" in text
     assert "3 of 3  CHANGED" in text
@@ -103,7 +103,7 @@ def test_nobody_is_asked_where_nobody_sits(repository: Repository) -> None:
             env=given,
         )
         assert (done.returncode, done.stdout) == (USAGE, "")
-        assert "review asks a person at a terminal" in done.stderr
+        assert "review needs a person at a terminal" in done.stderr
 
 
 @pytest.mark.slow
@@ -111,8 +111,8 @@ def test_at_a_terminal_what_is_accepted_is_in_the_baseline(repository: Repositor
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     code, said = _at_a_terminal(repository, "a\na new damper\nr\ns\n")
     assert code == DIFFER, said
-    assert "1 accepted, 1 rejected, 1 left" in said
-    assert f"change back models/{SYSTEM}/space.py:" in said
+    assert "1 accepted, 1 rejected, 1 not decided" in said
+    assert f"models/{SYSTEM}/space.py:7 DAMPING 0.9 -> 0.91" in said
     statuses = [change.status for change in repository.gate("pymunk").changes]
     assert sorted(statuses) == sorted([Status.KNOWN, Status.CHANGED, Status.CHANGED])
     code, said = _at_a_terminal(repository, "A\n\na new damper\n")
