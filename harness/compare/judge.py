@@ -165,9 +165,11 @@ def _in_source(hindered: Obstacle, recorded: Recorded, source: str) -> str:
         runs = counted(recorded.lost + len(recorded.runs.z), "run")
         return (
             f"the motion of {source} is not smooth in {recorded.lost} of {runs}:"
-            " a contact, a limit or friction"
+            " a contact, a joint limit or friction"
         )
-    return f"the exponents don't hold in {source}: its rungs fall with order {recorded.order:.2f}"
+    return (
+        f"the convergence order in {source} is {recorded.order:.2f}, not the one its engine claims"
+    )
 
 
 def _in_target(
@@ -179,20 +181,20 @@ def _in_target(
 ) -> str:
     source, target = models
     if found.obstacle is Obstacle.STANDS_STILL:
-        return f"every rung returned the same values: the engine of {target} did not step"
+        return f"the engine of {target} did not move: every time step returned the same values"
     if found.obstacle is Obstacle.DIVERGES:
-        return f"the ladder diverges in {target}: a contact, a limit or friction"
+        return f"{target} does not converge: a contact, a joint limit or friction acts"
     if found.obstacle is Obstacle.WRONG_ORDER:
         return (
-            f"the exponents don't hold in {target}: its rungs fall with order"
-            f" {followed.limit.order:.2f}, {followed.claimed} is claimed"
+            f"the convergence order in {target} is {followed.limit.order:.2f}, but the engine"
+            f" claims {followed.claimed}"
         )
     if found.obstacle is Obstacle.DIVERGES_HERE:
         return (
-            f"the ladder diverges in {target} from states where it doesn't in {source}: a contact,"
-            " a limit or friction"
+            f"{target} does not converge from states where {source} does: a contact, a joint limit"
+            " or friction acts"
         )
     return (
-        f"{components[found.component]} is known to {found.uncertainty:.1e} at best, where"
-        f" {resolution:.0e} was asked"
+        f"{components[found.component]} is resolved to {found.uncertainty:.1e}, but"
+        f" {resolution:.0e} was requested"
     )
