@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare the options."""
-    group = parser.getgroup("crosscheck", "physics models against their equations")
+    group = parser.getgroup("crosscheck", "check physics models against their equations")
     group.addoption(
         "--crosscheck",
         action="append",
@@ -32,42 +32,42 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--require-engines",
         action="store_true",
         dest="crosscheck_require_engines",
-        help="fail, not skip, the cases whose engine is not installed",
+        help="fail cases whose engine is not installed, instead of skipping them",
     )
     group.addoption(
         "--crosscheck-resolution",
         metavar="R",
         default="1e-9",
-        help="relative discrepancy to resolve (1e-9)",
+        help="relative difference to resolve [1e-9]",
     )
     group.addoption(
         "--crosscheck-limit",
         metavar="S",
         default="120",
-        help="processor seconds that one task may use (120)",
+        help="processor seconds for each task [120]",
     )
     group.addoption(
         "--crosscheck-memory",
         metavar="GIB",
         default="4",
-        help="GiB of memory that the worker may hold (4)",
+        help="memory limit of the worker in GiB [4]",
     )
     group.addoption(
         "--crosscheck-baseline",
         metavar="DIR",
         default="reports/baseline",
-        help="where known differences are looked up, in the root folder (reports/baseline)",
+        help="accepted baseline, in the root folder [reports/baseline]",
     )
     group.addoption(
         "--crosscheck-accept",
         metavar="REASON",
-        help="accept what the selected cases do now as the baseline, with a reason; refused in CI",
+        help="accept the results of the selected cases; refused in CI",
     )
     parser.addini(
         "crosscheck_paths",
         type="paths",
         default=[],
-        help="paths for --crosscheck, where the command line names neither tests nor paths",
+        help="default paths for --crosscheck",
     )
 
 
@@ -115,7 +115,7 @@ def pytest_configure(config: pytest.Config) -> None:
             return
     except (TypeError, pytest.UsageError) as error:
         # pytest joins what stands there to its folder, whatever it is.
-        told = f"{config.inipath}: crosscheck_paths is a list of paths: {error}"
+        told = f"{config.inipath}: crosscheck_paths must be a list of paths: {error}"
         raise pytest.UsageError(told) from None
     from physics_crosscheck.harness.pytest_plugin.session import CrosscheckSession
 

@@ -10,8 +10,10 @@ import pytest
 from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
 from physics_crosscheck.harness.gate.gate import gate
 from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.text import accepted_lines
 from physics_crosscheck.harness.pytest_plugin.terms import Terms
 from physics_crosscheck.harness.text.github import in_ci
+from physics_crosscheck.harness.text.terminal import terminal
 
 
 class Accepting:
@@ -35,11 +37,11 @@ class Accepting:
         self._folders, self._asked = folders, asked
         self.told: tuple[str, ...] = ()
         if self._reason is not None and in_ci():
-            raise pytest.UsageError(
-                "--crosscheck-accept is a person's decision and is refused in CI"
-            )
+            raise pytest.UsageError("--crosscheck-accept needs a person and is refused in CI")
         if self._reason == "":
-            raise pytest.UsageError("--crosscheck-accept is empty; say why this is right")
+            raise pytest.UsageError(
+                "--crosscheck-accept is empty. State why the results are right."
+            )
 
     def accept(self, config: pytest.Config) -> bool | None:
         """Write what passed into the baseline; None where nothing is to be accepted.
@@ -65,7 +67,7 @@ class Accepting:
         except AcceptError as error:
             self.told = (f"crosscheck: {error}",)
             return False
-        self.told = (*(f"accepted {case}" for case in done.cases), *map(str, done.files))
+        self.told = tuple(accepted_lines(done.cases, done.files, terminal().width, with_cases=True))
         return True
 
 

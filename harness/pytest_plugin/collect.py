@@ -30,11 +30,16 @@ from physics_crosscheck.harness.text.failure import (
     figures,
     in_brief,
 )
+from physics_crosscheck.harness.text.next_steps import changes_of, stated_changes
 from physics_crosscheck.harness.text.status import Decision, TestStatus, status_of
 from physics_crosscheck.harness.text.table import largest
+from physics_crosscheck.harness.text.visible import visible_lines
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """What -m reads as something else than a marker's name."""
+
+MOST_FIXES = 3
+"""Numbers to change that a message names."""
 
 OURS = pytest.StashKey[set[str]]()
 
@@ -162,7 +167,28 @@ class CrosscheckItem(pytest.Item):
             )
             self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
         self._brief, self._where = in_brief(record, decision, diagnosis)
-        pytest.fail(failure_message(record, decision, diagnosis), pytrace=False)
+        cause, *more = failure_message(record, decision, diagnosis).splitlines()
+        text = "\n".join([cause, *self._fixes(record, diagnosis), *more])
+        pytest.fail(text, pytrace=False)
+
+    def _fixes(self, record: Case | Model, diagnosis: Diagnosis | None) -> list[str]:
+        """Return a line for each number to change, with its file and line."""
+        model = record if isinstance(record, Model) else self._model(diagnosis=diagnosis)
+        changes = dict.fromkeys(map(str, [*changes_of(model), *stated_changes(model)]))
+        lines = visible_lines("\n".join(f"Fix: change {change}" for change in changes))
+        return lines[:MOST_FIXES]
+
+    def _model(self, **fields: Any) -> Model:
+        """Return the record of the model, without its texts."""
+        return Model(
+            system=self.system,
+            model=self.sidecar.model.name if self.sidecar else "-",
+            engine=self.engine,
+            folder=str(self.path.parent),
+            text="",
+            sidecar="",
+            **fields,
+        )
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What is printed: the failure, no traceback; and in one line, with the literal's place."""
@@ -194,16 +220,7 @@ class CrosscheckItem(pytest.Item):
         found = runner.audit(folder, self.sidecar, self.engine)
         if isinstance(found, Failure):
             return failed_case(one, str(folder), found)
-        model = Model(
-            system=one.system,
-            model=one.model,
-            engine=one.engine,
-            folder=str(folder),
-            text="",
-            sidecar="",
-            audit=found.findings,
-            poses=found.poses,
-        )
+        model = self._model(audit=found.findings, poses=found.poses)
         return runner.marked(model, folder)
 
     def reportinfo(self) -> tuple[Path, int, str]:

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.comparison import WORDS
 from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.table import agreement
 
 
 def summarize(reporter: pytest.TerminalReporter) -> None:
@@ -24,10 +24,11 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
     reporter.section("crosscheck")
     known = [(report, dict(report.user_properties)) for report in reports]
     counts = Counter(facts["outcome"] for _, facts in known if "outcome" in facts)
-    parts = [f"{counts[o]} {o}" for o in Outcome if counts[o]]
+    parts = [f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one]]
     agreeing = [facts for _, facts in known if facts.get("outcome") == Outcome.AGREES]
     worst = max((float(facts["largest"]) for facts in agreeing if "largest" in facts), default=None)
-    reporter.write_line(", ".join(parts) + agreement(worst))
+    size = "" if worst is None else f"; largest difference of the ok cases: {worst:.1e}"
+    reporter.write_line(", ".join(parts) + size)
     for report, facts in known:
         if report.passed and "accepted" in facts:
             outcome = facts.get("outcome", "audit")
@@ -35,12 +36,12 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
     skipped = Counter(report.longrepr[2] for report, _ in known if report.skipped)
     for reason, number in skipped.items():
         reporter.write_line(
-            f"not run: {counted(number, 'test')}: {reason.removeprefix('Skipped: ')}"
+            f"skipped: {counted(number, 'test')}: {reason.removeprefix('Skipped: ')}"
         )
     if untested(reporter.config):
         reporter.write_line(
-            "nothing was tested: no engine of these models is installed; install what they run in,"
-            " such as `pip install 'physics-crosscheck[engines]'`"
+            "nothing was tested: no engine of these models is installed."
+            " Run pip install 'physics-crosscheck[engines]'."
         )
 
 

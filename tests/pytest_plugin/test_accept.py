@@ -25,7 +25,9 @@ def test_what_the_selected_cases_do_is_accepted_with_the_reason(project: Project
         "--crosscheck", "models", "-k", "free", "--crosscheck-accept", "a  stiffer spring"
     )
     done.assert_outcomes(passed=1, deselected=3)
-    done.stdout.fnmatch_lines(["accepted mass_spring_damper/mujoco.xml/free [[]mujoco]"])
+    done.stdout.fnmatch_lines(
+        ["Accepted 1 case of *", "  mass_spring_damper/mujoco.xml/free [[]mujoco]"]
+    )
     kept = read_baseline(project.path / "reports" / "baseline")["mass_spring_damper"]
     ((one, entry),) = kept.cases.items()
     assert (one.scenario, entry.outcome) == ("free", Outcome.DIFFERS)

@@ -52,7 +52,7 @@ def test_results_agree_have_numbers_and_follow_the_schema() -> None:
     e, u, error = (-1.0 if value is None else value for value in known)
     assert 0 < e < u < 1e-9
     assert 0 < error < 1
-    assert "AGREES; all that agree do so to" in str(result)
+    assert "All 3 cases agree to" in str(result)
     jsonschema.validate(json.loads(encoded(result)), schema(Results))
 
 

@@ -92,7 +92,7 @@ def test_paths_that_are_none_are_refused_naming_file_and_setting(project: Projec
     )
     done = project.run("-q")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    done.stderr.fnmatch_lines("*pyproject.toml: crosscheck_paths is a list of paths: *")
+    done.stderr.fnmatch_lines("*pyproject.toml: crosscheck_paths must be a list of paths: *")
 
 
 def test_python_files_of_a_model_are_no_test_modules(project: Project) -> None:
@@ -193,7 +193,7 @@ def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(
     done.assert_outcomes(skipped=4)
     done.stdout.fnmatch_lines(
         [
-            "not run: 4 tests: mujoco is not installed; pip install *",
+            "skipped: 4 tests: mujoco is not installed; pip install *",
             "nothing was tested: no engine*",
         ]
     )

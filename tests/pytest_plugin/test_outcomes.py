@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 import xml.etree.ElementTree as ET
 from functools import partial
 from typing import Any
@@ -46,7 +47,7 @@ def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(
     done = project.run("--crosscheck", "models", "-k", "free or audit", "--junitxml=j.xml", "-v")
     done.assert_outcomes(passed=2, deselected=2)
     done.stdout.fnmatch_lines(
-        [f"{MSD}/mujoco.xml/free PASSED*", "1 AGREES; all that agree do so to *"]
+        [f"{MSD}/mujoco.xml/free PASSED*", "1 ok; largest difference of the ok cases: *"]
     )
     ran = junit(project, "testcase")
     assert ran.get("classname") == "models.msd.system"
@@ -83,14 +84,20 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
         [
             "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",
             cause,
+            f"Fix: change models/msd/mujoco.xml:{line} from 47.000047 to 47",
             "DIFFERS: x_dot ends the segment at t = * of its movement off; *",
             "  discrepancy *e-06, uncertainty *",
             "*_ mass_spring_damper/mujoco.xml/audit [[]mujoco] _*",
+            f"Fix: change models/msd/mujoco.xml:{line} from 47.000047 to 47.0",
             f"*mujoco.xml:{line}: joint[[]x]@stiffness is 47.000047, but k = 47.0 *",
             f"FAILED {MSD}/mujoco.xml/free - DIFFERS*",
         ]
     )
     shown = done.stdout.str()
+    message = shown.split("/free [mujoco] ___")[1].splitlines()[1:]
+    top = [text for one in message for text in (textwrap.wrap(one, 80) or [""])][:8]
+    assert f"mujoco.xml:{line}) is 47.000047, the motion wants 47" in " ".join(top)
+    assert any(one.startswith("Fix: change ") for one in top)
     assert "Traceback" not in shown
     assert not re.search(r"collect\.py|runner\.py|Error\b", shown)
     named = [one.func for one in asked if isinstance(one, partial)]
@@ -171,7 +178,7 @@ def test_all_tests_of_a_system_are_one_xdist_workers(
     assert len(ran) == 4
     assert len(set(ran)) == 2
     assert len({worker for worker, _ in ran}) == 2
-    done.stdout.fnmatch_lines(["1 AGREES, 2 FAILED; all that agree do so to *"])
+    done.stdout.fnmatch_lines(["1 ok, 2 ERROR; largest difference of the ok cases: *"])
     assert len(ET.parse(project.path / "j.xml").findall(".//failure")) == 2
 
 
