@@ -16,6 +16,7 @@ from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict,
 from physics_crosscheck.harness.records.results import nothing_tested
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.text.progress import Counter
+from physics_crosscheck.harness.text.terminal import terminal
 
 
 def main(options: argparse.Namespace) -> int:
@@ -32,7 +33,7 @@ def main(options: argparse.Namespace) -> int:
         if engine.version() is None and (not options.engine or name in options.engine)
     ]
     for name in missing:
-        print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
+        print(f"crosscheck: {name} is not installed, so its models are skipped", file=sys.stderr)
     try:
         with Counter("fault") as counter:
             rows = mutate(
@@ -46,10 +47,10 @@ def main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     if not rows:
-        nothing = "nothing was tried: no model of these folders runs in an engine that is meant"
+        nothing = "no fault was tried: no model of these folders runs in a chosen engine"
         print(f"crosscheck: {nothing_tested(missing) if missing else nothing}", file=sys.stderr)
         return FAIL
-    for text in mutation_lines(rows):
+    for text in mutation_lines(rows, terminal().width):
         print(text)
     if options.json is not None:
         found = Mutations(summary=summary(rows), rows=tuple(rows))

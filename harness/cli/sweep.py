@@ -55,7 +55,7 @@ def _sweep(options: argparse.Namespace) -> int:
     with crew(asked, wanted) as workers, asking() as stop:
         whole = planned(asked, wanted, workers)
         for line in whole.left_out:
-            print(f"crosscheck: left out: {line}", file=sys.stderr)
+            print(f"crosscheck: skipped: {line}", file=sys.stderr)
         if options.only is not None:
             row = alone(whole, options.only, workers)
             print("\n".join(row_lines(row)))
@@ -69,8 +69,8 @@ def _stopped(stop: Stop, out: Path) -> int:
     """The exit code of a sweep that was stopped; 0 where it was not."""
     if not stop.asked:
         return 0
-    said = f"stopped by {stop.name}; the rows in {out} are kept"
-    print(f"crosscheck: {said}: the same command goes on with what is missing", file=sys.stderr)
+    resume = f"The same command resumes the sweep; it reuses the rows in {out}."
+    print(f"crosscheck: stopped by {stop.name}. {resume}", file=sys.stderr)
     return SIGNALLED + stop.number
 
 

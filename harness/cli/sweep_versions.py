@@ -37,7 +37,7 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
     only = options.only is not None
     engine, versions = asked_versions(options.versions, "--versions", least=1 if only else 2)
     if options.engine and set(options.engine) != {engine}:
-        raise FolderError(f"--versions {engine}: --engine names another; leave it out")
+        raise FolderError(f"--versions {engine}: --engine names another engine. Remove --engine")
     if options.scheduler:
         raise FolderError(
             "--versions: environments are on this machine; leave out --scheduler"
@@ -95,16 +95,16 @@ def _told(name: str, before: Path, after: Path) -> bool:
 
 def _lines(name: str, found: Moved) -> Iterator[str]:
     counts = (
-        (found.verdicts, "has another verdict", "have another verdict"),
-        (found.limits, "has another limit", "have another limit"),
+        (found.verdicts, "changed its verdict", "changed their verdicts"),
+        (found.limits, "changed beyond uncertainty", "changed beyond uncertainty"),
         (
             found.errors,
-            f"has an error at the step that is another by over {MOVED:.0%}",
-            f"have errors at the step that are others by over {MOVED:.0%}",
+            f"changed its error at dt by more than {100 * MOVED:.0f} %",
+            f"changed their error at dt by more than {100 * MOVED:.0f} %",
         ),
     )
     said = [f"{count} {one if count == 1 else more}" for count, one, more in counts if count]
-    yield f"{name}: {counted(found.cases, 'case')}: {'; '.join(said) or 'all are the same'}"
+    yield f"{name}: {counted(found.cases, 'case')}: {'; '.join(said) or 'none changed'}"
     for pair in found.largest:
         for row in (pair.before, pair.after):
             yield from row_lines(row)

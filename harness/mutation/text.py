@@ -9,6 +9,7 @@ from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.versions import wrapped
 
 MARKS = {
     FaultVerdict.NAMED: "named",
@@ -28,21 +29,26 @@ HEADS = {
 """Columns of the table of known mistakes: the verdicts, and what they are called there."""
 
 
-def mutation_lines(rows: Sequence[Mutation]) -> list[str]:
-    """Tables by model and engine, known mistakes by kind, what was not named, and the summary."""
-    lines = []
+def mutation_lines(rows: Sequence[Mutation], width: int = 160) -> list[str]:
+    """Return the summary, tables by model and by mistake, and what was not named.
+
+    Args:
+        rows: of all models.
+        width: columns; a table that is wider becomes a list.
+    """
+    lines: list[str] = []
     literal = _of(rows, FaultKind.LITERAL)
-    width = max((len(row.location) for row in literal), default=10)
+    first = max((len(row.location) for row in literal), default=10)
     for model, group in groupby(rows, _model):
         mine = list(group)
-        lines += ["", str(model), *_literals(_of(mine, FaultKind.LITERAL), width)]
+        lines += ["", str(model), *_literals(_of(mine, FaultKind.LITERAL), first, width)]
         lines += [
             f"  {row.name}, {row.location}: {row.verdict}, {row.message}"
             for row in _of(mine, FaultKind.NONE)
         ]
-    lines += _mistakes(_of(rows, FaultKind.MISTAKE))
+    lines += _mistakes(_of(rows, FaultKind.MISTAKE), width)
     lines += _unnamed(rows)
-    return [*lines, "", summary(rows)]
+    return [part for line in (summary(rows), *lines) for part in wrapped(line, width)]
 
 
 def _of(rows: Sequence[Mutation], kind: FaultKind) -> list[Mutation]:
@@ -53,35 +59,51 @@ def _model(row: Mutation) -> ModelId:
     return ModelId(system=row.system, model=row.model, engine=row.engine)
 
 
-def _literals(rows: Sequence[Mutation], width: int) -> Iterator[str]:
-    """A row a literal, a mark a fault."""
-    if rows:
+def _literals(rows: Sequence[Mutation], width: int, columns: int) -> Iterator[str]:
+    """Yield a row for each literal, with a mark for each fault; where they fit in the columns."""
+    narrow = 2 + width + 15 + 10 * len(FAULTS) > columns
+    if rows and not narrow:
         head = "".join(f"{label:>10}" for label in FAULTS)
-        yield f"  {'literal':<{width}}{'first seen at':>15}{head}"
+        yield f"  {'literal':<{width}}{'detected from':>15}{head}"
     for location, marks in groupby(rows, lambda r: r.location):
         faults = {row.name: row for row in marks}
         first = next(iter(faults.values())).first_caught
-        seen = "no motion" if first is None else f"{first:.0e}"
+        seen = "untested" if first is None else f"{first:.0e}"
+        if narrow:
+            marked = ", ".join(f"{name} {MARKS[row.verdict]}" for name, row in faults.items())
+            known = seen if first is None else f"detected from {seen}; {marked}"
+            yield f"  {location}: {known}"
+            continue
         cells = "".join(
             f"{MARKS[faults[label].verdict] if label in faults else '':>10}" for label in FAULTS
         )
         yield f"  {location:<{width}}{seen:>15}{cells}"
 
 
-def _mistakes(rows: Sequence[Mutation]) -> Iterator[str]:
-    """A row a kind of mistake: how many were made, what became of them, when the last was seen."""
+def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
+    """Yield a row for each kind of mistake: how many, with which verdict, and from which share."""
     names = list(dict.fromkeys(row.name for row in rows))
     if not names:
         return
     width = max(map(len, names)) + 2
     head = "".join(f"{title:>10}" for title in HEADS.values())
+    narrow = width + 6 + 10 * len(HEADS) + 27 > columns
     yield ""
-    yield f"{'known mistakes':<{width}}{'made':>6}{head}  seen from this share of it on"
+    if narrow:
+        yield "known mistakes"
+    else:
+        yield f"{'known mistakes':<{width}}{'made':>6}{head}  detected from this share"
     for name in names:
         mine = [row for row in rows if row.name == name]
         counts = [sum(row.verdict is verdict for row in mine) for verdict in HEADS]
         shares = [row.first_caught for row in mine if row.first_caught is not None]
         worst = f"  {max(shares):.0e}" if shares else ""
+        if narrow:
+            parts = zip(counts, HEADS.values(), strict=True)
+            verdicts = ", ".join(f"{number} {title}" for number, title in parts if number)
+            limit = f"; detected from {worst.strip()}" if worst else ""
+            yield f"  {name}: {len(mine)} made, {verdicts}{limit}"
+            continue
         cells = "".join(f"{count or '.':>10}" for count in counts)
         yield f"{name:<{width}}{len(mine):>6}{cells}{worst}"
 
@@ -91,11 +113,9 @@ def _unnamed(rows: Sequence[Mutation]) -> Iterator[str]:
     made = [row for row in rows if row.kind is not FaultKind.NONE]
     none, known = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
     chosen = {
-        "caught, but another cause was told:": _with(made, FaultVerdict.CAUGHT),
+        "caught, but with another cause:": _with(made, FaultVerdict.CAUGHT),
         "missed:": _with(rows, FaultVerdict.MISSED),
-        "no mistake, but told to be one:": [
-            row for row in none if row.verdict is not FaultVerdict.AGREES
-        ],
+        "false alarms:": [row for row in none if row.verdict is not FaultVerdict.AGREES],
         "refused by the engine:": _with(known, FaultVerdict.REFUSED),
     }
     for title, some in chosen.items():
@@ -121,8 +141,8 @@ def summary(rows: Sequence[Mutation]) -> str:
     unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNTESTED)}
     return (
         f"small faults: {_counts(small)}; mistakes: {_counts([*known, *large])};"
-        f" another step or integrator: {agree} of {len(none)} agree;"
-        f" {counted(len(unseen), 'literal')} that no motion depends on (see audit)"
+        f" another dt or integrator: {agree} of {len(none)} agree;"
+        f" {counted(len(unseen), 'literal')} untested (no effect on motion)"
     )
 
 

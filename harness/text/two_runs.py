@@ -10,21 +10,19 @@ from typing import Literal
 
 from msgspec.structs import replace
 from rich.console import Console
-from rich.measure import Measurement
 
 from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.markup import escape
 from physics_crosscheck.harness.text.next_steps import Change, changes_of
 from physics_crosscheck.harness.text.status import counted
 from physics_crosscheck.harness.text.troubles import explained_alike
 from physics_crosscheck.harness.text.versions import (
     MOST_TOLD,
-    changes_table,
     error_change,
+    print_changes,
     say,
     verdicts,
 )
@@ -118,13 +116,14 @@ def headline(found: TwoRuns) -> str:
     """One line: how many cases moved, and how."""
     counts = Counter(kind for case in found.moved for kind in case.kinds)
     said = {
-        "verdict": "of another verdict", "new": "new", "gone": "gone", "digits": "of other digits",
-        "global error": "of another global error", "step": "of another step",
+        "verdict": "with another verdict", "new": "new", "gone": "gone",
+        "digits": "with another difference", "global error": "with another error at dt",
+        "step": "with another dt",
     }  # fmt: skip
     parts = [f"{counts[kind]} {said[kind]}" for kind in KINDS if counts[kind]]
     worse = sum(case.worse for case in found.cases)
-    told = f"{counted(len(found.cases), 'case')}: {', '.join(parts) or 'nothing moved'}"
-    return f"{told}; {worse} for the worse" if worse else told
+    told = f"{counted(len(found.cases), 'case')}: {', '.join(parts) or 'nothing changed'}"
+    return f"{told}; {worse} worse" if worse else told
 
 
 def digits_change(then: Number, now: Number) -> str:
@@ -136,7 +135,8 @@ def digits_change(then: Number, now: Number) -> str:
 
 
 def print_two_runs(console: Console, found: TwoRuns) -> None:
-    """Print what moved, worst first, and a summary last."""
+    """Print the summary, then what changed, worst first."""
+    say(console, f"{'FAIL' if found.moved else 'ok'}  {headline(found)}")
     for what, then, now in found.versions:
         say(console, f"{what} {then} -> {now}")
     both = [case for case in found.moved if case.before is not None and case.after is not None]
@@ -152,32 +152,23 @@ def print_two_runs(console: Console, found: TwoRuns) -> None:
         for model, scenarios in models.items():
             say(console, f"{kind}  {model}: {', '.join(scenarios)}")
     for line in found.mended:
-        say(console, f"mended  {line}")
+        say(console, f"fixed  {line}")
     for line in found.broken:
-        say(console, f"wrong now  {line}")
-    say(console, headline(found))
+        say(console, f"new fault  {line}")
 
 
 def _print_table(console: Console, cases: Sequence[Movement]) -> None:
-    table = changes_table("what moved", "digits")
-    for case in cases:
-        table.add_row(
-            escape(str(case.id)),
+    rows = [
+        (
+            str(case.id),
             ", ".join(case.kinds),
             verdicts(case.before, case.after),
             digits_change(*case.digits),
             error_change(*case.global_error),
         )
-    wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
-    if wide <= console.width:
-        console.print(table)
-        return
-    # Nothing is cut: where names alone are too wide, what moved stands below each.
-    for case in cases:
-        say(console, str(case.id))
-        verdict, error = verdicts(case.before, case.after), error_change(*case.global_error)
-        numbers = f"digits {digits_change(*case.digits)}  global error {error}"
-        console.print(f"  {', '.join(case.kinds)}: {verdict}  {numbers}", soft_wrap=True)
+        for case in cases
+    ]
+    print_changes(console, "digits", rows)
 
 
 def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from physics_crosscheck.harness.records.base import Number
@@ -19,9 +20,11 @@ MOST_TOLD = 40
 
 
 def print_versions(console: Console, found: Versions) -> None:
-    """Print what each upgrade changes, worst first, and what to do, in the last line."""
+    """Print the verdict with what to do, then what each upgrade changes, worst first."""
+    say(console, advice(found))
     for one in found.upgrades:
-        say(console, f"\n{found.engine} {one.before} -> {one.after}", "bold")
+        console.print()
+        say(console, f"{found.engine} {one.before} -> {one.after}", "bold")
         told = [case for case in one.cases if case.kinds]
         if told:
             _print_table(console, told[:MOST_TOLD])
@@ -34,39 +37,40 @@ def print_versions(console: Console, found: Versions) -> None:
             for message in model.messages:
                 say(console, f"  {message}")
         say(console, counts(one))
-    say(console, advice(found))
 
 
 def counts(one: Upgrade) -> str:
     """One line: how many cases changed, and to what the others are the same."""
     parts = []
     if one.same:
-        parts.append(f"{len(one.same)} as before{_alike(one.same)}")
+        parts.append(f"{len(one.same)} unchanged{_alike(one.same)}")
     if one.changed:
         parts.append(f"{len(one.changed)} changed")
     if one.not_compared:
         parts.append(f"{len(one.not_compared)} not compared")
-    models = f"; {counted(len(one.models), 'model')} changed beside them" if one.models else ""
-    return f"{counted(len(one.cases), 'case')}: {', '.join(parts) or 'none at all'}{models}"
+    models = f"; {counted(len(one.models), 'model')} changed" if one.models else ""
+    return f"{counted(len(one.cases), 'case')}: {', '.join(parts) or 'none'}{models}"
 
 
 def advice(found: Versions) -> str:
-    """The last line: what to do."""
+    """Return the verdict, and what to do."""
     first, last = found.versions[0], found.versions[-1]
     if found.incomplete:
-        begun = f"{found.engine}: not everything could be compared; mend what is told above first"
+        begun = (
+            f"ERROR  {found.engine}: not everything could be compared. Fix the errors below first"
+        )
     elif found.changed:
         begun = (
-            f"{found.engine}: look at what changed before you go from {first.version} to"
-            f" {last.version}"
+            f"FAIL  {found.engine} {first.version} -> {last.version} changes results. Check them"
+            " before you upgrade"
         )
     else:
-        begun = (
-            f"{found.engine} {last.version} can take the place of {first.version} for these models"
+        return (
+            f"ok  {found.engine} {last.version} can replace {first.version} for these models:"
+            " no result changes"
         )
-        return begun
     reports = "  ".join(f"{one.report}/index.html" for one in found.versions)
-    return f"{begun}; each version's report: {reports}"
+    return f"{begun}. Reports: {reports}"
 
 
 def _alike(same: Sequence[VersionCase]) -> str:
@@ -76,34 +80,51 @@ def _alike(same: Sequence[VersionCase]) -> str:
         return ""
     bitwise = sum(case.apart == 0.0 for case in known)
     if bitwise == len(known):
-        return " (limits the same to the last bit)"
+        return " (identical to the last bit)"
     size = max(case.apart or 0.0 for case in known)
     bound = max(case.uncertainty or 0.0 for case in known)
-    last = f", {bitwise} of them to the last bit" if bitwise else ""
-    return f" (limits apart by {size:.1e} at most, uncertainty {bound:.0e}{last})"
+    last = f", {bitwise} identical to the last bit" if bitwise else ""
+    return f" (differ by at most {size:.1e}, uncertainty {bound:.0e}{last})"
 
 
 def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
-    table = changes_table("what changes", "limits apart")
-    for case in cases:
-        table.add_row(
-            escape(str(case.id)),
+    rows = [
+        (
+            str(case.id),
             ", ".join(case.kinds),
             verdicts(case.before, case.after),
             limits(case),
             global_error(case),
         )
-    console.print(table)
+        for case in cases
+    ]
+    print_changes(console, "difference", rows)
 
 
-def changes_table(what: str, size: str) -> Table:
-    """A table of cases without rows: what of each is another, its verdict, how far, its error."""
+def print_changes(
+    console: Console, size: str, rows: Sequence[tuple[str, str, str, str, str]]
+) -> None:
+    """Print a table of cases; a list where the table is wider than the console.
+
+    Args:
+        console: to print on.
+        size: header of the fourth column.
+        rows: a case's name, what changed, its verdict in markup, its size, and its error at dt.
+    """
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("case", what, "verdict"):
-        table.add_column(name, no_wrap=True)
-    for name in (size, "global error"):
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
+    for title in ("case", "changed", "verdict"):
+        table.add_column(title, no_wrap=True)
+    for title in (size, "error at dt"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for name, *cells in rows:
+        table.add_row(escape(name), *cells)
+    wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
+    if wide <= console.width:
+        console.print(table)
+        return
+    for name, kinds, verdict, number, error in rows:
+        say(console, name)
+        console.print(f"  {kinds}: {verdict}  {size} {number}  error at dt {error}")
 
 
 def verdicts(before: Outcome | None, after: Outcome | None) -> str:
@@ -140,7 +161,7 @@ def error_change(then: Number, now: Number) -> str:
 
 
 def _percent(value: Number) -> str:
-    return "-" if value is None else f"{value:.2%}"
+    return "-" if value is None else f"{100 * value:.3g} %"
 
 
 def _print_messages(console: Console, case: VersionCase) -> None:

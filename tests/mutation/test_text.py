@@ -60,8 +60,8 @@ def test_one_line_sums_up_without_what_no_motion_shows() -> None:
     assert summary(ROWS) == (
         "small faults: 3 of 3 caught, 3 named, 0 refused by the engine;"
         " mistakes: 6 of 7 caught, 5 named, 1 refused by the engine;"
-        " another step or integrator: 1 of 1 agree;"
-        " 1 literal that no motion depends on (see audit)"
+        " another dt or integrator: 1 of 1 agree;"
+        " 1 literal untested (no effect on motion)"
     )
 
 
@@ -72,21 +72,22 @@ def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake() -> None:
     assert "  another time step, step 0.004 s: agrees, global error 1% -> 2%" in lines
     flipped = next(line for line in lines if line.startswith("axis flipped"))
     assert flipped.split() == ["axis", "flipped", "2", "1", "1", ".", ".", ".", "1e-09"]
-    assert lines[-1] == summary(ROWS)
+    assert lines[0].startswith("small faults: 3 of 3 caught")
+    assert " ".join(" ".join(lines[:2]).split()).startswith(summary(ROWS))
 
 
 def test_what_was_not_named_is_listed_with_what_was_told() -> None:
     text = "\n".join(mutation_lines(ROWS))
-    assert "told:\n  swing/mujoco.xml [mujoco] y axis flipped: gravity along z\n" in text
+    assert "cause:\n  swing/mujoco.xml [mujoco] y axis flipped: gravity along z\n" in text
     assert "missed:\n  swing/mujoco.xml [mujoco] x friction left in\n" in text
-    assert "engine:\n  swing/mujoco.xml [mujoco] settings.motors motors: it won't\n" in text
+    assert "engine:\n  swing/mujoco.xml [mujoco] settings.motors motors: it won't" in text
 
 
 def test_a_step_that_is_taken_for_a_mistake_is_listed() -> None:
     wrong = row(NONE, "another time step", CAUGHT, "step 0.004 s", "damping on x")
     text = "\n".join(mutation_lines([wrong]))
-    assert "no mistake, but told to be one:" in text
-    assert "0 of 1 agree" in text
+    assert "false alarms:" in text
+    assert "0 of 1 agree" in " ".join(text.split())
 
 
 def test_json_has_every_row_and_no_infinity() -> None:
@@ -132,7 +133,7 @@ def test_the_command_writes_json_whole_and_tells_by_its_exit_code(
     file = tmp_path / "new" / "mutations.json"
     assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == code
     assert len(json.loads(file.read_text())["rows"]) == len(rows)
-    assert capsys.readouterr().out.rstrip().endswith(summary(rows))
+    assert capsys.readouterr().out.split()[:20] == summary(rows).split()[:20]
 
 
 def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(
@@ -148,3 +149,12 @@ def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(
     assert told.err.splitlines()[-1] == "crosscheck: mujoco.xml: it differs already"
     assert not told.out
     assert not file.exists()
+
+
+def test_no_table_is_wider_than_the_terminal() -> None:
+    for width in (60, 80):
+        lines = mutation_lines(ROWS, width)
+        assert max(map(len, lines)) <= width
+        text = " ".join(" ".join(lines).split())
+        assert "joint[x]@stiffness: detected from 1e-09; " in text
+        assert "axis flipped: 2 made, 1 named, 1 caught; detected from 1e-09" in text

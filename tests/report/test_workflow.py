@@ -82,7 +82,7 @@ def test_its_steps_publish_a_page_with_badge_and_what_moved(place: Path) -> None
     (published / "results.json").write_text(encoded(results(case())))
     told = shell(moved, place, LAST=published.as_uri())
     assert told.returncode == 0, told.stderr
-    assert "2 cases: 1 of another verdict, 1 new; 1 for the worse" in told.stdout
+    assert "2 cases: 1 with another verdict, 1 new; 1 worse" in told.stdout
     names = {path.name for path in (place / "reports").iterdir()}
     assert {"index.html", "results.json", "badge.svg", "changes.html", "history"} <= names
 

@@ -20,7 +20,7 @@ from tests.sweep.made import swept_folder
 SMALL = """
 import sys
 import physics_crosscheck.harness.sweep.plan, physics_crosscheck.harness.sweep.store
-harness.sweep.plan.BLOCK = harness.sweep.store.PART = 1
+physics_crosscheck.harness.sweep.plan.BLOCK = physics_crosscheck.harness.sweep.store.PART = 1
 from physics_crosscheck.harness.cli.main import main
 sys.exit(main(sys.argv[1:]))
 """

@@ -25,7 +25,7 @@ def moved(**fields: Any) -> Movement:
 def test_the_same_run_has_not_moved() -> None:
     found = two_runs(results(case()), results(case(folder="elsewhere/disc", seconds=9.0)))
     assert (found.moved, found.versions, found.mended, found.broken) == ((), (), (), ())
-    assert headline(found) == "1 case: nothing moved"
+    assert headline(found) == "1 case: nothing changed"
 
 
 def test_a_verdict_that_changed_is_told_and_whether_it_is_worse() -> None:
@@ -79,9 +79,9 @@ def test_cases_that_are_gone_and_new_are_a_line_a_model() -> None:
     gone = case(model="a.xml"), case(model="a.xml", scenario="far")
     print_two_runs(Console(file=out), two_runs(results(*gone), results(case(engine="x"))))
     assert out.getvalue().splitlines() == [
+        "FAIL  3 cases: 2 gone, 1 new",
         "gone  disc/a.xml [mujoco]: free, far",
         "new  disc/mujoco.xml [x]: free",
-        "3 cases: 2 gone, 1 new",
     ]
 
 
@@ -103,10 +103,9 @@ def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     out = StringIO()
     print_two_runs(Console(file=out, width=80), two_runs(wrong, right))
     text = out.getvalue()
-    assert text.startswith("a 1 -> 2\n")
-    assert f"mended  {line}" in text
+    assert text.startswith("FAIL  1 case: 1 with another verdict\na 1 -> 2\n")
+    assert f"fixed  {line}" in text
     assert "DIFFERS -> AGREES" in text
-    assert text.endswith("1 case: 1 of another verdict\n")
 
 
 def test_what_is_worse_comes_first_and_nothing_is_cut_in_a_narrow_terminal() -> None:
@@ -121,4 +120,4 @@ def test_what_is_worse_comes_first_and_nothing_is_cut_in_a_narrow_terminal() -> 
     print_two_runs(Console(file=out, width=60), found)
     assert long in out.getvalue()
     assert "11.3 -> 8.3" in out.getvalue()
-    assert headline(found).endswith("; 1 for the worse")
+    assert headline(found).endswith("; 1 worse")
