@@ -57,7 +57,7 @@ def unbent(
         if len(free) >= count:
             return start[free[:count]], forces[free[:count]], length
         length /= 2
-    raise ReferenceError("no segment is short enough to pass no bend of its forces")
+    raise ReferenceError("every segment crosses a kink of the forces, however short it is")
 
 
 def _free(equations: TreeEquations, field: Field, start: Array, length: float) -> NDArray[np.bool_]:

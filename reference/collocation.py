@@ -118,9 +118,9 @@ def _iterated(
     name, by = names[worst] if names else f"component {worst}", changes[worst]
     if by < STAGNATED:
         raise ReferenceError(
-            f"rounding hides {by:.1e} of the rate of {name}, where a reference needs"
-            f" {ROUNDED:.0e}: too many joints follow one another, or parts are too light beside"
-            " others, for doubles; check parts of it, each in a file of its own"
+            f"rounding hides {by:.1e} of the rate of {name}; a reference needs "
+            f"{ROUNDED:.0e}, and the chain is too long or some parts are too light "
+            "for doubles; check parts of the robot in separate files"
         )
     raise ReferenceError(
         "the stage equations of the collocation do not converge: the rate of"

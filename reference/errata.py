@@ -95,7 +95,7 @@ def _motions(published: PublishedEquation, equations: Equations) -> list[list[Co
         names = [c.name for c in system.coordinates]
         if published.of not in names:
             raise DeclarationError(
-                f"{_place(published, equations)}: {published.of!r} is no coordinate"
+                f"{_place(published, equations)}: {published.of!r} is not a coordinate"
             )
         concerned = [(names.index(published.of), None)]
     else:
@@ -121,7 +121,7 @@ def _linear(
             break
     else:
         raise DeclarationError(
-            f"{_place(published, equations)}: {published.of!r} is no equilibrium"
+            f"{_place(published, equations)}: {published.of!r} is not an equilibrium"
         )
     deviation = sp.Matrix(system.q) - sp.Matrix(linearization.at)
     rows = (
@@ -144,7 +144,9 @@ def _linear_parts(published: PublishedEquation, equations: Equations) -> list[li
         if coordinate.name == published.of:
             break
     else:
-        raise DeclarationError(f"{_place(published, equations)}: {published.of!r} is no coordinate")
+        raise DeclarationError(
+            f"{_place(published, equations)}: {published.of!r} is not a coordinate"
+        )
     choices = []
     for reading in readings(published, system):
         derived = taylor(reading.sides[0], {coordinate.q: reading.point}, 1)
@@ -157,8 +159,9 @@ def _values(published: PublishedEquation, equations: Equations) -> list[list[Com
     system = equations.system
     if not names_what_is_derived(published, system):
         raise DeclarationError(
-            f"{_place(published, equations)}: the left side of {published.text!r} alone must name"
-            " an energy, a quantity or a derivative of one"
+            f"{_place(published, equations)}: the left side of "
+            f"{published.text!r} must name only an energy, a quantity or a derivative "
+            "of one"
         )
     variables = _variables(equations)
     choices = []

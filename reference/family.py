@@ -290,7 +290,7 @@ def _joined(
         if not worst <= FAR:
             break
         starts = np.concatenate([starts[:1], starts[1:] + moved])
-    raise ReferenceError("the segments of the motion can't be joined: it grows too fast")
+    raise ReferenceError("the segments of the motion can't be joined because it grows too fast")
 
 
 def _moves(flow: Array, jumps: Array) -> Array:

@@ -29,18 +29,18 @@ def check_frames(system: Declaration) -> None:
     known = dimensions(system)
     for frame in system.frames:
         if not isinstance(frame, Pose):
-            raise DeclarationError(f"system {system.name!r}: {frame!r} in frames is no Pose")
+            raise DeclarationError(f"system {system.name!r}: {frame!r} in frames is not a Pose")
     names = [frame.name for frame in system.frames]
     for frame in system.frames:
         where = f"system {system.name!r}, frame {frame.name!r}"
         if names.count(frame.name) > 1:
-            raise DeclarationError(f"{where}: two frames have this name")
+            raise DeclarationError(f"{where}: two frames share this name")
         if not isinstance(frame.name, str) or frame.name in ("", WORLD):
             raise DeclarationError(f"{where}: a frame needs a name, and {WORLD!r} is taken")
         if not frame.description:
             raise DeclarationError(f"{where}: it has no description")
         if len(frame.position) != 3:
-            raise DeclarationError(f"{where}: its position is (x, y, z), three expressions")
+            raise DeclarationError(f"{where}: its position must be three expressions, (x, y, z)")
         for number, entry in enumerate(frame.entries):
             _check_entry(entry, "position" if number < 3 else "rotation", system, known, where)
         _check_rotation(frame, system, where)
@@ -56,11 +56,9 @@ def _check_entry(
     """An expression of positions and constants, in metres or a number."""
     allowed = {*system.q, *(c.symbol for c in system.constants)}
     for symbol in sorted(entry.free_symbols - allowed, key=str):
-        raise DeclarationError(
-            f"{where}: it uses {symbol}; only positions and constants may stand there"
-        )
+        raise DeclarationError(f"{where}: it uses {symbol}; use only positions and constants")
     if not entry.is_real and entry.is_number:
-        raise DeclarationError(f"{where}: its {what} has {entry}, which is no real number")
+        raise DeclarationError(f"{where}: its {what} has {entry}, which is not a real number")
     # A plain number in a sum is in metres, as in a sketch.
     terms = [one for one in sp.Add.make_args(entry) if not one.is_number]
     expected = LENGTH if what == "position" else ONE
@@ -69,9 +67,7 @@ def _check_entry(
     except UnitError as error:
         raise DeclarationError(f"{where}: {error}") from None
     if found is not None and terms and found != expected:
-        raise DeclarationError(
-            f"{where}: its {what} has the unit {found}, where {expected} belongs"
-        )
+        raise DeclarationError(f"{where}: its {what} has the unit {found}; expected {expected}")
 
 
 def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:
@@ -79,7 +75,7 @@ def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:
     if frame.rotation is None:
         return
     if frame.rotation.shape != (3, 3):
-        raise DeclarationError(f"{where}: its rotation is no 3 x 3 matrix and no quaternion")
+        raise DeclarationError(f"{where}: its rotation must be a 3 x 3 matrix or a quaternion")
     for shift in (2, 5):
         place = {q: sp.Rational(5 * i + shift, 11) for i, q in enumerate(system.q)}
         here = frame.rotation.xreplace(system.values).xreplace(place).evalf(_DIGITS)

@@ -77,9 +77,10 @@ def trajectory(
         )
         if not solved.success or not np.isfinite(solved.y).all():
             raise ReferenceError(
-                f"the equations cannot be integrated past {solved.t[-1]:g} s: the motion blows up,"
-                " or a force is complex or the mass matrix singular there; end it before, or mend"
-                " T, V, D or the start"
+                f"the equations cannot be integrated past {solved.t[-1]:g} s: the "
+                "motion blows up, a force is complex or the mass matrix is "
+                "singular there; shorten the motion, or correct T, V, D or the "
+                "start"
             )
         values[chosen] = solved.y.T[: chosen.sum()]
         state = solved.y[:, -1]

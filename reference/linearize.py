@@ -84,8 +84,9 @@ def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization
     every = mass, damping, stiffness, pushes, seen, through
     for changing in (entry for matrix in every for entry in matrix if entry.has(t)):
         raise DeclarationError(
-            f"{where}: the equations linearized about it depend on t, by {shown(changing)};"
-            " energies and outputs must not change with time by themselves, push by an input"
+            f"{where}: the equations linearized about it depend on t, by "
+            f"{shown(changing)}; energies and outputs must not depend on time; use "
+            "an input"
         )
     with mp.workdps(DIGITS):
         values = system.values
@@ -94,8 +95,8 @@ def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization
             inverse = m**-1
         except ZeroDivisionError:
             raise DeclarationError(
-                f"{where}: the mass matrix is singular there; state a position at which every"
-                " coordinate has an inertia, or mend T"
+                f"{where}: the mass matrix is singular there; choose a position at "
+                "which every coordinate has an inertia, or correct T"
             ) from None
         n, inputs = len(at), f.cols
         a = mp.zeros(2 * n)
@@ -138,13 +139,15 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
             number = sp.N(left.xreplace(values), 30)
             if not (number.is_real and number.is_finite):
                 raise DeclarationError(
-                    f"{where}: the force on {coordinate.name} there is {shown(left)}, which is"
-                    " no finite real number; state another position, or mend V"
+                    f"{where}: the force on {coordinate.name} there is "
+                    f"{shown(left)}, which is not a finite real number; choose "
+                    "another position, or correct V"
                 )
             if abs(number) > 1e-12 and (left := sp.simplify(left)) != 0:
                 raise DeclarationError(
-                    f"{where}: is none; the force on {coordinate.name} there is {left};"
-                    " state the exact position, or search=True"
+                    f"{where}: is not an equilibrium: the force on "
+                    f"{coordinate.name} there is {left}; give the exact position, "
+                    "or set search=True"
                 )
         return at
     pull = [p for p in pull if p != 0]
@@ -188,8 +191,8 @@ def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational], where: 
         finite = False
     if not finite:
         raise DeclarationError(
-            f"{where}: T, V, D or an output has a slope there that is no finite real number;"
-            " state another position, or mend it"
+            f"{where}: T, V, D or an output has a slope there that is not a finite "
+            "real number; choose another position, or correct it"
         )
     return found
 

@@ -27,8 +27,8 @@ def load_system(folder: Path) -> System:
     system = load_declaration(folder)
     if isinstance(system, MultibodySystem):
         raise DeclarationError(
-            f"{folder / 'system.py'}: it declares bodies, and not energies, from which this would"
-            " follow; `crosscheck run` and `gate` take it as it is"
+            f"{folder / 'system.py'}: it declares bodies instead of energies, so "
+            "this is not available; use `crosscheck run` or `crosscheck gate`"
         )
     return system
 
@@ -44,7 +44,9 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
     """
     path = folder / "system.py"
     if not path.is_file():
-        raise DeclarationError(f"{path}: no such file; a system folder declares its physics there")
+        raise DeclarationError(
+            f"{path}: no such file; a system folder needs it to declare the physics"
+        )
     digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
     name = f"_crosscheck_system_{digest}"
     module = types.ModuleType(name)
@@ -111,7 +113,7 @@ def _sentence(error: Exception) -> str:
     try:
         told = str(error)
     except Exception as worse:
-        told = f"its own message can't be told ({type(worse).__name__})"
+        told = f"its message can't be shown ({type(worse).__name__})"
     if isinstance(error, TypeError) and "missing" in told:
         told = told.replace(".__init__()", "")
         return re.sub("required (positional|keyword-only) argument", "field", told)

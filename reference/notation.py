@@ -77,7 +77,7 @@ def _readings(
     where = f"system {system.name!r}, Eq. {published.number}"
     count = published.text.count("±")
     if count > MOST_SIGNS:
-        raise DeclarationError(f"{where}: {count} signs ±, where at most {MOST_SIGNS} are tried")
+        raise DeclarationError(f"{where}: {count} signs ±; at most {MOST_SIGNS} are allowed")
     signs = sp.symbols(f"sign_:{count}") if count else ()
     names = _names(system, coordinate) | {str(sign): sign for sign in signs}
     names |= {f"{c.name}0": _point(c) for c in system.coordinates if c.name == published.of}
@@ -92,7 +92,7 @@ def _readings(
     _check_names(sides, system, {*signs, *map(_point, system.coordinates)}, where)
     chain = published.states in ("value", "linear part")
     if len(sides) < 2 or (len(sides) > 2 and not chain):
-        raise DeclarationError(f"{where}: {published.text!r} has {len(sides)} sides, not two")
+        raise DeclarationError(f"{where}: {published.text!r} has {len(sides)} sides; expected two")
     point = sp.sympify(names.get(f"{published.of}0", 0))
     return [
         Reading(tuple(side.subs(choice) for side in sides), point.subs(choice))
@@ -134,7 +134,7 @@ def _names(system: System, coordinate: Coordinate | None) -> Names:
         """A function of one coordinate, or its derivative, where that is the argument."""
         variables = [q for q in system.q if function.has(q)]
         if len(variables) != 1:
-            raise ValueError(f"{function} is no function of one coordinate")
+            raise ValueError(f"{function} is not a function of one coordinate")
         return sp.diff(function, variables[0], int(order)).subs(variables[0], argument)
 
     def partial(expression: sp.Expr, variable: sp.Symbol) -> sp.Expr:
@@ -187,7 +187,7 @@ def _set(setting: str, names: Names, system: System) -> None:
     left, right = setting.split("=")
     found = re.fullmatch(r"(\w+)(\*\*2)?", left.strip())
     if found is None:
-        raise ValueError(f"{left.strip()!r} is no name")
+        raise ValueError(f"{left.strip()!r} is not a name")
     name = found[1]
     # The Lagrangian's own definition is a claim; another declared word would change its meaning.
     if name != "L" and name in names and not any(name == f"{c.name}0" for c in system.coordinates):
@@ -200,7 +200,7 @@ def _parsed(text: str, names: Names) -> sp.Expr:
     _check_size(ast.parse(text.strip(), mode="eval").body)
     found = parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
     if not isinstance(found, sp.Expr):
-        raise ValueError(f"{text.strip()!r} is no expression")
+        raise ValueError(f"{text.strip()!r} is not an expression")
     return found
 
 
@@ -223,9 +223,9 @@ def _check_size(node: ast.expr) -> int:
         case ast.Call(func=ast.Name(), args=given, keywords=[]):
             degree = sum(map(_check_size, given))
         case _:
-            raise ValueError(f"{ast.unparse(node)} is neither a number, a name nor arithmetic")
+            raise ValueError(f"{ast.unparse(node)} is not a number, a name or arithmetic")
     if degree > MOST_DEGREE:
-        raise ValueError("its powers grow too large to be computed")
+        raise ValueError("its powers are too large to compute")
     return degree
 
 
@@ -241,7 +241,7 @@ def _exponent(node: ast.expr) -> float:
             right=ast.Constant(value=int() as by),
         ) if by:
             return over / by
-    raise ValueError(f"{ast.unparse(node)} is no exponent: it is a plain number, such as 2")
+    raise ValueError(f"{ast.unparse(node)} is not an exponent: write a plain number, such as 2")
 
 
 def _check_names(
@@ -250,7 +250,7 @@ def _check_names(
     known = {*system.q, *system.v, *system.a, *system.u, t, *system.values, *further}
     for side in sides:
         for symbol in sorted(side.free_symbols - known, key=str):
-            raise DeclarationError(f"{where}: {symbol} is declared nowhere")
+            raise DeclarationError(f"{where}: {symbol} is not declared")
 
 
 def _point(coordinate: Coordinate) -> sp.Symbol:

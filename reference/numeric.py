@@ -92,7 +92,7 @@ def compile_function(
     unknown = wanted - set(arguments)
     if unknown:
         names = ", ".join(sorted(str(symbol) for symbol in unknown))
-        raise ValueError(f"no value is given for {names}")
+        raise ValueError(f"{names}: no value given")
     plain = [sp.Symbol(f"x{i}_") for i in range(len(arguments))]
     swap = dict(zip(arguments, plain, strict=True))
     renamed = [sp.sympify(e).xreplace(swap) for e in expressions]

@@ -70,4 +70,4 @@ def _number(value: Any) -> Any:
 
 def _text(value: str | bytes) -> ValueError:
     """The refusal of a text: sympy would run it as code."""
-    return ValueError(f"a pose has the text {value[:60]!r}; write a number or an expression")
+    return ValueError(f"a pose contains the text {value[:60]!r}; write a number or an expression")

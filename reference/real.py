@@ -68,14 +68,14 @@ def check_real(expression: sp.Expr, place: str, also: Sequence[type] = ()) -> No
             " as cos(w*t) for the real part of exp(I*w*t)"
         )
     if expression.has(sp.nan, sp.oo, sp.zoo, -sp.oo):
-        raise DeclarationError(f"{place} is {shown(expression)}, which is no finite number")
+        raise DeclarationError(f"{place} is {shown(expression)}, which is not a finite number")
     known = (*FUNCTIONS, *also)
     for part in expression.atoms(sp.Function, sp.Derivative, sp.Integral, sp.Sum, sp.Product):
         if not isinstance(part, known):
             raise DeclarationError(
-                f"{place} has {shown(part)}, which has no value here: write it in powers,"
-                " exponentials, logarithms, trigonometric or hyperbolic functions, an input's jumps"
-                " with Heaviside or Piecewise"
+                f"{place} has {shown(part)}, which has no value here. Write it with "
+                "powers, exponentials, logarithms, trigonometric or hyperbolic "
+                "functions. Write jumps of an input with Heaviside or Piecewise"
             )
 
 
@@ -86,15 +86,15 @@ def number_of(value: object, constants: Mapping[sp.Symbol, sp.Expr], place: str)
         DeclarationError: where it is none.
     """
     if isinstance(value, float) and not math.isfinite(value):
-        raise DeclarationError(f"{place} is {value}, which is no finite number")
+        raise DeclarationError(f"{place} is {value}, which is not a finite number")
     expression = expression_of(value, place)
     check_real(expression, place)
     number = expression.xreplace(dict(constants)).evalf(30)
     if number.has(sp.nan, sp.oo, sp.zoo, -sp.oo):
-        raise DeclarationError(f"{place} is {shown(expression)}, which is no finite number")
+        raise DeclarationError(f"{place} is {shown(expression)}, which is not a finite number")
     if not number.is_real:
         raise DeclarationError(
-            f"{place} is {shown(expression)} = {shown(number.evalf(5))}, which is no real number"
+            f"{place} is {shown(expression)} = {shown(number.evalf(5))}, which is not a real number"
         )
     if abs(number) > LARGEST:
         raise DeclarationError(f"{place} is {shown(value)}, which is too large for a double")
@@ -114,7 +114,7 @@ def check_plain(value: object, place: str) -> None:
     except OverflowError:
         raise DeclarationError(f"{place} is too large for a double") from None
     if not finite:
-        raise DeclarationError(f"{place} is {value}, which is no finite number")
+        raise DeclarationError(f"{place} is {value}, which is not a finite number")
 
 
 def check_over_time(
@@ -195,7 +195,7 @@ def _at(expression: sp.Expr, time: float) -> str:
             value = sp.N(expression.xreplace({t: sp.Float(time, 20)}), 5)
         except (TypeError, ValueError, ZeroDivisionError, OverflowError):
             value = sp.nan
-    kind = "complex" if value.is_real is False and value.is_finite else "no finite number"
+    kind = "complex" if value.is_real is False and value.is_finite else "not a finite number"
     return (
         f"is {kind} at t = {time:.6g} s: {shown(expression)} is {shown(value)} there;"
         " an input must be real and finite throughout"

@@ -121,8 +121,9 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     if fastest > QUICKEST:
         joint = equations.system.coordinates[int(np.argmax(many.settling))].name
         raise ReferenceError(
-            f"its fastest motion takes {1 / fastest:.0e} s, in which no position moves by more than"
-            f" its last digits; joint {joint!r} settles fastest: has what it moves its inertia?"
+            f"its fastest motion takes {1 / fastest:.0e} s, too short to move any "
+            f"position by more than rounding; joint {joint!r} is the fastest: check "
+            "the inertia that it moves"
         )
     length = min(_length(equations, fastest), many.longest)
     return solved(equations, start, forces, length, fastest)
@@ -324,8 +325,8 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
         joint = int(np.argmax(np.abs(vectors[at, :, 0])))
         name = equations.system.coordinates[joint].name
         raise ReferenceError(
-            f"joint {name!r} moves nothing that has mass or inertia, or less than nothing: the mass"
-            " matrix is not positive definite"
+            f"joint {name!r} moves no mass or inertia, or a negative one: the mass "
+            "matrix is not positive definite"
         )
 
 

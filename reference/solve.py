@@ -109,19 +109,20 @@ def check_duration(fastest: float, duration: float, place: str) -> None:
     """
     if not np.isfinite(fastest):
         raise DeclarationError(
-            f"{place}: the accelerations, or their slopes, are not finite;"
-            " mend T, V, D or the start"
+            f"{place}: the accelerations, or their slopes, are not finite; correct "
+            "T, V, D or the start"
         )
     turns = fastest * duration
     if 0 < turns < LEAST_TURN:
         raise DeclarationError(
-            f"{place}: nothing moves in the duration of {duration:g} s, where the fastest motion"
-            f" has {fastest:.3g} rad/s; make it longer"
+            f"{place}: nothing moves within the duration of {duration:g} s: the "
+            f"fastest motion has {fastest:.3g} rad/s; make it longer"
         )
     if turns * SEGMENTS_A_PERIOD / (2 * np.pi) > MOST_SEGMENTS:
         raise DeclarationError(
-            f"{place}: the duration of {duration:g} s holds {turns / (2 * np.pi):.1e} periods of"
-            f" the fastest motion, of {fastest:.3g} rad/s; make it shorter, or stiff parts less so"
+            f"{place}: the duration of {duration:g} s holds "
+            f"{turns / (2 * np.pi):.1e} periods of the fastest motion, of "
+            f"{fastest:.3g} rad/s; make it shorter, or stiff parts softer"
         )
 
 
@@ -141,8 +142,8 @@ def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> No
     if not finite.all():
         time = float(motion.t[np.argmin(finite)])
         raise DeclarationError(
-            f"{place}: T, V or D is no finite real number at t = {time:.4g} s of the motion;"
-            " mend it, or choose a start from which the motion stays where it is one"
+            f"{place}: T, V or D is not a finite real number at t = {time:.4g} s of "
+            "the motion; correct it, or choose another start"
         )
     # In units of its own diagonal, since a light part beside a heavy one is no singular one.
     size = np.sqrt(np.maximum(np.einsum("kii->ki", mass), 1e-300))
@@ -150,8 +151,8 @@ def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> No
     if np.min(least) <= 0:
         time = float(motion.t[np.argmax(least <= 0)])
         raise DeclarationError(
-            f"{place}: the mass matrix is not positive definite at t = {time:.4g} s of the motion;"
-            " mend T, or choose a start from which the motion does not come there"
+            f"{place}: the mass matrix is not positive definite at t = {time:.4g} s "
+            "of the motion; correct T, or choose another start"
         )
 
 

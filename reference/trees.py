@@ -43,8 +43,8 @@ class TreeSystem(Declaration):
         super().__post_init__()
         if len(self.coordinates) != self.tree.freedoms:
             raise DeclarationError(
-                f"system {self.name!r} has {len(self.coordinates)} coordinates, and its tree"
-                f" {self.tree.freedoms} degrees of freedom"
+                f"system {self.name!r} has {len(self.coordinates)} coordinates, but "
+                f"its tree has {self.tree.freedoms} degrees of freedom"
             )
 
 
@@ -106,10 +106,11 @@ class MultibodySystem:
         except TreeError as error:
             raise DeclarationError(str(error)) from None
         if not found.tree.links:
-            raise DeclarationError(f"system {self.name!r} has no joint, so that nothing moves")
+            raise DeclarationError(f"system {self.name!r} has no joint, so nothing moves")
         for name in found.cancelled:
             raise DeclarationError(
-                f"the mass of body {name!r} takes all of what it is welded to; no mass is negative"
+                f"the masses of body {name!r} and of the bodies fixed to it do not "
+                "add up to a positive mass; write positive masses"
             )
 
     @cached_property

@@ -79,7 +79,9 @@ def parse_unit(text: str) -> Dimension:
         match = _FACTOR.match(factor)
         if match is None or match[1] not in _SYMBOLS:
             known = ", ".join(_SYMBOLS)
-            raise UnitError(f"the unit {text!r} has a part {factor!r}; known are {known}")
+            raise UnitError(
+                f"the unit {text!r} has an unknown part {factor!r}; known units: {known}"
+            )
         dimension = _SYMBOLS[match[1]] ** Fraction(match[2] or 1)
         result = result * dimension if operator == "*" else result / dimension
     return result
@@ -138,7 +140,8 @@ def _dimension_of_function(
         dimension = dimension_of(argument, symbols)
         if dimension not in (None, ONE):
             raise UnitError(
-                f"{argument} in {expression} has the unit {dimension}, where a number belongs"
+                f"{argument} in {expression} has the unit {dimension}; expected a "
+                "dimensionless number"
             )
     return ONE
 

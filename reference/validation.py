@@ -71,7 +71,7 @@ def _check_texts(part: object, where: str) -> None:
     """Half a pair of surrogates can be neither written nor shown."""
     if isinstance(part, str):
         if any("\ud800" <= c <= "\udfff" for c in part):
-            raise DeclarationError(f"{where}: {part!a} is no Unicode text; write it anew")
+            raise DeclarationError(f"{where}: {part!a} is not Unicode text; type it again")
     elif isinstance(part, tuple):
         for one in part:
             _check_texts(one, where)
@@ -95,7 +95,9 @@ def _check_names(system: Declaration, where: str) -> None:
             if names.count(name) > 1:
                 raise DeclarationError(f"{where} has two {kind} entries named {name!r}")
             if not name.isprintable():
-                raise DeclarationError(f"{where}: the {kind} name {name!r} can't be printed")
+                raise DeclarationError(
+                    f"{where}: the {kind} name {name!r} has unprintable characters"
+                )
     for constant in system.constants:
         with about("Constant", constant.name):
             _check_constant(constant, where)
@@ -113,7 +115,9 @@ def _check_symbol_names(system: Declaration, where: str) -> None:
     ):
         for item in items:
             if not item.name.isidentifier():
-                raise DeclarationError(f"{where}: the {kind} name {item.name!r} is no identifier")
+                raise DeclarationError(
+                    f"{where}: the {kind} name {item.name!r} is not an identifier"
+                )
             if item.name in seen:
                 raise DeclarationError(f"{where}: {item.name!r} is {seen[item.name]} and a {kind}")
             seen[item.name] = f"a {kind}"
@@ -124,7 +128,7 @@ def _check_symbol_names(system: Declaration, where: str) -> None:
 def _check_constant(constant: Constant, where: str) -> None:
     place = f"{where}: the constant {constant.name}"
     if not constant.source:
-        raise DeclarationError(f"{place} states no source")
+        raise DeclarationError(f"{place} has no source")
     check_plain(constant.value, place)
 
 
@@ -206,7 +210,7 @@ def _check_formula(
 def _check_symbols(expression: sp.Expr, known: Container[sp.Symbol], place: str) -> None:
     for symbol in sorted(expression.free_symbols, key=str):
         if symbol not in known:
-            raise DeclarationError(f"{place} uses {symbol}, which is declared nowhere")
+            raise DeclarationError(f"{place} uses {symbol}, which is not declared")
 
 
 def _check_dimension(
@@ -217,7 +221,7 @@ def _check_dimension(
     except UnitError as error:
         raise DeclarationError(f"{place}: {error}") from None
     if found is not None and found != expected:
-        raise DeclarationError(f"{place} has the unit {found}, where {expected} belongs")
+        raise DeclarationError(f"{place} has the unit {found}; expected {expected}")
 
 
 def _check_smooth(system: Declaration, where: str) -> None:
@@ -239,7 +243,7 @@ def _check_energies(system: Declaration, where: str) -> sp.Matrix:
     rest = dict.fromkeys(system.v, sp.Integer(0))
     slope = [sp.diff(system.D, v).xreplace(rest) for v in system.v]
     if any(sp.simplify(g) != 0 for g in (*slope, system.D.xreplace(rest))):
-        raise DeclarationError(f"{where}: D must vanish, with its slope, where nothing moves")
+        raise DeclarationError(f"{where}: D and its slope must be zero at rest")
     mass = sp.hessian(system.T, system.v)
     if mass.free_symbols & {*system.v}:
         raise DeclarationError(f"{where}: T must be quadratic in the velocities")
@@ -279,8 +283,8 @@ def _check_maps(system: Declaration, mass: sp.Matrix, where: str) -> None:
     for published in system.published:
         if published.states not in CLAIMS:
             raise DeclarationError(
-                f"{where}, Eq. {published.number}: states {published.states!r} is unknown,"
-                f" it may be {list(CLAIMS)}"
+                f"{where}, Eq. {published.number}: unknown states "
+                f"{published.states!r}; expected one of {list(CLAIMS)}"
             )
 
 
@@ -299,8 +303,8 @@ def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, pl
         raise DeclarationError(f"{place}: the duration is {scenario.duration}; it must be positive")
     if duration < SHORTEST:
         raise DeclarationError(
-            f"{place}: the duration is {scenario.duration} s, shorter than the {SHORTEST:g} s below"
-            " which no engine steps; make it longer"
+            f"{place}: the duration is {scenario.duration} s, shorter than "
+            f"{SHORTEST:g} s, the least that engines can step; make it longer"
         )
     at = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
     if not mass.xreplace(at).evalf().is_positive_definite:
@@ -320,14 +324,16 @@ def _check_sketch(system: Declaration, where: str) -> None:
     for number, shape in enumerate(system.sketch, 1):
         place = f"{where}, shape {number} of the sketch"
         if not isinstance(shape, (Link, Body, Angle)):
-            raise DeclarationError(f"{place}: {shape!r} is no Link, Body or Angle")
+            raise DeclarationError(f"{place}: {shape!r} is not a Link, Body or Angle")
         kinds = () if isinstance(shape, Angle) else BODIES if isinstance(shape, Body) else LINKS
         if not isinstance(shape, Angle) and shape.kind not in kinds:
-            raise DeclarationError(f"{place}: {shape.kind!r} is unknown, it may be {list(kinds)}")
+            raise DeclarationError(
+                f"{place}: unknown kind {shape.kind!r}; expected one of {list(kinds)}"
+            )
         try:
             found = expressions(shape)
         except (TypeError, ValueError, sp.SympifyError) as error:
-            raise DeclarationError(f"{place}: a point is a pair (x, y): {error}") from None
+            raise DeclarationError(f"{place}: a point must be a pair (x, y): {error}") from None
         for name, expression in found.items():
             _check_symbols(expression, known, f"{place}, {name},")
             for part in sp.preorder_traversal(expression):

@@ -75,7 +75,7 @@ def plain(entry: Entry, sentence: str) -> str:
     """A reason without its file, line, names and numbers: alike for all that fail alike."""
     told = re.sub(rf"{re.escape(entry.file)}(:\d+)*:? ?", "", sentence)
     told = told.removesuffix(
-        "; `crosscheck compare` holds it against another file without equations"
+        "; `crosscheck compare` compares it with another file, without equations"
     )
     told = re.sub(r"(?<!\w)'[^']*'|(?<!\w)\"[^\"]*\"|-?\b\d+(\.\d+)?(e[-+]?\d+)?\b", "*", told)
     told = re.sub(r"\*(, \*)+", "*", told)  # a list of names, however long

@@ -95,7 +95,7 @@ def compare(
     status = _status(parts, then, causes)
     if status in (Status.WITHIN, Status.KNOWN) and not kinds:
         kinds = tuple(dict.fromkeys(_harmless(cause) for cause in causes))
-    messages = [f"{now.outcome} where it was {then.outcome}"] if now.outcome != then.outcome else []
+    messages = [f"{now.outcome}; was {then.outcome}"] if now.outcome != then.outcome else []
     messages += [message for part in parts for message in part.messages]
     messages += constants_moved(then.constants, now.constants)
     return Difference(
@@ -113,7 +113,7 @@ def why_not_known(
     """Why a case of the same outcome is not the difference that was accepted; "" where it is."""
     motion = _motion(then, snapshot, measured)
     if not motion.comparable:
-        return "the system has other coordinates or inputs"
+        return "the coordinates or inputs of the system have changed"
     if motion.model:
         return f"the model's motion moved by {motion.model}"
     if motion.equations:
@@ -133,15 +133,11 @@ def _causes(then: AcceptedCase, now: AcceptedCase) -> dict[str, str]:
     if "system.py" in changed:
         causes["declaration"] = "changed: system.py"
     if then.engine_version != now.engine_version:
-        causes["engine"] = (
-            f"another engine: {now.engine_version} where it was {then.engine_version}"
-        )
+        causes["engine"] = f"engine version {then.engine_version} -> {now.engine_version}"
     if then.numerics != now.numerics:
-        causes["tool"] = (
-            f"crosscheck's own numerics are version {now.numerics} where they were {then.numerics}"
-        )
+        causes["tool"] = f"version of crosscheck's numerics {then.numerics} -> {now.numerics}"
     if then.resolution != now.resolution:
-        causes["resolution"] = f"resolution {now.resolution:g} where it was {then.resolution:g}"
+        causes["resolution"] = f"resolution {then.resolution:g} -> {now.resolution:g}"
     return causes
 
 
@@ -181,14 +177,14 @@ def _model_part(
 def _equations_part(now: AcceptedCase, motion: _Motion) -> Part:
     """What is told of the equations' motion."""
     if not motion.comparable:
-        message = "the system has other coordinates or inputs; nothing can be compared"
+        message = "the coordinates or inputs of the system have changed; nothing can be compared"
         return Part(kinds=("equations",), messages=(message,), worse=True)
     if not motion.equations:
         return Part()
     moved = motion.equations
     messages = [f"the equations' motion moved by {moved.size:.1e} of {moved.component}"]
     if motion.model and now.outcome is Outcome.AGREES:
-        messages.append("model and equations changed alike: they agree")
+        messages.append("model and equations changed in the same way, and agree")
     return Part(kinds=("equations",), messages=tuple(messages), worse=True)
 
 
@@ -202,11 +198,9 @@ def _scenario_part(was: Snapshot, now: Snapshot) -> Part:
     changed = zip(was.inputs, now.inputs, strict=False)
     told += [f"input {old} -> {new}" for old, new in changed if old != new]
     if was.components != now.components:
-        told.append(
-            f"components are called {', '.join(now.components)}, not {', '.join(was.components)}"
-        )
-    told = told or ["its start, or what the system's other scenarios move, is another"]
-    message = f"the scenario is another: {'; '.join(told)}"
+        told.append(f"components {', '.join(was.components)} -> {', '.join(now.components)}")
+    told = told or ["its start, or the motions of the system's other scenarios, have changed"]
+    message = f"the scenario has changed: {'; '.join(told)}"
     return Part(kinds=("scenario",), messages=(message,), worse=True)
 
 
@@ -228,7 +222,7 @@ def _outcome_part(
         )
     if now.outcome is Outcome.AGREES or not discrepancy_moved(then, now):
         return Part()
-    message = f"the discrepancy is {in_words(now)} where {in_words(then)} was accepted"
+    message = f"the discrepancy is {in_words(now)}; {in_words(then)} was accepted"
     return Part(kinds=_blamed(causes), messages=(message,), worse=True)
 
 

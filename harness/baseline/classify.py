@@ -53,7 +53,7 @@ class Change:
 
 def unaccepted(case: Case) -> str:
     """What is said of a case that the baseline does not know."""
-    return f"{case.outcome}; nothing was accepted of it yet"
+    return f"{case.outcome}; not accepted yet"
 
 
 def classify(
@@ -128,7 +128,7 @@ def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool
     if _failed(case):
         return f"{case.outcome}: {case.reason}"
     if stale:
-        return "its files changed while it was run; run it again"
+        return "its files changed during the run; run it again"
     reason = "it was not measured"
     if measured is not None and not isinstance(measured, Measurement):
         reason = measured.reason

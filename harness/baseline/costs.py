@@ -50,12 +50,12 @@ def _error(then: AcceptedCase, now: AcceptedCase, found: Part, settled: bool) ->
     if a is None or b is None:
         if a == b:
             return found
-        finite = "the global error is finite now" if a is None else "the global error is not finite"
+        finite = "the error at dt is finite now" if a is None else "the error at dt is not finite"
         return Part(messages=(*found.messages, finite), worse=b is None, better=a is None)
     tolerance = max(GLOBAL, min(1.0, a)) * a + 1e-12
     if abs(b - a) <= tolerance or not (settled or found.messages):
         return found
-    message = f"global error {_percent(a)} -> {_percent(b)}"
+    message = f"error at dt {_percent(a)} -> {_percent(b)}"
     return Part(messages=(*found.messages, message), worse=b > a, better=b < a)
 
 
@@ -93,5 +93,7 @@ def constants_moved(was: Mapping[str, Identified], now: Mapping[str, Identified]
         if abs(new.value - old.value) > 3 * errors + 1e-12 * abs(old.value):
             share = max(new.standard_error, 1e-300) / max(abs(new.value), 1e-300)
             digits = min(max(2 - math.floor(math.log10(share)), 3), 10)
-            told.append(f"the motion says {name} {old.value:.{digits}g} -> {new.value:.{digits}g}")
+            told.append(
+                f"the motion implies {name} {old.value:.{digits}g} -> {new.value:.{digits}g}"
+            )
     return told

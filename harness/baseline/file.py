@@ -29,10 +29,10 @@ from physics_crosscheck.harness.records.outcome import Outcome
 T = TypeVar("T")
 A = TypeVar("A", AcceptedCase, AcceptedAudit)
 
-_RESTORE = "restore it from version control, or remove it and accept anew"
+_RESTORE = "restore it from version control, or remove it and run `crosscheck accept` again"
 _NOT_BELIEVED = (
-    "does not say what was accepted (damaged, badly merged, or edited by hand); restore it from"
-    " version control, or remove this entry and accept it anew"
+    "is damaged, badly merged or edited by hand; restore it from version control, "
+    "or remove this entry and accept it again"
 )
 
 
@@ -142,12 +142,12 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
     if sealed(file.declared) != file.declared:
         raise FileError(f"declared: {_NOT_BELIEVED}")
     if file.declared.system != system:
-        raise FileError(f"is of the system {file.declared.system!r}; {_RESTORE}")
+        raise FileError(f"belongs to the system {file.declared.system!r}; {_RESTORE}")
     for key, snapshot in file.snapshots.items():
         if snapshot_key(snapshot) != key:
             raise FileError(f"{key}: {_NOT_BELIEVED}")
         if not _is_whole(snapshot):
-            raise FileError(f"{key}: is not whole: its tables are not of one size; {_RESTORE}")
+            raise FileError(f"{key}: is incomplete: its tables differ in size; {_RESTORE}")
     return SystemBaseline(
         declared=file.declared,
         snapshots=file.snapshots,
@@ -172,7 +172,7 @@ def _check_format(data: bytes) -> None:
     Raises:
         FileError: saying which it is.
     """
-    again = "remove it and accept anew: `crosscheck accept --reason TEXT`"
+    again = "remove it and run `crosscheck accept --reason TEXT`"
     try:
         found = _decoded(data, _Head).format
     except _ShapeError:
@@ -180,13 +180,12 @@ def _check_format(data: bytes) -> None:
         found = None
     if isinstance(found, int) and found < FORMAT:
         raise FileError(
-            f"no baseline of format {FORMAT} but of format {found}, of an earlier version of"
-            f" crosscheck; {again}"
+            f"baseline has format {found} of an earlier crosscheck, expected {FORMAT}; {again}"
         )
     if found != FORMAT:
         raise FileError(
-            f"no baseline of format {FORMAT}; use the version of crosscheck that wrote it, or"
-            f" {again}"
+            f"not a baseline of format {FORMAT}; use the version of crosscheck that "
+            f"wrote it, or {again}"
         )
 
 
@@ -199,9 +198,9 @@ def _decoded(data: bytes, wanted: type[T]) -> T:
     try:
         return msgspec.json.decode(data, type=wanted)
     except msgspec.ValidationError as error:
-        raise _ShapeError(f"is not whole, of another shape: {error}; {_RESTORE}") from None
+        raise _ShapeError(f"is malformed: {error}; {_RESTORE}") from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise FileError(f"no JSON: {error}; {_RESTORE}") from None
+        raise FileError(f"not JSON: {error}; {_RESTORE}") from None
 
 
 def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
@@ -209,12 +208,14 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     for entry in file.cases:
         _believe(entry, str(entry.id), system, known=entry.id in cases)
         if not (entry.model and entry.scenario and entry.engine):
-            raise FileError(f"{entry.id}: names no model, scenario or engine; {_RESTORE}")
+            raise FileError(f"{entry.id}: does not name a model, scenario and engine; {_RESTORE}")
         snapshot = file.snapshots.get(entry.snapshot)
         if snapshot is None:
-            raise FileError(f"{entry.id}: is not whole: its snapshot is not there; {_RESTORE}")
+            raise FileError(f"{entry.id}: is incomplete: its snapshot is missing; {_RESTORE}")
         if not _fits(entry, snapshot):
-            raise FileError(f"{entry.id}: is not whole: it has other segments than its snapshot")
+            raise FileError(
+                f"{entry.id}: is inconsistent: its segments differ from those of its snapshot"
+            )
         cases[entry.id] = entry
     return cases
 
@@ -224,9 +225,9 @@ def _believe(one: A, called: str, system: str, *, known: bool) -> None:
     if sealed(one) != one:
         raise FileError(f"{called}: {_NOT_BELIEVED}")
     if one.system != system:
-        raise FileError(f"{called}: is of another system; {_RESTORE}")
+        raise FileError(f"{called}: belongs to a different system; {_RESTORE}")
     if known:
-        raise FileError(f"{called}: is there twice; {_RESTORE}")
+        raise FileError(f"{called}: appears twice; {_RESTORE}")
 
 
 def _audits(file: BaselineFile, system: str) -> dict[ModelId, AcceptedAudit]:

@@ -155,7 +155,7 @@ def _why_changed(
 ) -> str:
     """Why a case is not the difference that was accepted; "" where it is."""
     if case.outcome != entry.outcome:
-        return f"it is {case.outcome} where {entry.outcome} was accepted"
+        return f"it is {case.outcome}; {entry.outcome} was accepted"
     if isinstance(measured, Failure):
         return measured.reason
     assert case.verdict is not None  # what was measured was judged
@@ -170,7 +170,7 @@ def changes_since(
         return None
     changes = [change for case in cases if (change := _change(case, measured, found))]
     changes += [
-        _told(case, "missing", "it was accepted, and there is no such case now")
+        _told(case, "missing", "it was accepted, but the case no longer exists")
         for case in _missing(cases, found)
     ]
     changes.sort(key=lambda change: _ORDER.index(change.kind))
@@ -208,7 +208,7 @@ def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange |
     """What became of one case; None where it is as it was accepted."""
     if barred := _stands_for(case, found):
         accepted = f"{counted(len(barred), 'case')} {'was' if len(barred) == 1 else 'were'}"
-        return _told(case.id, "regression", f"{case.outcome}; {accepted} accepted of it")
+        return _told(case.id, "regression", f"{case.outcome}; {accepted} accepted for it")
     one = found.systems.get(case.system)
     if one is None or case.id not in one.cases:
         return _told(case.id, "new", unaccepted(case))

@@ -49,8 +49,8 @@ class Movement:
 
     def __str__(self) -> str:
         return (
-            f"{self.size:.1e} ± {self.uncertainty:.0e} of its movement, in {self.component} near"
-            f" {self.place}"
+            f"{self.size:.1e} ± {self.uncertainty:.0e} of its displacement, in "
+            f"{self.component} near {self.place}"
         )
 
 

@@ -56,7 +56,9 @@ def named_folders(folder: Path) -> list[str]:
 
 def _files(folder: Path) -> list[Path]:
     if folder.exists() and not folder.is_dir():
-        raise BaselineError(f"{folder}: is no folder; a baseline is one, with a file a system")
+        raise BaselineError(
+            f"{folder}: is not a folder; a baseline is a folder with one file per system"
+        )
     return sorted(folder.glob("*.json"))
 
 

@@ -39,8 +39,8 @@ def with_dynamics(
     known = max(found.judgement.largest_discrepancy, found.judgement.largest_uncertainty)
     held = " with soft equalities held exactly" if found.holds_equalities else ""
     told = (
-        f"its accelerations{held}, at {counted(found.states, 'state')}, are the equations' to"
-        f" {known:.1e} of the largest; of its motions {verdict.reason}"
+        f"its accelerations{held}, at {counted(found.states, 'state')}, match the "
+        f"equations to {known:.1e} of the largest; its motions: {verdict.reason}"
     )
     return _decided(verdict, found, names, resolution, told)
 
@@ -80,15 +80,18 @@ def _apart(
     other = ", ".join(
         name for name, size in found.terms.items() if name != EQUALITIES and not size <= resolution
     )
-    differing = f"; of its forces differ: {other}" if other else ""
+    differing = f"; these of its forces differ: {other}" if other else ""
     moved = (
-        f"every segment agrees to {verdict.largest_uncertainty:.1e}"
+        f"every segment agrees within {verdict.largest_uncertainty:.1e}"
         if verdict.outcome is Outcome.AGREES
-        else f"of its motions {verdict.reason}"
+        else f"its motions: {verdict.reason}"
     )
-    of = f"{judged.discrepancy:.2e} of its largest off"
+    of = f"off by {judged.discrepancy:.2e} of its largest value"
     if judged.component >= len(names):
-        of = f"{judged.discrepancy:.2e} of its range from where its equality puts it"
+        of = (
+            f"off by {judged.discrepancy:.2e} of its range from the position that its "
+            "equality demands"
+        )
     return (
         f"{component(names, judged.component)} is {of};"
         f" the uncertainty is {judged.uncertainty:.1e}{differing}; {moved}"

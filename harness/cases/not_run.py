@@ -32,14 +32,14 @@ def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle |
         names = ", ".join(sorted(known))
         return Hurdle(
             Outcome.FAILED,
-            f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}",
+            f"{sidecar.model}.toml: unknown engine {name!r}; known engines: {names}",
             "engine",
         )
     if why := absent(engine):
         return why
     if sidecar.model.suffix not in engine.formats:
         reads = ", ".join(engine.formats)
-        reason = f"{sidecar.model}: {name} reads {reads} files alone"
+        reason = f"{sidecar.model}: {name} reads only {reads} files"
         return Hurdle(Outcome.FAILED, reason, "format")
     return None
 
@@ -86,6 +86,7 @@ def not_of_a_tree(sidecar: Sidecar) -> str:
     if not unread:
         return ""
     return (
-        f"{sidecar.model}.toml: {', '.join(unread)}: system.py declares bodies, whose joints are"
-        f" matched by their names alone; take {'it' if len(unread) == 1 else 'them'} out"
+        f"{sidecar.model}.toml: {', '.join(unread)}: system.py declares bodies, "
+        "whose joints are matched by name only; remove "
+        f"{('it' if len(unread) == 1 else 'them')}"
     )

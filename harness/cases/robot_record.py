@@ -124,9 +124,9 @@ _NEGATIVES: Mapping[str, AuditKind] = {
 }
 
 _EFFECTS = {
-    "damping": "adds energy to a motion. Write a positive number",
+    "damping": "adds energy to the motion. Write a positive number",
     "stiffness": "pushes away from the rest position. Check the sign",
-    "armature": "takes inertia from a joint. Write a positive number",
+    "armature": "removes inertia from a joint. Write a positive number",
 }
 
 
@@ -147,7 +147,11 @@ def settings_of(robot: Robot) -> Mapping[str, object]:
 def sidecar_beside(file: Path) -> tuple[str, ...]:
     """A sidecar counts in its folder, and not where its file is checked alone."""
     beside = file.with_name(f"{file.name}.toml")
-    return (f"what {beside.name} says, which is read with its folder",) if beside.is_file() else ()
+    return (
+        (f"the contents of {beside.name}, which is read together with its folder",)
+        if beside.is_file()
+        else ()
+    )
 
 
 def told(one: LeftOut) -> str:
@@ -173,7 +177,7 @@ def tree_record(
         scenarios=(
             Scenario(
                 name=scenario,
-                description=f"{counted(count, 'state')}, each under forces of its own",
+                description=f"{counted(count, 'state')}, each under its own forces",
                 duration=drawn.length,
                 inputs={},
                 segments=count,

@@ -100,7 +100,7 @@ def joints_of(followers: Followers, model: Model, file: Path, engine: str) -> li
     if here != there or len(there) != len(model.coordinates):
         missing, more = sorted(here - there), sorted(there - here)
         parts = [f"it has no {', '.join(missing)}"] if missing else []
-        parts += [f"it has {', '.join(more)} besides"] if more else []
-        told = " and ".join(parts) or "two of its joints have one name"
-        raise EngineError(f"{file}: {engine} makes other joints of it: {told}")
+        parts += [f"it has the additional {', '.join(more)}"] if more else []
+        told = " and ".join(parts) or "two of its joints have the same name"
+        raise EngineError(f"{file}: {engine} builds different joints from it: {told}")
     return [followers.names.index(name) for name in model.coordinates]

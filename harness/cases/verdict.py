@@ -155,9 +155,9 @@ def judge(
     reason = ""
     if found.outcome is Outcome.DIFFERS:
         reason = (
-            f"{component} ends the segment at {place}"
-            f" {found.discrepancy:.2e} of its movement off; the uncertainty there is"
-            f" {found.uncertainty:.1e}"
+            f"{component} is off by {found.discrepancy:.2e} of its displacement at "
+            f"the end of the segment at {place}; the uncertainty there is "
+            f"{found.uncertainty:.1e}"
         )
     elif found.below_resolution:
         reason = _below(component, place, found, resolution)
@@ -214,16 +214,18 @@ def with_residual(
     if found.outcome is Outcome.DIFFERS:
         off = float(np.abs(limit.value[segment, found.component]))
         told = (
-            f"engine coordinate {component} leaves the coordinate map by {off:.3g} over the segment"
-            f" at {starts_at(time, segment)} (relative {found.discrepancy:.2e}, uncertainty"
-            f" {found.uncertainty:.1e}): the model has a freedom that the equations don't have, or"
-            " its constraint does not hold"
+            f"engine coordinate {component} leaves the coordinate map by {off:.3g} "
+            f"over the segment at {starts_at(time, segment)} (relative "
+            f"{found.discrepancy:.2e}, uncertainty {found.uncertainty:.1e}); the "
+            "model has a degree of freedom that the equations lack, or its "
+            "constraint does not hold"
         )
     elif found.outcome is Outcome.UNRESOLVED:
         told = (
-            f"whether engine coordinate {component} keeps to the coordinate map is known to"
-            f" {found.uncertainty:.1e} at best, near {starts_at(time, segment)}, where"
-            f" {resolution:.0e} was asked: {_why_coarse(limit, found, held=True)}"
+            f"engine coordinate {component} follows the coordinate map within an "
+            f"uncertainty of {found.uncertainty:.1e} near "
+            f"{starts_at(time, segment)}, above the requested resolution "
+            f"{resolution:.0e}: {_why_coarse(limit, found, held=True)}"
         )
     elif found.below_resolution:
         place = starts_at(time, segment)
@@ -250,16 +252,16 @@ def with_residual(
 def _coarse(limit: Limit, known: float, asked: float) -> str:
     """What is said of an engine whose numbers have too few digits for what was asked."""
     return (
-        f"known to {known:.1e}: the engine's numbers have {1 - math.log2(limit.epsilon):.0f} binary"
-        f" digits, which allow no more, where {asked:.0e} was asked"
+        f"known to {known:.1e}, above the requested {asked:.0e}: the engine's "
+        f"numbers have only {1 - math.log2(limit.epsilon):.0f} binary digits"
     )
 
 
 def _below(what: str, place: str, found: Judgement, resolution: float) -> str:
     """What is said of a difference that is measurable and was not asked for."""
     return (
-        f"{what} differs at {found.discrepancy:.0e}, below the resolution asked, {resolution:.0e}"
-        f" (segment at {place}, uncertainty {found.uncertainty:.0e})"
+        f"{what} differs at {found.discrepancy:.0e}, below the requested resolution "
+        f"{resolution:.0e} (segment at {place}, uncertainty {found.uncertainty:.0e})"
     )
 
 
@@ -273,23 +275,22 @@ def _unresolved(
     coarse: str,
 ) -> str:
     if found.obstacle is Obstacle.STANDS_STILL:
-        return "every rung returned the same values: the engine did not step"
+        return "all step sizes returned the same values: the engine did not step"
     if found.obstacle is Obstacle.DIVERGES:
-        return "the ladder diverges: the limits of finer rungs do not converge"
+        return "the extrapolation diverges: the limits at finer steps do not converge"
     if found.obstacle is Obstacle.WRONG_ORDER:
         return (
-            f"the exponents don't hold: the rungs fall with order {limit.order:.2f},"
-            f" the engine claims {claimed}; no digit of the limit can be trusted"
+            f"the convergence order is {limit.order:.2f} but the engine claims "
+            f"{claimed}, so the extrapolation is not trusted"
         )
     if found.obstacle is Obstacle.DIVERGES_HERE:
         return (
-            f"the ladder diverges near {place}: the limits of finer rungs"
-            " do not converge, as where a motion is not smooth"
+            f"the extrapolation diverges near {place}: the limits at finer steps do "
+            "not converge, which is typical of a motion that is not smooth"
         )
     return (
-        f"the limit of {component} is known to {found.uncertainty:.1e} at best, near"
-        f" {place}, where {resolution:.0e} was asked:"
-        f" {coarse}"
+        f"the limit of {component} has an uncertainty of {found.uncertainty:.1e} "
+        f"near {place}, above the requested resolution {resolution:.0e}: {coarse}"
     )
 
 
@@ -325,8 +326,11 @@ def _why_coarse(limit: Limit, found: Judgement, held: bool) -> str:
         held: whether the engine holds some coordinates to others.
     """
     if _is_rounding(limit, found):
-        divided = "; an equality divides the last digits of a position by the step"
-        return "rounding allows no more" + (divided if held else "")
+        divided = "; an equality divides the last digits of a position by the time step"
+        return "rounding allows no better" + (divided if held else "")
     if held:
-        return "an equality gives way to each step in another way, or the step is too coarse for it"
-    return "the motion is not smooth there, or the step is too coarse for it"
+        return (
+            "an equality yields differently at each step size, or the time step is too "
+            "coarse for it"
+        )
+    return "the motion is not smooth there, or the time step is too coarse for it"

@@ -30,18 +30,18 @@ def with_full_runs(
     found = study.witness
     if not found.bears_out:
         told = (
-            "every segment agrees, but a run from start to end does not converge to the motion"
-            f" (order {found.order:.2f} where {claimed} is claimed, global error"
-            f" {study.global_error:.1e}, {found.residual:.1e} of it left as the step falls):"
-            " something is carried from step to step"
+            "every segment agrees, but the full run does not converge to the "
+            f"motion: order {found.order:.2f} instead of {claimed}, error "
+            f"{study.global_error:.1e}; {found.residual:.1e} of it remains as dt "
+            "falls, so the model carries a state from step to step"
         )
         return Outcome.UNRESOLVED, told, "full run"
     if not found.foretold:
         told = (
-            f"every segment agrees, but the run at the shipped step of {study.shipped.h:g} s is not"
-            f" what finer steps foretell: its error is {found.surprise:.1e} off the"
-            f" {found.expected:.1e} that they do, where {found.unsure:.1e} is uncertain: something"
-            " depends on the step that it ships with"
+            f"every segment agrees, but the full run at dt = {study.shipped.h:g} s "
+            f"is off by {found.surprise:.1e} from the error that finer steps "
+            f"predict, {found.expected:.1e} ± {found.unsure:.1e}; something in the "
+            "model depends on dt"
         )
         return Outcome.UNRESOLVED, told, "time step"
     parts = (verdict.reason, _reservation(study, motion))
@@ -53,17 +53,20 @@ def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
     h = shipped.h
     if not shipped.finite:
         bad = shipped.t[~np.isfinite(shipped.states).all(axis=1)][0]
-        return f"at the shipped step of {h:g} s the motion is no longer finite at t = {bad:.4g} s"
+        return (
+            f"at dt = {h:g} s the motion is no longer finite at t = {bad:.4g} s; choose "
+            "a smaller time step"
+        )
     if global_error > BLOWN_UP:
         return (
-            f"at the shipped step of {h:g} s the motion blows up, to {global_error:.0e} of"
-            " its amplitude; the step is too coarse for it"
+            f"at dt = {h:g} s the motion blows up, to {global_error:.0e} of its "
+            "amplitude; choose a smaller time step"
         )
     if global_error > 1 and not follows(motion, h):
         return (
-            f"at the shipped step of {h:g} s nothing follows the motion: {shipped.steps} steps are"
-            f" less than two a period of its fastest rate, {motion.fastest:.3g} rad/s, and the"
-            f" error is {global_error:.0%} of the amplitude; the step is too coarse for it"
+            f"dt = {h:g} s is too coarse: {shipped.steps} steps are fewer than two "
+            f"per period of the fastest rate, {motion.fastest:.3g} rad/s; the error "
+            f"is {global_error:.0%} of the amplitude, so choose a smaller time step"
         )
     return ""
 
@@ -82,12 +85,11 @@ def _reservation(study: StepStudy, motion: Motion) -> str:
         return ""
     if found.until <= 0:
         return (
-            "the segments alone say so: no part of a run from start to end is resolved at the steps"
-            " tried, which are coarse for a motion that multiplies differences by"
-            f" {found.growth:.1g}"
+            "the segments alone decide; the steps tried are too coarse for a full "
+            f"run of this motion, which multiplies differences by {found.growth:.1g}"
         )
     return (
-        f"a run from start to end bears it out until t = {found.until:.3g} s of"
-        f" {motion.duration:.3g} s; beyond, the motion multiplies differences ({found.growth:.1g}"
-        " times in all) too much for the steps tried, and the segments alone say so"
+        f"a full run confirms it until t = {found.until:.3g} s of "
+        f"{motion.duration:.3g} s; after that the motion is chaotic (differences "
+        f"grow {found.growth:.1g} times), and the segments alone decide"
     )

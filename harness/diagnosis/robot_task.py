@@ -79,7 +79,7 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
             _told(fit, ranking.undone, task.task) for fit in ranking.fits[:RECORDED]
         ),
         floor=number(ranking.floor),
-        failure="" if ranking.fits else "no number of the file has a say in what differs",
+        failure="" if ranking.fits else "no number of the file affects the difference",
         seconds=time.perf_counter() - began,
     )
 
@@ -258,7 +258,7 @@ def problem_of(
     some = some_of(check.samples)
     tree = numbers.tree({})
     if tree is None or tree.freedoms != some.forces.shape[1]:
-        raise RobotError(f"{check.file}: it makes another tree than that of the equations")
+        raise RobotError(f"{check.file}: its tree differs from the tree of the equations")
     following = Following.of(tree, some, check.tree)
     scale = scaled(some, following)
     return RobotProblem(

@@ -80,8 +80,10 @@ def diagnose_model(task: DiagnosisTask) -> Diagnosis:
         corrected = correct_motion(whole, task.motions, ranking)
     if free:
         return Diagnosis(
-            failure="the model has a freedom that the equations don't have, or a constraint that"
-            f" does not hold: {', '.join(free)}",
+            failure=(
+                "the model has a degree of freedom that the equations lack, or a "
+                f"constraint that does not hold: {', '.join(free)}"
+            ),
             seconds=time.perf_counter() - began,
         )
     return Diagnosis(

@@ -25,7 +25,7 @@ def leading(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Arr
     for one in mimics:
         for joint in (one.leader, one.joint):
             if joint not in names:
-                raise EngineError(f"{place}: <mimic> names {joint!r}, which is no moving joint")
+                raise EngineError(f"{place}: <mimic> names {joint!r}, which is not a moving joint")
     lead = [name for name in names if name not in by]
     rows = np.zeros((len(names), len(lead)))
     for row, name in zip(rows, names, strict=True):

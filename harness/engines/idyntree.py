@@ -116,7 +116,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         for i in range(self._model.getNrOfJoints()):
             joint, name = self._model.getJoint(i), self._model.getJointName(i)
             if joint.getNrOfDOFs() > 1:
-                raise EngineError(f"{self.path}: joint {name!r} is no slide or hinge")
+                raise EngineError(f"{self.path}: joint {name!r} is neither a slide nor a hinge")
             if joint.getNrOfDOFs():
                 found[joint.getDOFsOffset()] = name, float(joint.getDamping(0))
         ordered = [found[i] for i in sorted(found)]

@@ -73,16 +73,16 @@ class KnownEngine(Engine):
     def load(self, spec: ModelSpec) -> KnownModel:
         """Read the file; whatever is wrong with it is told with its name and a remedy."""
         if spec.settings:
-            raise EngineError(f"{spec.path}.toml: no setting {', '.join(spec.settings)} is known")
+            raise EngineError(f"{spec.path}.toml: unknown settings: {', '.join(spec.settings)}")
         try:
             return KnownModel(tomllib.loads(spec.path.read_text(encoding="utf-8")))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise EngineError(
-                f"{spec.path}: can't be read: {error}; see known_answer.py for what belongs there"
+                f"{spec.path}: can't be read: {error}; known_answer.py describes the format"
             ) from None
         except (KeyError, TypeError, ValueError) as error:
             raise EngineError(
-                f"{spec.path}: it makes no model: {error!r}; see known_answer.py for its keys"
+                f"{spec.path}: it is not a model: {error!r}; known_answer.py describes its keys"
             ) from None
 
     def samples(self) -> tuple[Sample, ...]:

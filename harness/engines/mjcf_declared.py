@@ -86,7 +86,7 @@ def declared_mjcf(
     defaults = Defaults(source)
     everything, held = joints_of(source, defaults), held_joints(spec)
     for name in set(held) - {one.name for one in everything}:
-        raise EngineError(f"{spec.path}.toml: [settings] held names {name!r}, which is no joint")
+        raise EngineError(f"{spec.path}.toml: [settings] held names {name!r}, which is not a joint")
     refuse(source, everything, title)
     needed = left_to_compiler(source, defaults, everything, no_fromto)
     inertias = compiled_bodies(source, needed, compiler, title)
@@ -113,9 +113,12 @@ def _actuators(source: MjcfSource, pulls: Pulls, spec: ModelSpec) -> Iterator[Ac
     """Of those that act, at held controls; a file that is not taken for smooth has none."""
     rows, controls = source.root.findall("actuator/*"), spec.settings.get("controls")
     if rows and not spec.settings.get("smooth", False):
-        raise source.unsupported(rows[0], "it has actuators; inputs are applied to joints here")
+        raise source.unsupported(
+            rows[0], "it has actuators, but crosscheck applies inputs to joints; remove them"
+        )
     if controls is not None and not _numbers(controls):
-        told = f"[settings] controls is {controls!r}, where {len(rows)} numbers belong"
+        wanted = "1 number" if len(rows) == 1 else f"{len(rows)} numbers"
+        told = f"[settings] controls is {controls!r}; expected {wanted}"
         raise EngineError(f"{spec.path}.toml: {told}")
     if rows and spec.settings.get("actuators", True) and not source.disabled("actuation"):
         given = controls if isinstance(controls, list) else [0.0] * len(rows)
@@ -148,10 +151,10 @@ def _mimics(
         if name in still or one.get("joint2", "") in still:
             continue  # as where a joint is taken out: what names it goes with it
         if name in found:
-            raise source.unsupported(one, f"joint {name!r} follows twice")
+            raise source.unsupported(one, f"joint {name!r} follows two leaders")
         found[name] = _mimic(source, joints, one)
     for name in sorted(set(followers or ()) - set(found)):
-        raise EngineError(f"{source.path}: joint {name!r} follows by no equality of two joints")
+        raise EngineError(f"{source.path}: no equality of two joints makes joint {name!r} follow")
     yield from found.values()
 
 
@@ -164,7 +167,7 @@ def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], one: ET.Element)
         raise source.unsupported(one, "an equality of other than two slides or hinges")
     offset, slope, *bends = (*numbers_of(source, one, one.attrib, "polycoef", "0 1"), 0.0, 0.0)
     if any(bends):
-        raise source.unsupported(one, "an equality that is no straight line")
+        raise source.unsupported(one, "an equality that is not linear")
     follower, leader = pair
     start = follower.ref + offset - slope * leader.ref
     return Mimic(follower.name, leader.name, slope, start)

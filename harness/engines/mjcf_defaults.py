@@ -56,7 +56,7 @@ class Defaults:
         """
         name = element.get("class") or inherited or self._main
         if name not in self._classes:
-            raise self._source.refused(element, f"its class {name!r} is none of the defaults")
+            raise self._source.refused(element, f"its class {name!r} is not among the defaults")
         return {**self._classes[name].get(tag or element.tag, {}), **element.attrib}
 
     def mixed(self, element: ET.Element, tags: tuple[str, ...]) -> bool:
@@ -103,9 +103,7 @@ def numbers_of(
     text = attributes.get(key, otherwise)
     numbers = finite_numbers(text)
     if numbers is None or not numbers:
-        raise source.refused(
-            element, f"<{element.tag} {key}> is {text!r}, where finite numbers belong"
-        )
+        raise source.refused(element, f"<{element.tag} {key}> is {text!r}; expected finite numbers")
     return numbers
 
 
@@ -120,5 +118,7 @@ def number_of(
     first, *others = numbers_of(source, element, attributes, key, otherwise)
     if any(others):
         text = attributes.get(key, otherwise)
-        raise source.unsupported(element, f"<{element.tag} {key}> is {text!r}: no polynomials here")
+        raise source.unsupported(
+            element, f"<{element.tag} {key}> is {text!r}; polynomials are not supported"
+        )
     return first

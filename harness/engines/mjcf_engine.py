@@ -121,7 +121,7 @@ class MjcfModel(TreeModel):
         super().__init__(spec, title, {**defaults, **spec.settings})
         for key in URDF_ALONE:
             if spec.settings.get(key):
-                raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} of URDFs alone")
+                raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} only for URDFs")
         self._read_over, self.misread = read_over, False
         self.declared = declared_mjcf(spec, title, compiler, self.no_fromto)
         self._compiler = compiler.title if compiler and self.declared.inertias else ""
@@ -217,9 +217,7 @@ class MjcfModel(TreeModel):
         yield from (Remark(message=f"{self.title}: {one}") for one in self._merged())
         for element, what in unread(self.declared.source):
             file, line = self.declared.source.places[element]
-            yield Remark(
-                kind="ignored", message=f"{file}:{line}: {self.title} does not read {what}"
-            )
+            yield Remark(kind="ignored", message=f"{file}:{line}: {self.title} ignores {what}")
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"
             yield Remark(

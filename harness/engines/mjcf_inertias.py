@@ -155,13 +155,13 @@ def _of_body(
         return
     for one in body:
         if one.tag in GEOMS_ALONE and one.find(".//geom") is not None:
-            yield one, f"<{one.tag}> with what weighs something"
+            yield one, f"<{one.tag}> with content that has mass"
     for geom in body.findall("geom"):
         said = defaults.of(geom, inherited)
         if what := _unlike_a_shape(source, geom, said, no_fromto):
             yield geom, f"a mass of {what}"
     if number_of(source, body, body.attrib, "gravcomp"):
-        yield body, "gravity compensation of what geoms weigh"
+        yield body, "gravity compensation of the mass of geoms"
 
 
 def _unlike_a_shape(

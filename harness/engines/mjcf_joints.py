@@ -84,7 +84,9 @@ def _joint(
     kind = FREE if free else said.get("type", HINGE)
     turn = 1.0 if kind != HINGE or _radians(source) else math.pi / 180
     if "springdamper" in said and any(numbers_of(source, element, said, "springdamper", "0 0")):
-        raise source.unsupported(element, "springdamper: no spring of a time constant here")
+        raise source.unsupported(
+            element, "springdamper (a spring with a time constant) is not supported"
+        )
 
     def one(key: str) -> float:
         return number_of(source, element, said, key)
@@ -119,7 +121,7 @@ def _limits(
         return -math.inf, math.inf
     numbers = numbers_of(source, element, said, "range", "0 0")
     if len(numbers) != 2:
-        raise source.refused(element, f"<joint range> is {said['range']!r}, where two belong")
+        raise source.refused(element, f"<joint range> is {said['range']!r}; expected two numbers")
     lower, upper = (number * turn for number in numbers)
     return (lower, upper) if lower < upper else (-math.inf, math.inf)
 

@@ -92,7 +92,7 @@ class Pulls:
             name = one.get("joint", "")
             moved = self.joints.get(name)
             if name not in self.refs and (moved is None or moved.kind not in (SLIDE, HINGE)):
-                raise self.source.refused(one, f"{name!r} is no slide or hinge")
+                raise self.source.refused(one, f"{name!r} is neither a slide nor a hinge")
             found[name] = found.get(name, 0.0) + number_of(
                 self.source, one, one.attrib, "coef", "nan"
             )
@@ -122,8 +122,9 @@ class Pulls:
         """
         rows = self.source.root.findall("actuator/*")
         if len(controls) != len(rows):
-            told = f"{list(controls)}, where {len(rows)} numbers belong"
-            raise self.source.refused(rows[0], f"[settings] controls is {told}")
+            wanted = "1 number" if len(rows) == 1 else f"{len(rows)} numbers"
+            sentence = f"[settings] controls is {list(controls)}; expected {wanted}"
+            raise self.source.refused(rows[0], sentence)
         for one, control in zip(rows, controls, strict=True):
             said = self._said(one)
             length, gear = self._length(one, said)

@@ -84,7 +84,7 @@ def refuse(source: MjcfSource, joints: Sequence[MjcfJoint], title: str) -> None:
         *_moving(source, joints),
         *_built(source),
     ):
-        raise source.unsupported(element, f"{sentence}, which {title}'s adapter can't give it")
+        raise source.unsupported(element, f"{sentence}, which {title}'s adapter does not support")
 
 
 def unread(source: MjcfSource) -> Iterator[Reason]:
@@ -112,15 +112,15 @@ def _mistakes(source: MjcfSource) -> Iterator[Reason]:
         for one in (body, *body):
             yield from _wrong_numbers(source, one)
         for second in body.findall("inertial")[1:]:
-            yield second, "a second <inertial> of one body"
+            yield second, "a second <inertial> in one body"
 
 
 def _wrong_numbers(source: MjcfSource, one: ET.Element) -> Iterator[Reason]:
     for key, count in COUNTS.get(one.tag, {}).items():
         numbers = numbers_of(source, one, one.attrib, key, "0")
         if key in one.attrib and len(numbers) != count:
-            belongs = "1 number belongs" if count == 1 else f"{count} numbers belong"
-            yield one, f"<{one.tag} {key}> is {one.get(key)!r}, where {belongs}"
+            belongs = "1 number" if count == 1 else f"{count} numbers"
+            yield one, f"<{one.tag} {key}> is {one.get(key)!r}; expected {belongs}"
     turns = [key for key in TURNS if key in one.attrib and one.tag in COUNTS]
     if len(turns) > 1:
         yield one, f"<{one.tag}> is turned twice, by {' and '.join(turns)}"
@@ -194,4 +194,4 @@ def _macros(parent: ET.Element) -> Iterator[Reason]:
     for one in parent:
         inner = {part.tag for part in one.iter()}
         if one.tag in MACROS and (one.tag not in GEOMS_ALONE or inner & set(PARTS)):
-            yield one, f"<{one.tag}> with what moves or weighs something"
+            yield one, f"<{one.tag}> with content that moves or has mass"

@@ -67,7 +67,9 @@ def read_source_mjcf(path: Path) -> MjcfSource:
     root = _expanded(path, path.parent, (), places)
     if root.tag != "mujoco":
         file, line = places[root]
-        raise EngineError(f"the root is <{root.tag}>, not <mujoco>: no MJCF", file=file, line=line)
+        raise EngineError(
+            f"the root is <{root.tag}>, not <mujoco>: not an MJCF", file=file, line=line
+        )
     return MjcfSource(path=path, root=root, places=places)
 
 
@@ -82,7 +84,9 @@ def _expanded(
                 name = child.get("file", "")
                 file = folder / name
                 if not name or file in (*above, path):
-                    raise source.refused(child, f"<include file> is {name!r}, which is no other")
+                    raise source.refused(
+                        child, f"<include file> is {name!r}, which is the file itself"
+                    )
                 parent.remove(child)
                 for one in reversed(list(_expanded(file, folder, (*above, path), places))):
                     parent.insert(i, one)
@@ -108,7 +112,7 @@ def with_options(spec: ModelSpec) -> ModelSpec:
     off = {"gravity": [0.0, 0.0, 0.0]} if source.disabled("gravity") else {}
     given = {**found, **spec.settings, **off}
     if not isinstance(given["step"], (int, float)) or not given["step"] > 0:
-        raise EngineError(f"{spec.path}: the step is {given['step']} s, where more than 0 belongs")
+        raise EngineError(f"{spec.path}: the time step is {given['step']} s; expected more than 0")
     return replace(spec, settings=given)
 
 
@@ -118,6 +122,6 @@ def option_remarks(source: MjcfSource, title: str, attributes: frozenset[str]) -
         if attribute in attributes and source.stated("option", attribute):
             yield Remark(
                 kind="ignored",
-                message=f"{title} reads over <option {attribute}>: the adapter sets what it says",
+                message=(f"{title} ignores <option {attribute}>; the adapter applies its value"),
                 address=f"option@{attribute}",
             )

@@ -134,7 +134,7 @@ def held_joints(spec: ModelSpec) -> tuple[str, ...]:
     held = spec.settings.get("held", [])
     if isinstance(held, list) and all(isinstance(name, str) for name in held):
         return tuple(held)
-    told = f"[settings] held is {held!r}, where a list of joints belongs"
+    told = f"[settings] held is {held!r}; expected a list of joints"
     raise EngineError(f"{spec.path}.toml: {told}")
 
 
@@ -363,7 +363,7 @@ class Engine(ABC):
         Raises:
             EngineError: naming file and reason.
         """
-        raise EngineError(f"{self.title} compiles no {path.suffix} files", file=path)
+        raise EngineError(f"{self.title} can't compile {path.suffix} files", file=path)
 
     def samples(self) -> tuple[Sample, ...]:
         """Mechanisms that the conformance suite runs, one a format or integrator at least."""

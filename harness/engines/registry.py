@@ -36,7 +36,7 @@ def engines() -> dict[str, Engine]:
         try:
             engine: Engine = point.load()()
             if not isinstance(engine, Engine):
-                raise TypeError("it is no subclass of harness.engines.protocol.Engine")
+                raise TypeError("it is not a subclass of harness.engines.protocol.Engine")
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise

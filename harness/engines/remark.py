@@ -74,8 +74,10 @@ def limit_remarks(
         )
     return tuple(
         Remark(
-            message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach"
-            f" {extreme:.4g}: the limit stops it",
+            message=(
+                f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach "
+                f"{extreme:.4g}: the limit stops the joint"
+            ),
             subject=(name, side),
             kind="joint limit",
             fault=True,

@@ -99,7 +99,7 @@ def read_sdf(path: Path, model: object = "") -> SdfFile:
         EngineError: naming file and line.
     """
     if not isinstance(model, str):
-        raise EngineError(f"{path}.toml: [settings] model is {model!r}, where a name belongs")
+        raise EngineError(f"{path}.toml: [settings] model is {model!r}; expected a name")
     source = read_xml(read_source(path, mend=True), path)
     return SdfFile(source, *checked(source, model))
 
@@ -129,8 +129,10 @@ def sdf_remarks(
         if link.find("inertial") is None:
             yield Remark(
                 kind="inertial",
-                message=f"link {name} has no <inertial>: the format, and {reader.name}, take 1 kg"
-                " and 1 kg m^2",
+                message=(
+                    f"link {name} has no <inertial>: the format, and {reader.name}, use "
+                    "1 kg and 1 kg m^2"
+                ),
                 address=f"model/link[{name}]",
             )
     for name in joints:

@@ -78,10 +78,10 @@ def checked(
     """
     root = source.root
     if root.tag != "sdf":
-        raise source.refused(root, f"the root is <{root.tag}>, not <sdf>: no SDFormat file")
+        raise source.refused(root, f"the root is <{root.tag}>, not <sdf>: not an SDFormat file")
     worlds = root.findall("world")
     for other in worlds[1:]:
-        raise source.refused(other, "a second <world>: keep one a file")
+        raise source.refused(other, "a second <world>: keep one per file")
     for joint in root.findall("world/joint"):
         raise source.refused(joint, "a <joint> between models is not covered: write both into one")
     model = _only_model(source, chosen, (root, *worlds))
@@ -109,7 +109,7 @@ def _only_model(source: XmlSource, chosen: str, holders: Sequence[ET.Element]) -
     for element in (one for holder in holders for one in holder.findall("include")):
         raise source.refused(element, f"<include> is not covered: {_NOT_COVERED['include']}")
     for static in models:
-        raise source.refused(static, "the model is static: nothing moves")
+        raise source.refused(static, "the model is static, so nothing moves")
     raise source.refused(source.root, "it has no <model>")
 
 
@@ -157,14 +157,14 @@ def _check_number(
         return
     numbers = finite_numbers(words.replace("inf", "1e16"))
     if numbers is None or len(numbers) != count:
-        wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
-        raise source.refused(element, f"<{element.tag}> is {words.strip()!r}, where {wanted}")
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise source.refused(element, f"<{element.tag}> is {words.strip()!r}; expected {wanted}")
 
 
 def _check_once(source: XmlSource, element: ET.Element) -> None:
     for tag in _ONCE.get(element.tag, ()):
         for other in element.findall(tag)[1:]:
-            raise source.refused(other, f"a second <{tag}> of one <{element.tag}>")
+            raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
 
 
 def _named(source: XmlSource, model: ET.Element) -> dict[str, ET.Element]:
@@ -219,7 +219,7 @@ def _end(source: XmlSource, joint: ET.Element, tag: str, named: Mapping[str, ET.
     link = attached(told, named)
     if not link or (link == WORLD and tag == "child"):
         name = joint.get("name", "")
-        raise source.refused(joint, f"the {tag} of joint {name!r} is {told!r}, which is no link")
+        raise source.refused(joint, f"the {tag} of joint {name!r} is {told!r}, which is not a link")
     return link
 
 
@@ -253,11 +253,13 @@ def _check_tree(
     if len(roots) > 1 or (roots and grounded):
         names = ", ".join(map(repr, roots))
         raise source.refused(
-            named[roots[-1]], f"nothing holds {names}: all links but one need a joint"
+            named[roots[-1]], f"no joint holds {names}: every link except one needs a joint"
         )
     for name in links:
         up, steps = name, 0
         while up in above and steps <= len(links):
             up, steps = above[up], steps + 1
         if up in above:
-            raise source.refused(named[name], f"link {name!r} hangs from itself, by its joints")
+            raise source.refused(
+                named[name], f"link {name!r} is its own ancestor through its joints"
+            )

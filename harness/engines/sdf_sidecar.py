@@ -80,10 +80,10 @@ def stated(spec: ModelSpec) -> ModelSpec:
     """
     own = read_sdf(spec.path, spec.settings.get(MODEL, "")).settings
     if spec.settings.get("floating", own["floating"]) != own["floating"]:
-        said = "nothing holds the model" if own["floating"] else "the model is held by the world"
+        said = "no joint holds the model" if own["floating"] else "a joint to world holds the model"
         raise EngineError(
-            f"{spec.path}.toml: [settings] floating says otherwise than the file, where {said};"
-            " leave it out, or change the joints to world"
+            f"{spec.path}.toml: [settings] floating contradicts the file, where "
+            f"{said}; remove it, or change the joints to world"
         )
     return replace(spec, settings={**own, **spec.settings})
 

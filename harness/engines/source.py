@@ -59,7 +59,7 @@ def read_source(path: Path, *, mend: bool = False) -> str:
     """
     try:
         if path.exists() and not path.is_file():
-            raise EngineError("can't be read: it is no regular file", file=path)
+            raise EngineError("can't be read: it is not a regular file", file=path)
         if path.stat().st_size > LARGEST:
             raise EngineError(f"can't be read: it has more than {LARGEST:,} bytes", file=path)
         data = path.read_bytes()
@@ -96,7 +96,7 @@ def read_xml(text: str, path: Path) -> XmlSource:
         root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
     except ET.ParseError as error:  # a prefix without a namespace, which expat alone reads over
         raise NoXmlError(
-            f"no XML: {error}", file=path, line=error.position[0], second_root=False
+            f"not XML: {error}", file=path, line=error.position[0], second_root=False
         ) from None
     return XmlSource(path, root, dict(zip(root.iter(), lines, strict=True)))
 
@@ -130,7 +130,7 @@ def _lines(text: str, path: Path) -> list[int]:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise NoXmlError(
-            f"no XML at column {error.offset + 1}: {reason}",
+            f"not XML at column {error.offset + 1}: {reason}",
             file=path,
             line=error.lineno,
             second_root=reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
@@ -182,5 +182,5 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
         raise
     except Exception as error:
         check_memory(error)
-        told = f"{title} ends in {type(error).__name__}: {folded(error)}"
+        told = f"{title} raises {type(error).__name__}: {folded(error)}"
         raise EngineError(told, file=Path(path)) from error

@@ -38,7 +38,9 @@ class SpringForces:
         for row, spring in zip(along, springs, strict=True):
             for name, share in spring.joints.items():
                 if name not in joints:
-                    raise EngineError(f"{place}: a spring names {name!r}, which is no moving joint")
+                    raise EngineError(
+                        f"{place}: a spring names {name!r}, which is not a moving joint"
+                    )
                 row[joints.index(name)] += share
         k = np.array([one.stiffness for one in springs], dtype=float)
         c = np.array([one.damping for one in springs], dtype=float)

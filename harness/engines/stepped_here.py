@@ -56,7 +56,7 @@ class SteppedHere(TreeModel):
         z = np.zeros((1, len(self.coordinates)))
         x, m = to_state(z, z) if self.floats else (z, z)
         if not np.isfinite(forward(x, m, z)).all():
-            raise UnsupportedError(f"{self.path}: a joint moves nothing that has inertia")
+            raise UnsupportedError(f"{self.path}: a joint moves nothing with inertia")
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 4, until an input is held over the step."""

@@ -77,8 +77,8 @@ def refuse_negative_masses(source: XmlSource, title: str, *, floats: bool) -> No
         if weight < 0:
             raise source.refused(
                 mass,
-                f"the mass of link {link.get('name')!r} is below zero, {weight:g} kg, of which"
-                f" {title} makes no body; write a positive one",
+                f"the mass of link {link.get('name')!r} is below zero, {weight:g} "
+                f"kg, and {title} can't build such a body; write a positive mass",
             )
 
 
@@ -127,7 +127,7 @@ def mimics(robot: ET.Element, path: Path) -> list[Mimic]:
 def _number(text: str | None, place: str) -> float:
     numbers = finite_numbers(text or "")
     if numbers is None or len(numbers) != 1:
-        raise EngineError(f"{place} is {text!r}, where a finite number belongs")
+        raise EngineError(f"{place} is {text!r}; expected a finite number")
     return numbers[0]
 
 
@@ -167,8 +167,10 @@ def urdf_remarks(
         if name in moved and link.find("inertial") is None:
             yield Remark(
                 kind="inertial",
-                message=f"link {name} moves and has no <inertial>: {reader.name} takes"
-                f" {reader.no_inertial}",
+                message=(
+                    f"link {name} moves and has no <inertial>: {reader.name} uses "
+                    f"{reader.no_inertial}"
+                ),
                 fault=True,
                 address=f"robot/link[{name}]",
             )
@@ -176,7 +178,10 @@ def urdf_remarks(
         for _ in robot.findall(tag)[:1]:
             yield Remark(
                 kind="ignored",
-                message=f"<{tag.split('/')[-1]}> is read over: nothing is driven or held by it",
+                message=(
+                    f"<{tag.split('/')[-1]}> has no effect here: it neither drives nor "
+                    "holds a joint"
+                ),
                 address="",
             )
     for joint in robot.findall("joint"):
@@ -200,8 +205,10 @@ def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterat
     if quick >= velocity and joint.get("type") != "continuous":
         yield Remark(
             kind="joint limit",
-            message=f"<limit velocity> of {name} is {velocity:g} and the motions reach {quick:.4g};"
-            f" {reader.name} does not hold it to that here",
+            message=(
+                f"<limit velocity> of {name} is {velocity:g} and the motions reach "
+                f"{quick:.4g}; {reader.name} does not enforce it here"
+            ),
             subject=(name, reader.name, "velocity limit"),
             address=f"robot/joint[{name}]",
             value=velocity,
@@ -218,7 +225,7 @@ def _bounds(
     if why:
         yield Remark(
             kind="empty limit",
-            message=f"the limits [{lower:g}, {upper:g}] of {name} hold nothing: {why}",
+            message=f"the limits [{lower:g}, {upper:g}] of {name} have no effect: {why}",
             address=f"robot/joint[{name}]/limit",
         )
     elif joint.get("type") != "continuous":
@@ -234,7 +241,7 @@ def _read_over(reader: UrdfReader, continuous: bool, lower: float, upper: float)
     if lower > upper:
         return "the lower is above the upper"
     held = lower < upper or reader.equal_bounds
-    return "" if held else f"{reader.name} reads over equal ones, and the joint is free"
+    return "" if held else f"{reader.name} ignores equal limits, so the joint is free"
 
 
 def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
@@ -243,8 +250,10 @@ def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
     length = math.hypot(*(finite_numbers(stated) or ()))
     if reader.long_axes and abs(length - 1) > ROUNDED:
         yield Remark(
-            message=f"the axis of {name} has the length {length:.15g}: {reader.long_axes} takes it"
-            " as it is, and accelerates a hinge by so much less",
+            message=(
+                f"the axis of {name} has the length {length:.15g}: {reader.long_axes} "
+                "does not normalize it, and accelerates a hinge by so much less"
+            ),
             subject=(name, reader.name, "axis length"),
             fault=abs(length - 1) > FELT,
             address=f"robot/joint[{name}]/axis@xyz",

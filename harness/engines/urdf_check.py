@@ -38,13 +38,13 @@ def check_urdf(source: XmlSource) -> None:
     """
     root = source.root
     if root.tag != "robot":
-        raise source.refused(root, f"the root is <{root.tag}>, not <robot>: no URDF")
+        raise source.refused(root, f"the root is <{root.tag}>, not <robot>: not a URDF")
     for element in (*root.findall("link"), *root.findall("joint")):
         for part in element.iter():
             _check_numbers(source, part)
             _check_once(source, part)
     for robot in root.findall("robot"):
-        raise source.refused(robot, "a <robot> within the <robot> is read over by every engine")
+        raise source.refused(robot, "every engine ignores a <robot> inside the <robot>")
     links = _named(source, "link")
     joints = _named(source, "joint")
     parents: dict[str, str] = {}
@@ -58,11 +58,14 @@ def check_urdf(source: XmlSource) -> None:
     if len(roots) > 1:
         names = ", ".join(map(repr, roots))
         raise source.refused(
-            links[roots[1]], f"it has {len(roots)} root links, {names}: all but one need a joint"
+            links[roots[1]],
+            f"it has {len(roots)} root links, {names}: every root except one needs a joint",
         )
     for name in links:
         if not _hangs(name, parents):
-            raise source.refused(links[name], f"link {name!r} hangs from itself, by its joints")
+            raise source.refused(
+                links[name], f"link {name!r} is its own ancestor through its joints"
+            )
 
 
 def _check_numbers(source: XmlSource, element: ET.Element) -> None:
@@ -72,8 +75,8 @@ def _check_numbers(source: XmlSource, element: ET.Element) -> None:
             continue
         numbers = finite_numbers(words)
         if numbers is None or len(numbers) != count:
-            wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
-            raise source.refused(element, f"<{element.tag} {key}> is {words!r}, where {wanted}")
+            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+            raise source.refused(element, f"<{element.tag} {key}> is {words!r}; expected {wanted}")
 
 
 def _check_once(source: XmlSource, element: ET.Element) -> None:
@@ -81,7 +84,7 @@ def _check_once(source: XmlSource, element: ET.Element) -> None:
         found = element.findall(tag)
         for other in found[1:]:
             if _said(other) != _said(found[0]):
-                raise source.refused(other, f"a second <{tag}> of one <{element.tag}>")
+                raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
 
 
 def _said(element: ET.Element) -> object:
@@ -109,7 +112,7 @@ def _end(
     end = joint.find(tag)
     link = "" if end is None else end.get("link", "")
     if link not in links:
-        raise source.refused(joint, f"the {tag} of joint {name!r} is {link!r}, which is no link")
+        raise source.refused(joint, f"the {tag} of joint {name!r} is {link!r}, which is not a link")
     return link
 
 

@@ -137,8 +137,8 @@ def followers_of(settings: Mapping[str, object], place: str) -> Collection[str] 
     if isinstance(given, list) and all(isinstance(one, str) for one in given):
         return given
     raise EngineError(
-        f"{place}: [settings] couplings is {given!r}, where true, false or a list of the joints"
-        " that follow others belongs"
+        f"{place}: [settings] couplings is {given!r}; expected true, false or a "
+        "list of the joints that follow others"
     )
 
 
@@ -187,8 +187,8 @@ def refuse_blanks(source: XmlSource, title: str) -> None:
     parts = (part for joint in source.root.findall("joint") for part in joint)
     for place in _blanks(source, parts):
         raise EngineError(
-            f"{place} has a blank after the number, and urdfdom, by which {title} reads, takes that"
-            " for no number; take it out, or set trimmed_numbers = true"
+            f"{place} has a space after the number, and {title}'s parser (urdfdom) "
+            "rejects such numbers; remove the space, or set trimmed_numbers = true"
         )
 
 

@@ -71,7 +71,9 @@ class UrdfEngine(Engine):
         check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
         if spec.path.suffix != MJCF and spec.settings.get(CONTROLS):
             told = f"[settings] controls is {spec.settings[CONTROLS]!r}"
-            raise EngineError(f"{spec.path}.toml: {told}, and no actuators are read of it")
+            raise EngineError(
+                f"{spec.path}.toml: {told}, but the adapter reads no actuators from it"
+            )
         with engine_errors(spec.path, self.title):
             return self.loaded(spec)
 

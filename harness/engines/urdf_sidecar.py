@@ -177,12 +177,12 @@ def check_settings(
         value = spec.settings.get(key, default)
         if not _fits(value, default, choices.get(key, ())):
             wanted = _wanted(default, choices.get(key, ()))
-            raise EngineError(f"{spec.path}.toml: [settings] {key} is {value!r}, where {wanted}")
+            raise EngineError(f"{spec.path}.toml: [settings] {key} is {value!r}; expected {wanted}")
     for key in REQUIRED:
         if key not in spec.settings:
             raise EngineError(
-                f"{spec.path}.toml: [settings] must state {key}: the file states none, and"
-                f" {title}'s own are {unstated}"
+                f"{spec.path}.toml: [settings] must set {key}: the file does not, "
+                f"and {title}'s defaults are {unstated}"
             )
 
 
@@ -196,5 +196,5 @@ def _fits(value: object, default: float | bool | str, choices: Sequence[str]) ->
 
 def _wanted(default: float | bool | str, choices: Sequence[str]) -> str:
     if isinstance(default, str):
-        return f"one of {', '.join(choices)} belongs"
-    return "true or false belongs" if isinstance(default, bool) else "a number belongs"
+        return f"one of {', '.join(choices)}"
+    return "true or false" if isinstance(default, bool) else "a number"

@@ -101,7 +101,9 @@ def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
         place = places[address]
         other = taken.setdefault((place.file, place.start), address)
         if other != address:
-            raise SidecarError(f"{where} is the same number as {brief(other)} ({place}); keep one")
+            raise SidecarError(
+                f"{where} is the same number as {brief(other)} ({place}); keep one of them"
+            )
         expected, rounding = _evaluate(system, expression, where)
         found.append(
             Binding(
@@ -148,8 +150,8 @@ def at_constants(system: System, constants: Mapping[str, float]) -> System:
         if not math.isfinite(value) or (value > 0) != (known[name].value > 0):
             sign = "positive" if known[name].value > 0 else "not positive"
             raise DeclarationError(
-                f"{system.name}: {name} is declared {sign} and can't be varied to {value!r};"
-                " declare it with the sign that it is to have"
+                f"{system.name}: {name} is declared {sign} and can't be varied to "
+                f"{value!r}; declare it with the sign of that value"
             )
     values = {name: float(value) for name, value in constants.items()}
     changed = (replace(c, value=values.get(c.name, c.value)) for c in system.constants)
@@ -183,7 +185,9 @@ def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -
         ValueError: for a value that is not finite, or the model's own folder.
     """
     if into.resolve() == sidecar.model.parent.resolve():
-        raise ValueError(f"{into}: is the folder of {sidecar.model.name}; copies go elsewhere")
+        raise ValueError(
+            f"{into}: is the folder of {sidecar.model.name}; choose another folder for the copies"
+        )
     return with_texts(sidecar, _replaced(sidecar, literals), into)
 
 
@@ -266,7 +270,7 @@ def _replaced(sidecar: Sidecar, literals: Mapping[str, float]) -> dict[Path, byt
         for own, place in find_in(data, file, wanted).items():
             if place.value != wanted[own]:
                 raise LocationError(
-                    f"{place}: {brief(own)} is the same number as another that is set"
+                    f"{place}: {brief(own)} is the same number as one that is set already"
                 )
         texts[file] = data
     return texts
@@ -285,7 +289,7 @@ def _evaluate(system: System, text: str, where: object) -> tuple[float, float]:
             for c in system.constants
         )
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise SidecarError(f"{where}: {brief(text)} is no finite real number") from None
+        raise SidecarError(f"{where}: {brief(text)} is not a finite real number") from None
     # Half a unit for the literal's own rounding, half for that of the expected value.
     return expected, moved + math.ulp(expected)
 

@@ -172,6 +172,6 @@ class _Words:
 
     def _error(self) -> FolderError:
         return FolderError(
-            f"-k {self._text!r} can't be read: words, `and`, `or`, `not` and parentheses belong"
-            " there, such as 'driven and not robot'"
+            f"-k {self._text!r} can't be read; use words, `and`, `or`, `not` and "
+            "parentheses, such as 'driven and not robot'"
         )

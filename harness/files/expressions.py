@@ -57,7 +57,7 @@ def parse(text: str, symbols: Mapping[str, sp.Symbol], place: object) -> sp.Expr
         return symbols[text]
     plain, known = text.strip(), dict(symbols)
     if len(plain) > MOST_CHARACTERS:
-        said = f"{len(plain)} characters, where at most {MOST_CHARACTERS} are read"
+        said = f"{len(plain)} characters; at most {MOST_CHARACTERS} are allowed"
         raise SidecarError(f"{place}: {brief(text)} has {said}")
     for index, name in enumerate(sorted(symbols, key=len, reverse=True)):
         # A body may be called "left arm", its coordinate "left arm.x".
@@ -83,11 +83,12 @@ def _tree(text: str) -> ast.expr:
         raise ValueError(_TOO_LONG if long else str(error)) from None
 
 
-_TOO_DEEP = f"it nests more than {MOST_DEPTH} operations"
+_TOO_DEEP = f"it has more than {MOST_DEPTH} nested operations"
 _TOO_LONG = f"a number has more than {MOST_DIGITS} digits"
-_TOO_LARGE = "its powers grow too large to be computed"
+_TOO_LARGE = "its powers are too large to compute"
 _NO_VALUE = (
-    "is no finite real number: it is too large, divides by zero or asks a function beyond its range"
+    "is not a finite real number: it is too large, divides by zero or is outside a "
+    "function's domain"
 )
 
 
@@ -123,7 +124,7 @@ class _Reader:
                 (one, size), (other, more) = self.read(left, depth), self.read(right, depth)
                 return _OPERATORS[type(op)](one, other), size + more
             case ast.BinOp(op=ast.BitXor()):
-                raise ValueError("a power is written **")
+                raise ValueError("write a power as **")
             case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in _FUNCTIONS:
                 read = [self.read(one, depth) for one in given]
                 return _FUNCTIONS[name](*(one for one, _ in read)), sum(size for _, size in read)
@@ -138,14 +139,14 @@ class _Reader:
             case ast.Name(id=name):
                 raise SidecarError(f"{self._place}: {name} is neither a coordinate nor a constant")
         unread = brief(ast.get_source_segment(self._text, node))
-        raise ValueError(f"{unread} is neither a number, a declared name nor arithmetic of these")
+        raise ValueError(f"{unread} is not a number, a declared name or arithmetic on these")
 
     def _power(self, base: tuple[sp.Expr, int], exponent: sp.Expr) -> tuple[sp.Expr, int]:
         """A power, once it is known that it can be computed."""
         if not isinstance(exponent, sp.Rational):
-            raise ValueError("an exponent is a plain number, such as 2")
+            raise ValueError("an exponent must be a plain number, such as 2")
         if abs(exponent) > MOST_POWER or exponent.q > MOST_POWER:
-            raise ValueError(f"an exponent is at most {MOST_POWER}")
+            raise ValueError(f"an exponent must be at most {MOST_POWER}")
         size = base[1] * max(1, math.ceil(abs(exponent)))
         if size > MOST_SIZE:
             raise ValueError(_TOO_LARGE)
@@ -172,7 +173,7 @@ def _number(text: str) -> tuple[sp.Expr, int]:
     """A number from its text, and its size: a decimal such as 0.3 is no double."""
     plain = text.replace("_", "")
     if not _DECIMAL.fullmatch(plain):
-        raise ValueError(f"{brief(text)}: numbers are written as decimals")
+        raise ValueError(f"{brief(text)}: write numbers as decimals")
     decimal = Decimal(plain)
     if len(plain) > MOST_DIGITS or abs(decimal.adjusted()) > MOST_DIGITS:
         raise ValueError(_TOO_LONG)

@@ -88,7 +88,7 @@ def named_folders(named: Sequence[str], *, beside: bool = False) -> NamedFolders
 
 def _meant(name: str) -> list[Path]:
     if not name:  # an unset variable, which would mean the working folder
-        raise FolderError("a name is empty; name a folder, or . for those in the working folder")
+        raise FolderError("a name is empty; name a folder, or . for the folders in the current one")
     path = Path(name)
     if not path.exists() and (builtin() / name / "system.py").is_file():
         path = builtin() / name
@@ -96,10 +96,10 @@ def _meant(name: str) -> list[Path]:
         raise FolderError(_no_folder(path))
     if not path.is_dir():
         known = ", ".join(p.name for p in _inside(builtin()))
-        raise FolderError(f"{visible(name)}: no such folder; built-in systems are {known}")
+        raise FolderError(f"{visible(name)}: no such folder; the built-in systems are {known}")
     found = [path] if _declares(path) else _inside(path)
     if not found:
-        raise FolderError(f"{visible(name)}: neither it nor a folder in it has a system.py")
+        raise FolderError(f"{visible(name)}: neither it nor any folder in it has a system.py")
     for folder in found:
         if (why := odd_name(str(folder))) is not None:
             raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
@@ -120,7 +120,7 @@ def check_no_robots(names: Sequence[str]) -> None:
 def _no_folder(file: Path) -> str:
     """What to do with a file where a system folder belongs."""
     name = visible(str(file))
-    wanted = f"{name}: a file, where a system folder belongs"
+    wanted = f"{name}: a file; expected a system folder"
     if _declares(file.parent):
         return f"{wanted}; name its folder, {visible(str(file.parent))}"
     if file.suffix not in FORMATS:
@@ -152,6 +152,6 @@ def check_engines(names: Sequence[str]) -> None:
 
     for name in names:
         if name not in (known := engines()):
-            raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
+            raise FolderError(f"unknown engine {name!r}; known engines: {', '.join(sorted(known))}")
         if name in (absent := absent_extras()):
             raise FolderError(absent[name])

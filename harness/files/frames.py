@@ -84,7 +84,7 @@ def sidecar_frames(system: System, sidecar: Sidecar) -> SidecarFrames:
         where = reader.where(name)
         if name not in (*declared, WORLD):
             known = ", ".join(declared) or "none"
-            raise SidecarError(f"{where} is no frame of {system.name}; it declares {known}")
+            raise SidecarError(f"{where} is not a frame of {system.name}; it declares {known}")
         if name != WORLD:
             targets.append(reader.target(name, said, where, axes))
     return SidecarFrames(targets=tuple(targets), axes=axes, origin=origin)
@@ -107,8 +107,8 @@ class _Reader:
         """Axes and origin."""
         if not isinstance(said, dict) or not said or not set(said) <= {"axes", "origin"}:
             raise SidecarError(
-                f"{where} is a table with axes, origin or both, as in"
-                ' { axes = ["x", "z", "-y"], origin = [0, 0, 1] }'
+                f"{where} must be a table with axes, origin or both, as in {{ axes = "
+                '["x", "z", "-y"], origin = [0, 0, 1] }'
             )
         axes = self._axes(said.get("axes"), where, np.eye(3))
         return axes, self._three(said.get("origin"), where, "origin")
@@ -117,10 +117,10 @@ class _Reader:
         """What a frame is."""
         table = {"is": said} if isinstance(said, str) else said
         if not isinstance(table, dict) or not set(table) <= {"is", "at", "axes"}:
-            raise SidecarError(f'{where} says what the frame is, as in "body:rod"')
+            raise SidecarError(f'{where} must name the frame in the file, as in "body:rod"')
         place = table.get("is")
         if not isinstance(place, str):
-            raise SidecarError(f'{where} must say what the frame is: {{ is = "body:rod" }}')
+            raise SidecarError(f'{where} must name the frame in the file: {{ is = "body:rod" }}')
         return FrameTarget(
             name=name,
             place=place,
@@ -133,19 +133,20 @@ class _Reader:
         if said is None:
             return np.zeros(3)
         if not isinstance(said, list) or len(said) != 3:
-            raise SidecarError(f"{where}: {what} is {brief(said)}, where three lengths belong")
+            raise SidecarError(f"{where}: {what} is {brief(said)}; expected three lengths")
         return np.array([self._number(one, f"{where}: {what}") for one in said])
 
     def _axes(self, said: object, where: str, unsaid: Array) -> Array:
         if said is None:
             return unsaid
         if not isinstance(said, list) or len(said) != 3:
-            raise SidecarError(f'{where}: axes are three, as in ["x", "z", "-y"]')
+            raise SidecarError(f'{where}: expected three axes, as in ["x", "z", "-y"]')
         found = np.array([self._axis(one, where) for one in said])
         if np.max(np.abs(found @ found.T - np.eye(3))) > _RIGHT or np.linalg.det(found) < 0:
             raise SidecarError(
-                f"{where}: axes {brief(said)} are not three right-handed axes of length 1, each at"
-                " a right angle to the others; a mirror is no world"
+                f"{where}: axes {brief(said)} are not three orthogonal, "
+                "right-handed axes of length 1; remove the mirror or correct the "
+                "axes"
             )
         return found
 
@@ -158,15 +159,13 @@ class _Reader:
 
     def _number(self, said: object, where: str) -> float:
         if isinstance(said, bool) or not isinstance(said, (str, int, float)):
-            raise SidecarError(
-                f"{where} has {brief(said)}, where a number or an expression belongs"
-            )
+            raise SidecarError(f"{where} has {brief(said)}; expected a number or an expression")
         try:
             number = float(parse(str(said), self.symbols, where).xreplace(self.values))
         except (TypeError, ValueError, OverflowError, ZeroDivisionError) as error:
             if isinstance(error, SidecarError):
                 raise
-            raise SidecarError(f"{where}: {brief(said)} is no finite real number") from None
+            raise SidecarError(f"{where}: {brief(said)} is not a finite real number") from None
         if not np.isfinite(number):
-            raise SidecarError(f"{where}: {brief(said)} is no finite real number")
+            raise SidecarError(f"{where}: {brief(said)} is not a finite real number")
         return number

@@ -72,13 +72,14 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
                 yield UnreadModel(model=visible(path.name), reason=_renamed(path, why))
                 continue
             reason = (
-                f"{path}: this model file has no sidecar; write {path.name}.toml with at least"
-                f" engines = {json.dumps([e.name for e in standing(path.suffix)])}"
-                " (or the engines meant)"
+                f"{path}: this model file has no sidecar; write {path.name}.toml "
+                "with at least engines = "
+                f"{json.dumps([e.name for e in standing(path.suffix)])} (or other "
+                "engines)"
             )
             yield UnreadModel(model=path.name, reason=reason)
     if not described:
-        reason = f"{folder}: it has no model file with a sidecar, so nothing was run"
+        reason = f"{folder}: no model file has a sidecar, so nothing ran; add one"
         yield UnreadModel(model="-", reason=reason)
 
 
@@ -88,7 +89,7 @@ def absent_lines(folders: Iterable[Path]) -> list[str]:
     named = Counter(name for one in files if isinstance(one, Sidecar) for name in one.absent)
     ways = absent_extras() if named else {}
     return [
-        f"{ways[name]} ({counted(count, 'model file')} would run in it too)"
+        f"{ways[name]} ({counted(count, 'model file')} could run in it too)"
         for name, count in sorted(named.items())
     ]
 
@@ -107,8 +108,9 @@ def check_springs(sidecar: Sidecar, engine: Engine) -> None:
         at = line_of(Path(f"{sidecar.model}.toml"), "spring")
         where = f"{sidecar.model}.toml" + ("" if at is None else f":{at}")
         raise SidecarError(
-            f"{where}: [[spring]]: {engine.title} takes no springs beside a"
-            f" {sidecar.model.suffix} file; write them into {sidecar.model.name} itself"
+            f"{where}: [[spring]]: {engine.title} takes no springs from the sidecar "
+            f"of a {sidecar.model.suffix} file; write them into "
+            f"{sidecar.model.name} itself"
         )
 
 

@@ -105,7 +105,7 @@ def check_parts(model: Path) -> None:
                 if inner.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
                     check_harmless(Source(path, inner))
             if deepest > MOST_INCLUDED:
-                raise PartError(f"{model}: more than {MOST_INCLUDED} includes in one another")
+                raise PartError(f"{model}: more than {MOST_INCLUDED} nested includes")
     except OSError as error:
         named = "" if error.filename == str(model) else f"{model}: it names "
         raise PartError(f"{named}{error.filename}: can't be read: {error.strerror}") from None

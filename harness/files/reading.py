@@ -45,15 +45,15 @@ def read_regular(path: Path, most: int | None = None) -> bytes:
     if not stat.S_ISREG(found.st_mode):
         raise no_plain_file(path, found.st_mode)
     if most is not None and found.st_size > most:
-        size = f"{found.st_size / 2**20:.1f} MB, where at most {most / 2**20:g} MB are read"
+        size = f"{found.st_size / 2**20:.1f} MB; at most {most / 2**20:g} MB are allowed"
         raise OSError(errno.EFBIG, f"it has {size}", str(path))
     return path.read_bytes()
 
 
 def no_plain_file(path: Path, mode: int) -> OSError:
     """The error for something that is no plain file, by its mode."""
-    kind = _KINDS.get(stat.S_IFMT(mode), "no file")
-    return OSError(errno.EINVAL, f"it is {kind}, where a file belongs", str(path))
+    kind = _KINDS.get(stat.S_IFMT(mode), "not a file")
+    return OSError(errno.EINVAL, f"it is {kind}; expected a file", str(path))
 
 
 class TomlError(ValueError):
@@ -74,13 +74,13 @@ def toml_document(text: str) -> dict[str, Any]:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise TomlError(f": no TOML: {error}") from None
+        raise TomlError(f": not TOML: {error}") from None
     except RecursionError:
-        raise TomlError(f": more than {MOST_DEPTH} tables or arrays in one another") from None
+        raise TomlError(f": more than {MOST_DEPTH} nested tables or arrays") from None
     except ValueError:  # Python reads no integer of more than 4300 digits
         found = _MANY_DIGITS.search(text)
         line_ = f":{text.count(chr(10), 0, found.start()) + 1}" if found else ""
-        raise TomlError(f"{line_}: a number of more digits than can be read") from None
+        raise TomlError(f"{line_}: a number has too many digits to read") from None
     _check_values(data)
     return data
 
@@ -102,4 +102,4 @@ def _check_values(data: dict[str, Any]) -> None:
         if any(isinstance(value, int) and value.bit_length() > 64 for value in level):
             raise TomlError(": a whole number of more than 64 bits; write it with an exponent")
     if any(isinstance(value, dict | list) for value in level):
-        raise TomlError(f": more than {MOST_DEPTH} tables or arrays in one another")
+        raise TomlError(f": more than {MOST_DEPTH} nested tables or arrays")

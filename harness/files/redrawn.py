@@ -78,7 +78,7 @@ class Redrawn:
             number = math.nan
         if not math.isfinite(number):
             where = self.sidecar.entry("bindings", binding.address)
-            raise SidecarError(f"{where}: {binding.expression} is no finite real number there")
+            raise SidecarError(f"{where}: {binding.expression} is not a finite real number there")
         return number
 
 
@@ -110,17 +110,18 @@ def redrawn(
             continue
         if not (binding.exact or binding.rounded):
             raise UnboundError(
-                f"{binding.place}: it says {binding.place.text}, where its binding"
-                f" {binding.expression!r} makes {binding.expected:.9g}: drawn models would be"
-                " right where this one is not; set it right, see `crosscheck audit`"
+                f"{binding.place}: the file has {binding.place.text}, but its "
+                f"binding {binding.expression!r} gives {binding.expected:.9g}; "
+                "correct one of them (see `crosscheck audit`), or varied models "
+                "would differ from this one"
             )
         followed |= own
         literals.append((binding, expression))
     for name in sorted(set(needed) & varied - followed):
         raise UnboundError(
-            f"{sidecar.model}.toml: no literal of {sidecar.model.name} is bound to {name}, which is"
-            f" to be varied and which the equations depend on; bind those that say it, under"
-            " [bindings], or leave the model out"
+            f"{sidecar.model}.toml: no number of {sidecar.model.name} is bound to "
+            f"{name}, which varies and affects the equations; bind its numbers "
+            "under [bindings], or leave the model out"
         )
     files = (sidecar.model, Path(f"{sidecar.model}.toml"))
     return Redrawn(

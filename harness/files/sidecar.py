@@ -82,10 +82,10 @@ def read_sidecar(path: Path) -> Sidecar:
     unknown = sorted(set(data) - _KNOWN)
     if unknown:
         known = ", ".join(sorted(_KNOWN))
-        raise SidecarError(f"{path}: unknown key {brief(unknown[0])}; known are {known}")
+        raise SidecarError(f"{path}: unknown key {brief(unknown[0])}; known keys: {known}")
     model = path.with_suffix("")
     if not model.exists():
-        raise SidecarError(f"{path}: there is no model file {model.name} beside it")
+        raise SidecarError(f"{path}: there is no model file {model.name} in its folder")
     try:
         check_parts(model)
     except PartError as error:
@@ -104,10 +104,10 @@ def read_sidecar(path: Path) -> Sidecar:
     for name in own:
         if name not in engines:
             where = f"{path}: [settings] {brief(name)}"
-            raise SidecarError(f"{where} is for an engine not in engines")
+            raise SidecarError(f"{where} is for an engine that `engines` does not list")
     springs = data.get("spring", [])
     if not isinstance(springs, list):
-        raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
+        raise SidecarError(f"{path}: write each spring as a table of an array: [[spring]]")
     absent = _absent(engines)
     return Sidecar(
         model=model,
@@ -152,7 +152,9 @@ def _document(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise SidecarError(f"{path}: can't be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise SidecarError(f"{path}: byte {error.start} is no UTF-8; save it as UTF-8") from None
+        raise SidecarError(
+            f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8"
+        ) from None
     except TomlError as error:
         raise SidecarError(f"{path}{error}") from None
 
@@ -177,24 +179,22 @@ def _expressions(data: Mapping[str, object], key: str, path: Path) -> dict[str, 
 def _check_settings(values: Mapping[str, object], place: str) -> None:
     step = values.get("step", 1.0)
     if not _is_number(step) or not 0 < step < math.inf:
-        raise SidecarError(
-            f"{place} step is {brief(step)}, where a positive number of seconds belongs"
-        )
+        raise SidecarError(f"{place} step is {brief(step)}; expected a positive number of seconds")
     gravity = values.get("gravity", [0, 0, 0])
     if not isinstance(gravity, list) or len(gravity) != 3 or not all(map(_is_number, gravity)):
-        raise SidecarError(f"{place} gravity is {brief(gravity)}, where three numbers belong")
+        raise SidecarError(f"{place} gravity is {brief(gravity)}; expected three numbers")
 
 
 def _spring(data: object, place: str) -> Spring:
     wanted = {"joints", "stiffness", "damping", "rest"}
     if not isinstance(data, dict) or set(data) != wanted:
-        raise SidecarError(f"{place} must have {', '.join(sorted(wanted))}, each stated")
+        raise SidecarError(f"{place} must have each of {', '.join(sorted(wanted))}")
     joints = data["joints"]
     if not isinstance(joints, dict) or not joints or not all(map(_is_number, joints.values())):
         raise SidecarError(f"{place} joints must map joint names to coefficients")
     for key in ("stiffness", "damping", "rest"):
         if not _is_number(data[key]):
-            raise SidecarError(f"{place} {key} is {brief(data[key])}, where a number belongs")
+            raise SidecarError(f"{place} {key} is {brief(data[key])}; expected a number")
     return Spring(joints, data["stiffness"], data["damping"], data["rest"])
 
 

@@ -258,8 +258,8 @@ def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str)
             forward.append(own[name])
         else:
             raise SidecarError(
-                f"{place}: is no coordinate of {system.name}; say what it is, as an expression of"
-                f" {', '.join(own)}"
+                f"{place}: is not a coordinate of {system.name}; define it as an "
+                f"expression of {', '.join(own)}"
             )
     return forward
 
@@ -271,7 +271,7 @@ def _back(
     own = {c.name for c in system.coordinates}
     for name in sidecar.readback:
         if name not in own:
-            raise SidecarError(f"{where}: [readback] {name} is no coordinate of {system.name}")
+            raise SidecarError(f"{where}: [readback] {name} is not a coordinate of {system.name}")
     back = []
     for coordinate in system.coordinates:
         place = f"{where}: [readback] {coordinate.name}"
@@ -282,7 +282,7 @@ def _back(
             back.append(known[coordinate.name])
         else:
             raise SidecarError(
-                f"{place}: say how it is read from {', '.join(names)}; no joint has its name"
+                f"{place}: no joint has this name; define how to compute it from {', '.join(names)}"
             )
     return back
 
@@ -302,8 +302,9 @@ def _check_inverse(
         miss = abs(float(expression.xreplace(values).subs(at)) - float(place[coordinate.q]))
         if not miss < 1e-9:
             raise SidecarError(
-                f"{where}: [readback] {coordinate.name} is not the inverse of [coordinates]"
-                f" ({', '.join(names)}): {float(place[coordinate.q])} comes back {miss:g} off"
+                f"{where}: [readback] {coordinate.name} is not the inverse of "
+                f"[coordinates] ({', '.join(names)}): {float(place[coordinate.q])} "
+                f"comes back with an error of {miss:g}"
             )
 
 

@@ -100,18 +100,17 @@ def why_no_run(duration: float, h: float) -> str:
     One step alone shows nothing of how a motion goes on, whatever its rates.
     """
     if not (math.isfinite(h) and h > 0):
-        return f"a step of {h:g} s is none; state one above zero"
+        return f"the time step is {h:g} s; set one above zero"
     count = (duration + h * 1e-12) / h
     if count < 2:
-        taken = "no step is taken at all" if count < 1 else "one step is taken"
+        taken = "it takes no step" if count < 1 else "it takes one step"
         return (
-            f"of a motion of {duration:g} s a step of {h:g} s shows nothing: {taken};"
-            " state a shorter one"
+            f"dt = {h:g} s is too long for a motion of {duration:g} s: {taken}; set a shorter one"
         )
     if count > MOST_STEPS:
         return (
-            f"a motion of {duration:g} s takes {count:.3g} steps of {h:g} s, more than the"
-            f" {MOST_STEPS:.0e} that a run from start to end may take; state a longer one"
+            f"a motion of {duration:g} s takes {count:.3g} steps of {h:g} s, and a "
+            f"full run may take at most {MOST_STEPS:.0e}; set a longer time step"
         )
     return ""
 

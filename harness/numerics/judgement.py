@@ -23,9 +23,9 @@ from physics_crosscheck.reference.numeric import Array
 class Obstacle(Enum):
     """Why nothing can be said."""
 
-    STANDS_STILL = "every rung returned the same values"
-    DIVERGES = "the limits of no segment converge"
-    WRONG_ORDER = "the rungs don't fall with the claimed order"
+    STANDS_STILL = "all step sizes returned the same values"
+    DIVERGES = "no segment's limits converge"
+    WRONG_ORDER = "the errors don't fall with the claimed order"
     DIVERGES_HERE = "the limits of this segment don't converge"
     COARSE = "the uncertainty is above the resolution"
 

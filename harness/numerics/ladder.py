@@ -246,7 +246,7 @@ def limits(
         worst = largest(uncertainty / scale)
         if best is None or worst < best[0]:
             best = (worst, m, uncertainty, floor + rounded_alike)
-    assert best is not None, f"a limit needs {FIRST_JUDGED} rungs"
+    assert best is not None, f"a limit needs {FIRST_JUDGED} step sizes"
     _, m, uncertainty, rounding = best
     known = np.isfinite(uncertainty).all(axis=1)
     converges = bool(known.any())

@@ -72,12 +72,10 @@ def check_poses(
     if not system.frames:
         return PoseCheck(Poses(note="the system declares no frames"))
     if not mapped:
-        return PoseCheck(
-            Poses(unchecked=unchecked, note="the sidecar maps none of the system's frames")
-        )
+        return PoseCheck(Poses(unchecked=unchecked, note="the sidecar maps no frame of the system"))
     if not model.places:
         return PoseCheck(
-            Poses(unchecked=unchecked, note="the engine can't say where its bodies are")
+            Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
         )
     frames = Frames.of(system, said, model, coordinates)
     with np.errstate(all="ignore"):
@@ -163,6 +161,6 @@ def _sentence(group: Sequence[FramePose], kind: str, at: str, near: tuple[float,
     angle = max(one.rotation or 0.0 for one in group)
     off = [f"{far:.3g} m"] if far > near[0] else []
     off += [f"{angle:.3g} degrees"] if np.radians(angle) > near[1] else []
-    size = " and ".join(off) or "no number"
-    told = f"{names}: up to {size} from where the equations have it, at {at}"
+    size = " and ".join(off) or "not a number"
+    told = f"{names}: off by up to {size} from the equations' pose, at {at}"
     return f"{told}; {kind or 'no single shift, turn or flipped axis explains it'}"

@@ -35,9 +35,9 @@ def decoded(data: bytes, wanted: type[R]) -> R:
         json.loads(data, object_pairs_hook=_once)
         return record
     except msgspec.ValidationError as error:
-        raise DecodeError(f"of another shape: {_said(error)}") from None
+        raise DecodeError(f"malformed: {_said(error)}") from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise DecodeError(f"no JSON: {_said(error)}") from None
+        raise DecodeError(f"not JSON: {_said(error)}") from None
 
 
 def _once(pairs: list[tuple[str, object]]) -> None:
@@ -45,7 +45,7 @@ def _once(pairs: list[tuple[str, object]]) -> None:
     keys = [key for key, _ in pairs]
     for key in keys:
         if keys.count(key) > 1:
-            raise DecodeError(f"of another shape: Object has the key `{key}` twice")
+            raise DecodeError(f"malformed: Object has the key `{key}` twice")
 
 
 def _said(error: Exception) -> str:
@@ -67,7 +67,7 @@ def read_results(path: Path) -> Results:
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
-            raise OSError(errno.EINVAL, "it is no file")
+            raise OSError(errno.EINVAL, "it is not a file")
         data = path.read_bytes()
     except OSError as error:
         reason = f"can't be read: {error.strerror}; run `crosscheck run` first"
@@ -80,7 +80,7 @@ def read_results(path: Path) -> Results:
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
         schema = SCHEMA  # no JSON at all: told below
     if schema != SCHEMA:
-        raise ResultsError(f"{path}: not results of schema {SCHEMA}; {again}")
+        raise ResultsError(f"{path}: not a results file of schema {SCHEMA}; {again}")
     try:
         results = decoded(data, Results)
     except DecodeError as error:

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.report.text import percent, quantity, sci, shown
 OVERLAID = 9
 """Other runs in one plot at most: more can't be told apart."""
 
-MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "What the step costs", "Energy"
+MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time step", "Energy"
 
 
 def case_charts(
@@ -84,11 +84,13 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
                 y=run.engine[i],
             ),
         ),
-        key="Wide line: the solution of the equations. Dashes: this engine at its shipped step;"
-        " thin lines: the others. The legend hides and shows each.",
+        key=(
+            "Wide line: the solution of the equations. Dashes: this engine at its time "
+            "step. Thin lines: the others. The legend hides and shows each."
+        ),
         summary=f"{name} over {quantity(series.t[-1], 's')}: the reference stays between {low:.3g}"
-        f" and {high:.3g} {shown(unit)}; this engine is off by"
-        f" {largest(series.error[i]):.2g} {shown(unit)} at most.",
+        f" and {high:.3g} {shown(unit)}; this engine differs by at"
+        f" most {largest(series.error[i]):.2g} {shown(unit)}.",
         over_time=True,
         y_limits=(low - span, high + span) if away else None,
     )
@@ -155,13 +157,19 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
                 y=run.pack.column(defect, 3),
             ),
         ),
-        key=f"Line: engine − reference of the full run at the shipped step, over the amplitude"
-        f" ({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted where it is"
-        " behind (−). Triangles: the defect of each extrapolated segment, over its movement; up"
-        " and filled for +, down and hollow for −. Grey: its uncertainty; the model differs where"
-        " a triangle stands above the grey.",
-        summary=f"Largest among these samples: global error {percent(largest(error))}, defect of an"
-        f" extrapolated segment {sci(largest(defect))}, its uncertainty {sci(largest(bound))}.",
+        key=(
+            "Line: engine − reference of the full run at dt, over the amplitude "
+            f"({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted "
+            "where it is behind (−). Triangles: the defect of each extrapolated "
+            "segment, over its displacement; up and filled for +, down and hollow for "
+            "−. Grey: its uncertainty; the model differs where a triangle stands above "
+            "the grey."
+        ),
+        summary=(
+            f"Largest among these samples: error at dt {percent(largest(error))}, "
+            f"defect of an extrapolated segment {sci(largest(defect))}, its uncertainty "
+            f"{sci(largest(bound))}."
+        ),
         log_y=True,
         over_time=True,
         over_error=True,
@@ -190,10 +198,14 @@ def _energy(run: Run) -> Iterator[Chart]:
             Curve(label=label, role="share", place=place, x=run.t, y=run.pack.column(row, 5))
             for place, (label, row) in enumerate(shares)
         ),
-        key="Since the start, at the shipped step. What is gained is what the inputs gave less what"
-        " the dampers took; what is left is the integrator's.",
-        summary=f"At most {largest(gap):.2g} J is unaccounted for,"
-        f" {percent(run.full_run.energy_error)} of what is exchanged.",
+        key=(
+            "Since the start, at dt. The gain equals the work of the inputs minus the "
+            "energy that dampers take. The rest is the integrator's error."
+        ),
+        summary=(
+            f"At most {largest(gap):.2g} J is unaccounted for, "
+            f"{percent(run.full_run.energy_error)} of the energy exchanged."
+        ),
         over_time=True,
     )
 
@@ -235,8 +247,11 @@ def _convergence(run: Run) -> Chart:
         x_label="step h [s]",
         y_label="relative error",
         curves=tuple(curves),
-        key="Circles: root mean square over the segments, step by step. Squares: full runs, largest"
-        " error. Triangles: how far each finer step still moved the limit. Dots: the slope."
+        key=(
+            "Circles: root mean square over the segments, step by step. Squares: full "
+            "runs, largest error. Triangles: how far each finer step moved the limit. "
+            "Dots: the slope."
+        )
         + (" Diamonds: the steps that would give these errors." if wanted else ""),
         summary=f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')},"
         f" the error of the segments falls from {sci(_at(defect, 0))} to {sci(_at(defect, -1))};"
@@ -265,9 +280,10 @@ def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
         x_label="time of the run [s]",
         y_label="relative error",
         curves=tuple(curves),
-        key="Time that each engine takes for the full run against the error that it leaves, at the"
-        " shipped step and at others, each half or twice the last. Further to the lower left is"
-        " better.",
+        key=(
+            "Time of each engine's full run against its error, at dt and at other "
+            "steps, each half or twice the last. Further to the lower left is better."
+        ),
         summary=f"This engine takes {quantity(runs.seconds[0], 's', 2)} for an error of"
         f" {percent(runs.error[0])}, and {quantity(runs.seconds[finest], 's', 2)} for"
         f" {percent(runs.error[finest])}.",

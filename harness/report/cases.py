@@ -103,7 +103,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
     sensitive = is_sensitive(case)
     facts = (
         ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
-        ("At the shipped step", () if full_run is None else _at_shipped_step(full_run)),
+        ("At dt", () if full_run is None else _at_shipped_step(full_run)),
         ("Accelerations", () if case.forward_dynamics is None else _told(case.forward_dynamics)),
         ("One step", () if case.stepping is None else _one_step(case.stepping)),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
@@ -141,7 +141,7 @@ def is_judged(case: Case) -> bool:
     return known and case.outcome is not Outcome.FAILED
 
 
-SENSITIVE = "sensitive"
+SENSITIVE = "chaotic"
 """What stands in place of a global error that says nothing of the model or the step."""
 
 TENTH = 0.001
@@ -193,18 +193,18 @@ def _cost(full_run: FullRun, outcome: Outcome, sensitive: bool) -> str:
         until = quantity(full_run.resolved_until, "s", 3)
         followed = f", here until {until}" if full_run.resolved_until else ""
         return (
-            "A sensitive motion: two that begin a hair apart are far apart at its end, so that any"
-            f" step follows it for a while only{followed}, and is {error} of the amplitude off"
-            f" later (at {step}). That is no fault of the model; the verdict is made of short"
-            " segments, and holds."
+            "The motion is chaotic: small differences grow, so any time step "
+            f"follows it only for a while{followed}. Later the error is {error} of "
+            f"the amplitude (dt = {step}). This is not a fault of the model: the "
+            "verdict uses short segments."
         )
     if outcome is Outcome.DIFFERS:
         said = (
-            f"At the step of {step} the whole motion is off by {error} of the amplitude at most,"
-            " by the step and by what differs"
+            f"At dt = {step}, the error of the whole motion is at most {error} of "
+            "the amplitude, from the time step and the difference"
         )
     else:
-        said = f"The step of {step} costs you {error} of the amplitude over the whole motion"
+        said = f"At dt = {step}, the error is {error} of the amplitude over the whole motion"
     parts = full_run.decomposition
     if parts is None:
         return f"{said}."
@@ -240,13 +240,13 @@ def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
     order = quantity(verdict.order, "", 4)
     return (
         ("agreeing digits", digits),
-        ("deciding component", shown(verdict.component)),
-        ("its discrepancy E", sci(verdict.discrepancy)),
-        ("its uncertainty U", sci(verdict.uncertainty)),
-        ("largest E of all", sci(verdict.largest_discrepancy)),
-        ("largest U of all", sci(verdict.largest_uncertainty)),
+        ("worst component", shown(verdict.component)),
+        ("discrepancy E", sci(verdict.discrepancy)),
+        ("uncertainty U", sci(verdict.uncertainty)),
+        ("largest E", sci(verdict.largest_discrepancy)),
+        ("largest U", sci(verdict.largest_uncertainty)),
         ("segment at", quantity(verdict.time, "s")),
-        ("order in h", f"{order} seen, {verdict.claimed_order} claimed"),
+        ("order", f"{order} measured, {verdict.claimed_order} claimed"),
     )
 
 
@@ -271,7 +271,7 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
         ("last digits of the largest, after 1, 10 and 1000 steps", _digits(stepping)),
     ]
     if stepping.besides:
-        rows.append(("acts besides", stepping.besides))
+        rows.append(("also acts", stepping.besides))
     return tuple(rows)
 
 
@@ -286,10 +286,10 @@ def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
         return ()
     rows = [
         ("step", quantity(full_run.time_step, "s")),
-        ("global error", percent(full_run.global_error)),
+        ("error at dt", percent(full_run.global_error)),
     ]
     if full_run.velocity_error is not None:
-        rows.append(("global error of velocities", percent(full_run.velocity_error)))
+        rows.append(("velocity error at dt", percent(full_run.velocity_error)))
     parts = full_run.decomposition
     if parts is not None:
         rows += [
@@ -297,7 +297,7 @@ def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
             ("phase, at the end", quantity(parts.phase, "rad", 3)),
             ("frequency", percent(parts.frequency)),
             ("damping ratio", quantity(parts.damping, "", 3)),
-            ("of the error, these explain", percent(parts.explained)),
+            ("explained share of the error", percent(parts.explained)),
         ]
     if full_run.energy_error is not None:
         rows.append(("energy balance", percent(full_run.energy_error)))
@@ -314,7 +314,7 @@ def _steps(full_run: FullRun) -> Iterator[Fact]:
         yield (
             "checked by a run",
             f"{percent(checked.measured)} at {quantity(checked.step, 's', 3)},"
-            f" {100 * checked.target:g}\u00a0% foretold",
+            f" {100 * checked.target:g}\u00a0% predicted",
         )
 
 

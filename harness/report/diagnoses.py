@@ -126,8 +126,8 @@ def sentence(model: Model) -> str:
         return f"{begun}: {shown(found[0].message)}{more}."
     if not diagnosis.explained:
         return (
-            f"Unexplained: the best single cause, {named(best.causes)}, leaves"
-            f" {percent(best.remaining)} of the discrepancy."
+            f"Unexplained: the best single cause, {named(best.causes)}, leaves a "
+            f"residual of {percent(best.remaining)}."
         )
     return f"{shown(' and '.join(cause_sentences(best)[:-1]))}."
 

@@ -81,7 +81,7 @@ def evaluate(tree: SketchTree | None, q: Sequence[float]) -> float:
             return float(values[0] ** values[1])
         case "sin" | "cos" | "tan":
             return float(getattr(math, name)(values[0]))
-    raise ValueError(f"no operation {name!r} is known")
+    raise ValueError(f"unknown operation {name!r}")
 
 
 def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
@@ -127,7 +127,7 @@ def _pose(sketch: Sketch) -> list[float]:
 def _at(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
     """A point, which is a pair of trees."""
     if not isinstance(point, list) or len(point) != 2:
-        raise ValueError(f"{point!r} is no point")
+        raise ValueError(f"{point!r} is not a point")
     return evaluate(point[0], q), evaluate(point[1], q)
 
 

@@ -82,12 +82,12 @@ def _sign(element: Element) -> str:
 def _element(element: Element) -> Markup:
     tag = str(element.tag)
     if tag not in ELEMENTS:
-        raise ValueError(f"{tag!r} is no element of mathematics")
+        raise ValueError(f"{tag!r} is not a MathML element")
     if len(element) != _PARTS.get(tag, len(element)):
         raise ValueError(f"{tag!r} lacks a part")
     text = html.unescape(element.text or "")  # signs are given as references
     if text.startswith("\\"):
-        raise ValueError(f"{text!r} is no command that is known")
+        raise ValueError(f"unknown command {text!r}")
     if tag in _GROUPS:
         inner = _group(element)
     elif len(element):

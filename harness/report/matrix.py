@@ -180,7 +180,7 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
         global_error=largest,
         cost=cost,
         summary=(
-            f"{counts} {outcome}, {fewest} digits, global error {largest}, {view.scenario} worst"
+            f"{counts} {outcome}, {fewest} digits, error at dt {largest}, {view.scenario} worst"
         ),
         about=f"{view.system} {view.model} {view.engine}",
     )

@@ -65,9 +65,11 @@ def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Cha
         curves=tuple(curves),
         key="Wide line: the transfer function of the linearized equations. Dashes: that of the"
         " engine, linearized by itself.",
-        summary=f"From {quantity(one.frequencies[0], 'rad/s', 3)} to"
-        f" {quantity(one.frequencies[-1], 'rad/s', 3)}; they are apart by"
-        f" {sci(one.transfer_error)} of the largest value at most.",
+        summary=(
+            f"From {quantity(one.frequencies[0], 'rad/s', 3)} to "
+            f"{quantity(one.frequencies[-1], 'rad/s', 3)}; they differ by at most "
+            f"{sci(one.transfer_error)} of the largest value."
+        ),
         log_x=True,
         log_y=True,
     )
@@ -98,9 +100,11 @@ def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
             curves=curves,
             key="Largest error of the linear equations over one period of each mode, released at"
             " rest in its shape, relative to the amplitude.",
-            summary=f"At an amplitude of {first.amplitudes[0]:g} the linear equations err by"
-            f" {percent(first.errors[0])} in the first of these modes, at"
-            f" {first.amplitudes[-1]:g} by {percent(first.errors[-1])}.",
+            summary=(
+                f"At an amplitude of {first.amplitudes[0]:g} the error of the linear "
+                f"equations is {percent(first.errors[0])} in the first of these modes, "
+                f"at {first.amplitudes[-1]:g} it is {percent(first.errors[-1])}."
+            ),
             log_x=True,
             log_y=True,
         ),
@@ -123,7 +127,7 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
         Chart(
             part="Which cause?",
             title="Ranked hypotheses",
-            x_label="share of the discrepancy left",
+            x_label="residual share of the discrepancy",
             y_label="",
             curves=(
                 Curve(label="left", role="lollipop", place=0, x=pack.column(left, 4), y=y),
@@ -135,10 +139,15 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
                     y=pack.column(line, 4),
                 ),
             ),
-            key="Each hypothesis is one number, fitted to the motion; further to the left explains"
-            " more. Dots: what the uncertainty alone would leave.",
-            summary=f"The best, {named(ranked[0].causes)}, leaves {sci(ranked[0].remaining)} of"
-            f" the discrepancy; the last of these leaves {sci(ranked[-1].remaining)}.",
+            key=(
+                "Each hypothesis is one number, fitted to the motion; further to the "
+                "left explains more. Dots: the residual from uncertainty alone."
+            ),
+            summary=(
+                f"The best, {named(ranked[0].causes)}, leaves a residual of "
+                f"{sci(ranked[0].remaining)}; the last of these, "
+                f"{sci(ranked[-1].remaining)}."
+            ),
             log_x=True,
             names=tuple(named(one.causes) for one in reversed(ranked)),
         ),
@@ -186,8 +195,8 @@ def _corrected(
         key=f"Wide line: the equations as declared. Thin line: the {motion.put_into} with the value"
         " that was found. Dashes: the engine with the file as it is.",
         summary=(
-            f"The engine is off the reference by {then:.2g} {unit} at most, and off the equations"
-            f" with {put_in} by {now:.2g} {unit}: what is left is its step's."
+            f"The engine differs from the reference by at most {then:.2g} {unit}, and from the"
+            f" equations with {put_in} by {now:.2g} {unit}. The rest is the error of its time step."
             if motion.put_into == "equations"
             else f"With {put_in} the file runs within {now:.2g} {unit} of the reference."
         ),
@@ -245,7 +254,7 @@ def _defects(pack: Pack, one: CorrectedScenario, run: Run) -> Chart:
                 label="with the value that was found", role="after", place=0, x=t, y=worst(after)
             ),
         ),
-        key=f"Extrapolated segments, the largest of {names}: no step is left in them.",
+        key=(f"Extrapolated segments, the largest of {names}: free of the error of the time step."),
         summary=f"The largest defect falls from {sci(largest(before.ravel()))} to"
         f" {sci(largest(after.ravel()))}.",
         log_y=True,

@@ -288,7 +288,7 @@ def verdict(results: Results, found: Sequence[Trouble]) -> str:
     parts = [f"{n} {said[n > 1]}" for one, said in _SAID.items() if (n := counts[one])]
     if accepted := sum(bool(case.accepted) for case in results.cases):
         parts.append(f"{accepted} accepted as known")
-    told = ", ".join(parts) or "every motion is that of the equations"
+    told = ", ".join(parts) or "every motion matches the equations"
     told = f"{told[0].upper()}{told[1:]}."
     if fixes := sum(len(one.remedy.fixes) for one in found):
         return f"{told} {counted(fixes, 'number')} to change."
@@ -322,7 +322,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
     found = [
         Standing(
             id=weakest.id,
-            what="fewest digits that agree",
+            what="fewest agreeing digits",
             value=weakest.digits,
             name=_name(weakest),
         )
@@ -333,7 +333,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
         found.append(
             Standing(
                 id=dearest.id,
-                what=f"most that a shipped step costs ({dearest.step})",
+                what=f"largest error at dt ({dearest.step})",
                 value=dearest.global_error,
                 name=_name(dearest),
             )
@@ -342,7 +342,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
         found.append(
             Standing(
                 id=left[0].id,
-                what="motions too sensitive for any step to follow to their end",
+                what="chaotic motions, which no time step follows to the end",
                 value=str(len(left)),
                 name=_name(left[0]),
             )

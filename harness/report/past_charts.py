@@ -106,8 +106,8 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         pack,
         rows(min, "digits"),
         rows(max, "global_error"),
-        f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; of each engine the worst case,"
-        " and of errors the worst of a motion that a step can follow.",
+        f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; the worst case of "
+        "each engine; errors exclude chaotic motions.",
     )
 
 
@@ -116,8 +116,8 @@ def _charts(
 ) -> tuple[Chart, ...]:
     found = []
     for title, label, rows, log, form in (
-        ("Digits that agree", "digits", digits, False, "{:.1f}"),
-        ("Global error at the shipped step", "relative error", errors, True, ""),
+        ("Agreeing digits", "digits", digits, False, "{:.1f}"),
+        ("Error at dt", "relative error", errors, True, ""),
     ):
         curves = tuple(
             Curve(
@@ -143,7 +143,7 @@ def _charts(
                 dates=True,
                 y_label=label,
                 curves=curves,
-                key="A mark a run; the colour and the mark tell which.",
+                key="One mark per run; colour and shape identify the curve.",
                 summary=f"{told} Between {ends[0]} and {ends[1]}.",
                 log_y=log,
                 y_limits=None if log else (0.0, max(16.0, high)),

@@ -83,7 +83,7 @@ def _known_to(row: SweepRow) -> float | None:
     return max((one for one in (row.discrepancy, row.uncertainty) if one is not None), default=None)
 
 
-AT_THE_STEP = Shown(what="error at the shipped step", of=lambda row: row.global_error, told=percent)
+AT_THE_STEP = Shown(what="error at dt", of=lambda row: row.global_error, told=percent)
 OF_SEGMENTS = Shown(what="larger of E and U", of=_known_to, told=sci)
 """Of a robot's states no motion is run at the shipped step."""
 
@@ -175,7 +175,7 @@ def scatter_of(
     points = list(_points(rows, series, name, what))
     over = name or "the step"
     amiss = sum(p.outcome != Outcome.AGREES for p in points)
-    ringed = f", {amiss} ringed that did not agree" if amiss else ""
+    ringed = f", {amiss} that did not agree (ringed)" if amiss else ""
     largest = what.told(max((p.y for p in points), default=None))
     return scatter(
         f"{what.what[0].upper()}{what.what[1:]} over {over}",

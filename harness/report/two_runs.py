@@ -67,7 +67,7 @@ def render_two_runs(found: TwoRuns, place: Path, folders: tuple[Path, Path]) -> 
     rows = [_row(case, before, after) for case in found.cases]
     moved = len(found.moved)
     page = Page(
-        title=f"{moved} of {counted(len(rows), 'case')} moved",
+        title=f"{moved} of {counted(len(rows), 'case')} changed",
         headline=shown(headline(found)),
         reports=((shown(found.before), before), (shown(found.after), after)),
         versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in found.versions),

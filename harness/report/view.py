@@ -141,7 +141,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
         summary=shown(summary(results)),
         settings=(
             ("created", shown(results.created)),
-            ("resolution asked", quantity(results.resolution, "")),
+            ("requested resolution", quantity(results.resolution, "")),
             *((shown(k), shown(v)) for k, v in results.versions.items() if v is not None),
         ),
         absent=tuple(shown(k) for k, v in results.versions.items() if v is None),

@@ -100,7 +100,7 @@ def _refused(
     kind: CaseKind = "unsupported",
 ) -> Robot:
     """Without a tree, for all of these."""
-    remedy = "`crosscheck compare` holds it against another file without equations"
+    remedy = "`crosscheck compare` compares it with another file, without equations"
     obstacles = [
         Obstacle(sentence=one, file=path, line=line, remedy=remedy, kind=kind) for one in sentences
     ]

@@ -59,7 +59,7 @@ class Document:
         try:
             self.elements = read_elements(Source(path, self.data))
         except LocationError as error:
-            remedy = "take that out" if isinstance(error, RefusedError) else "write well-formed XML"
+            remedy = "remove that" if isinstance(error, RefusedError) else "write well-formed XML"
             found = Obstacle(
                 sentence=error.sentence, file=path, line=error.line or 0, remedy=remedy
             )
@@ -99,9 +99,7 @@ class Document:
         found = [one for one in element.children if one.tag == tag]
         for other in found[1:]:
             if _content(other) != _content(found[0]):
-                self.hinder(
-                    other, f"a second <{tag}> of one <{element.tag}>", "keep the one that is meant"
-                )
+                self.hinder(other, f"a second <{tag}> in one <{element.tag}>", "keep one of them")
         return found[0] if found else None
 
     def numbers(
@@ -114,11 +112,13 @@ class Document:
         found = read_numbers(text, len(default))
         if found is None or not all(map(math.isfinite, found)):
             count = len(default)
-            wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
-            remedy = "write a number" if count == 1 else f"write {count}, with blanks between them"
+            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+            remedy = (
+                "write a number" if count == 1 else f"write {count} numbers, separated by spaces"
+            )
             self.hinder(
                 element,
-                f"{key} of {what} is {brief(text)}, where {wanted}",
+                f"{key} of {what} is {brief(text)}; expected {wanted}",
                 EXPAND if _UNEXPANDED.search(text) else remedy,
                 "file",
             )
@@ -134,11 +134,11 @@ class Document:
         found = read_numbers(element.text, len(default))
         if found is None or not all(map(math.isfinite, found)):
             count = len(default)
-            wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
+            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             self.hinder(
                 element,
-                f"<{element.tag}> of {what} is {brief(element.text.strip())}, where {wanted}",
-                "write a number" if count == 1 else f"write {count}, with blanks between them",
+                f"<{element.tag}> of {what} is {brief(element.text.strip())}; expected {wanted}",
+                "write a number" if count == 1 else f"write {count} numbers, separated by spaces",
                 "file",
             )
             return default

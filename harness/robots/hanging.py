@@ -26,7 +26,7 @@ def hang(
         document.hinder(
             joint,
             f"link {brief(child)} has a second parent, by joint {brief(name)}",
-            "a closed loop is no tree: take the joint out",
+            "closed loops are not supported: remove the joint",
         )
     elif child:
         above[child] = parent
@@ -42,8 +42,8 @@ def hinder_loops(
     for name in _looped(names, above):
         document.hinder(
             links.get(name, document.root),
-            f"link {brief(name)} hangs from itself, by its joints",
-            "a closed loop is no tree: take a joint out",
+            f"link {brief(name)} is its own ancestor through its joints",
+            "closed loops are not supported: remove a joint",
         )
 
 

@@ -80,7 +80,7 @@ def _broken(part: Part) -> Iterator[tuple[Kind, str, str]]:
         yield "not finite", "has an inertia that is not finite", "write finite numbers"
         return
     if part.mass < 0:
-        yield "negative mass", f"has a mass of {part.mass:g} kg", "a mass is not negative"
+        yield "negative mass", f"has a mass of {part.mass:g} kg", "write a positive mass"
     small, middle, large = np.linalg.eigvalsh(part.inertia).tolist()
     far = float(part.center @ part.center)
     allowed = MARGIN * max(abs(small), abs(large)) + DIGITS * abs(part.mass) * far
@@ -88,18 +88,17 @@ def _broken(part: Part) -> Iterator[tuple[Kind, str, str]]:
     if small < -allowed:
         yield (
             "moments",
-            f"has the principal moments {told}",
-            "none is negative about a center of mass: are its products of inertia right?",
+            f"has the principal moments of inertia {told}",
+            "they can't be negative: check its products of inertia",
         )
     elif small + middle < large - allowed:
         yield (
             "triangle",
-            f"has the principal moments {told}",
-            "the largest of a body is at most the other two together: are its axes and its origin"
-            " right?",
+            f"has the principal moments of inertia {told}",
+            "the largest can't exceed the sum of the other two: check its axes and its origin",
         )
     if part.mass == 0 and np.any(part.inertia):
-        yield "massless", f"has moments, {told}, and no mass", "give it its mass, or neither"
+        yield "massless", f"has inertia, {told}, but no mass", "set its mass, or remove the inertia"
 
 
 def resting(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable
 
 from physics_crosscheck.harness.robots.robot import LeftOut
 
-HELD = "joints that move nothing that has inertia, held still"
+HELD = "joints that move nothing with inertia (held still)"
 
-FREE_MIMIC = "mimic that no gear holds: the joint is free"
+FREE_MIMIC = "mimic without a gear: the joint is free"
 
 Told = tuple[str, str]
 """What, and where: the name of a joint or a link."""

@@ -41,7 +41,7 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             others.append(name)
             continue
         if path.suffix not in FORMATS:
-            formats = f"of files alone, {_TOLD} are run; give one of these, or a system folder"
+            formats = f"only {_TOLD} run without a folder; name one of these, or a system folder"
             faults[name] = f"{visible(name)}: {xacro_remedy(path) or formats}"
         elif (why := odd_name(name)) is not None:
             faults[name] = f"{visible(name)}: its name has {why}; rename it"

@@ -30,8 +30,8 @@ _UNCOVERED: Mapping[str, str] = {
     "include": "write what it includes into the file (gz sdf -p FILE)",
     "model": "write the links of both into one model",
     "axis2": "write two joints",
-    "gearbox_ratio": "take the gearbox out",
-    "thread_pitch": "take the screw out",
+    "gearbox_ratio": "remove the gearbox",
+    "thread_pitch": "remove the screw",
 }
 
 _OPAQUE = ("plugin", "sensor", "visual", "collision")
@@ -160,16 +160,16 @@ def _only_model(
     elif includes:
         document.hinder(
             includes[0],
-            "<include> is not covered, and no model that moves stands in the file itself",
+            "<include> is not covered, and the file itself has no moving model",
             _UNCOVERED["include"],
             "unsupported",
         )
     elif models:
         static = next(one for one in models[0].children if one.tag == "static")
         what = "the model is" if len(models) == 1 else "all models are"
-        document.hinder(static, f"{what} static: nothing moves", "give another")
+        document.hinder(static, f"{what} static, so nothing moves", "give another")
     else:
-        document.hinder(holders[0], "it has no <model>", "a robot's file has one")
+        document.hinder(holders[0], "it has no <model>", "add one")
     return None
 
 
@@ -195,14 +195,14 @@ def _root(
     for joint in joints.values():
         hang(document, above, joint.element, joint.name, (joint.parent, joint.child))
     if not links:
-        document.hinder(model, "it has no <link>", "a robot has one at least")
+        document.hinder(model, "it has no <link>", "add at least one")
     hinder_loops(document, links, above, elements_of(links))
     loose = [name for name in links if name not in above]
     if len(loose) > 1 or (loose and WORLD in above.values()):
         document.hinder(
             links[loose[-1]].element,
-            f"nothing holds {', '.join(map(brief, loose))}",
-            "give all links but one a joint",
+            f"no joint holds {', '.join(map(brief, loose))}",
+            "give every link except one a joint",
         )
     return loose[0] if loose else WORLD
 

@@ -82,12 +82,12 @@ class Frames:
     def _add(self, element: RawElement) -> None:
         name, document = element.attributes.get("name", ""), self._document
         if not name:
-            document.hinder(element, f"a <{element.tag}> has no name", "give it one of its own")
+            document.hinder(element, f"a <{element.tag}> has no name", "give it a unique name")
         elif name in (*self.named, MODEL, WORLD):
             document.hinder(
                 element,
                 f"a second link, joint or frame is called {brief(name)}",
-                "give it a name of its own",
+                "give it a unique name",
             )
         else:
             self.named[name] = element
@@ -126,9 +126,9 @@ class Frames:
         element = self.named.get(name)
         if element is None or name in within:
             last = self.named[within[-1]] if within and within[-1] in self.named else self._model
-            told = "stands in itself" if element is not None else "is none"
+            told = "is defined in itself" if element is not None else "does not exist"
             self._document.hinder(
-                last, f"frame {brief(name)}, in which a pose is told, {told}", "name another"
+                last, f"frame {brief(name)}, which a pose refers to, {told}", "name another"
             )
             return HERE
         pose = self._poses[name]
@@ -144,7 +144,7 @@ class Frames:
                 self._model,
                 f"the pose of the model is relative to {brief(pose.relative_to)}, which is not"
                 " covered",
-                "tell it in the world",
+                "give the pose in the world",
             )
         placed = self._model.attributes.get("placement_frame", "")
         return pose.place.of(inverse(self.place(placed))) if placed else pose.place

@@ -136,7 +136,7 @@ def _joint(document: Document, frames: Frames, element: RawElement, name: str) -
         if not link or (tag, link) == ("child", WORLD):
             document.hinder(
                 element,
-                f"the {tag} of {what} is {brief(ends[tag])}, which is no link",
+                f"the {tag} of {what} is {brief(ends[tag])}, which is not a link",
                 "declare the link, or correct its name",
             )
     of_tree = KINDS.get(kind)

@@ -76,9 +76,9 @@ def _massless(document: Document, found: Assembled, links: Elements) -> tuple[tu
     for name in found.cancelled:
         document.hinder(
             links[name],
-            f"the mass of link {brief(name)} and of those that it is welded to is zero, by a"
-            " negative one",
-            "a mass is not negative",
+            f"the masses of link {brief(name)} and of the links fixed to it add up "
+            "to zero, with a negative one",
+            "write a positive mass",
         )
     if document.obstacles:
         return ()
@@ -92,8 +92,8 @@ def _massless(document: Document, found: Assembled, links: Elements) -> tuple[tu
     if len(groups or ()) == len(tree.links) > 1:
         document.hinder(
             document.root,
-            f"it has {len(tree.links)} joints and none moves anything that has inertia: it tells"
-            " kinematics alone",
+            f"none of its {len(tree.links)} joints moves anything with inertia: the "
+            "file describes kinematics only",
             "give its links mass and inertia",
         )
         return ()
@@ -137,12 +137,12 @@ def _resting(names: list[str]) -> tuple[str, str]:
     told = ", ".join(map(brief, names))
     if len(names) == 1:
         return (
-            f"joint {told} moves nothing that has inertia, so it has no acceleration",
-            "give what it carries mass and inertia",
+            f"joint {told} moves nothing with inertia, so its acceleration is undefined",
+            "give the links that it carries mass and inertia",
         )
     return (
-        f"a motion of the joints {told} together moves nothing that has inertia, so they have no"
-        " accelerations",
+        f"a combined motion of the joints {told} moves nothing with inertia, so "
+        "their accelerations are undefined",
         "give a link between them inertia",
     )
 

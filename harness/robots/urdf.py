@@ -80,7 +80,7 @@ def _check_document(document: Document) -> None:
     xacro = [one for one in root.children if one.tag.startswith("xacro:")]
     if xacro:
         such = f"{counted(len(xacro), 'element')} such as <{xacro[0].tag}>"
-        document.hinder(xacro[0], f"it is source for xacro: {such}", EXPAND, "file")
+        document.hinder(xacro[0], f"it is xacro source: {such}", EXPAND, "file")
     for inner in root.children:
         if inner.tag == "robot":
-            document.hinder(inner, "a <robot> within the <robot>", "keep one robot a file")
+            document.hinder(inner, "a <robot> inside the <robot>", "keep one robot per file")

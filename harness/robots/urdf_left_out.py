@@ -69,7 +69,7 @@ def _all(
         yield from _of_joint(document, joint)
     for name in springs:
         if name not in joints or joints[name].kind not in ("hinge", "slide"):
-            yield "spring of no hinge and no slide", name
+            yield "spring of a joint that is neither hinge nor slide", name
     yield from _unread(document.root, "")
     yield from _unsaid(document.root, "")
     for element in document.root.children:
@@ -110,7 +110,7 @@ def _of_limit(limit: RawElement, joint: UrdfJoint) -> Iterator[Told]:
         yield "limits of position", joint.name
     for key in ("lower", "upper"):
         if key in limit.attributes and read_numbers(limit.attributes[key], 1) is None:
-            yield f"limit that is no number: {key}", joint.name
+            yield f"limit that is not a number: {key}", joint.name
     for key in ("effort", "velocity"):
         if _nonzero(limit, key):
             yield f"limits of {key}", joint.name

@@ -136,7 +136,7 @@ def read_springs(document: Document) -> dict[str, tuple[float, float]]:
         spring = _text(document, stiffness, name), _text(document, rest, name)
         if found.setdefault(name, spring) != spring:
             document.hinder(
-                stiffness, f"a second spring of joint {brief(name)}", "keep the one that is meant"
+                stiffness, f"a second spring of joint {brief(name)}", "keep one of them"
             )
     return found
 
@@ -148,10 +148,10 @@ def _named(document: Document, tag: str) -> dict[str, RawElement]:
             continue
         name = element.attributes.get("name", "")
         if not name:
-            document.hinder(element, f"a <{tag}> has no name", "give it one of its own")
+            document.hinder(element, f"a <{tag}> has no name", "give it a unique name")
         elif name in found:
             document.hinder(
-                element, f"a second {tag} is called {brief(name)}", "give it a name of its own"
+                element, f"a second {tag} is called {brief(name)}", "give it a unique name"
             )
         else:
             found[name] = element
@@ -259,8 +259,8 @@ def _text(document: Document, element: RawElement | None, joint: str) -> float:
     if found is None or not np.isfinite(found[0]):
         document.hinder(
             element,
-            f"<{element.tag}> of joint {brief(joint)} is {brief(element.text.strip())}, where a"
-            " finite number belongs",
+            f"<{element.tag}> of joint {brief(joint)} is "
+            f"{brief(element.text.strip())}; expected a finite number",
             EXPAND if "$" in element.text else "write a number",
             "file",
         )

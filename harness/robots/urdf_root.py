@@ -22,7 +22,7 @@ def root_of(
             if end and end not in links and (tag, end) != ("parent", IMPLICIT):
                 document.hinder(
                     joint.element,
-                    f"the {tag} of joint {brief(joint.name)} is {brief(end)}, which is no link",
+                    f"the {tag} of joint {brief(joint.name)} is {brief(end)}, which is not a link",
                     "declare the link, or correct its name",
                 )
         hang(document, above, joint.element, joint.name, (joint.parent, joint.child))
@@ -33,7 +33,7 @@ def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) 
     known = dict.fromkeys([*links, *(one for one in above.values() if one == IMPLICIT)])
     roots = [name for name in known if name not in above]
     if not links:
-        document.hinder(document.root, "it has no <link>", "a robot has one at least")
+        document.hinder(document.root, "it has no <link>", "add at least one")
     # What a misspelled name leaves alone is told by that name.
     named = {_child_of(one) for one in document.root.children if one.tag == "joint"}
     roots = [name for name in roots if name not in named]
@@ -42,7 +42,7 @@ def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) 
         document.hinder(
             element,
             f"it has {len(roots)} root links, {', '.join(map(brief, roots))}",
-            "give all but one a joint",
+            "give every root except one a joint",
         )
     hinder_loops(document, known, above, {name: one.element for name, one in links.items()})
     return roots[0] if roots else None

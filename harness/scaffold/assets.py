@@ -40,7 +40,7 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
         where = f"{model}:{source.line(element.start)}: it needs {name}"
         if (ending := PurePosixPath(name).suffix) in MEANT:
             raise NewError(
-                f"{where}; in a folder, files that end with {ending} are run or read: rename it"
+                f"{where}; a system folder runs or reads files that end with {ending}: rename it"
             )
         places = _places(name, element, compiler, urdf)
         found |= _contents(model.parent, places, where)
@@ -80,7 +80,7 @@ def _contents(folder: Path, places: tuple[PurePosixPath, ...], where: str) -> di
         except OSError as error:
             reasons.append(error.strerror)
     if not found and len(within) < len(places):
-        raise NewError(f"{where}, which is not below its folder; a folder holds all it needs")
+        raise NewError(f"{where}, which is not below its folder; copy it into the folder")
     if not found:
         looked = " or ".join(dict.fromkeys(map(str, within)))
         raise NewError(f"{where}, looked for as {looked}: {reasons[0]}")

@@ -76,7 +76,7 @@ class Ledger:
             NewError: for what is no finite number.
         """
         if not math.isfinite(value):
-            raise NewError(f"{self.file}: {what} is {value}, where a finite number belongs")
+            raise NewError(f"{self.file}: {what} is {value}; expected a finite number")
         if value == 0:
             return "0"
         sign = "-" if value < 0 else ""

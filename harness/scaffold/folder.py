@@ -27,12 +27,13 @@ def check_name(target: Path) -> None:
     """
     if not _NAME.fullmatch(target.name):
         raise NewError(
-            f"{target.name!r} is no name for a system: a letter, then letters, digits, _ or -"
+            f"{target.name!r} is not a valid system name; use a letter, then "
+            "letters, digits, _ or -"
         )
     if os.path.lexists(target):
-        raise NewError(f"{target}: is there already; nothing was written. Choose another name")
+        raise NewError(f"{target}: exists already; nothing was written. Choose another name")
     if not target.parent.is_dir():
-        raise NewError(f"{target.parent}: no such folder, to put {target.name} in")
+        raise NewError(f"{target.parent}: no such folder for {target.name}")
 
 
 def example(name: str) -> dict[str, bytes]:
@@ -69,4 +70,4 @@ def write_folder(
                 raise FileExistsError
             os.rename(made, target)
         except OSError:
-            raise NewError(f"{target}: can't be written; nothing was") from None
+            raise NewError(f"{target}: can't be written; nothing was written") from None

@@ -154,7 +154,7 @@ def _declared(text: str, model: Path) -> System:
     try:
         exec(compile(text, "system.py", "exec"), module.__dict__)
     except (ArithmeticError, RecursionError, TypeError, ValueError) as error:
-        raise NewError(f"{model}: what it says makes no mechanism: {error}") from None
+        raise NewError(f"{model}: its content is not a mechanism: {error}") from None
     system: System = module.system
     return system
 
@@ -167,7 +167,7 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
     """
     installed = tuple(e.name for e in standing(suffix) if e.version() is not None)
     if not installed:
-        return ["no engine that runs it is installed: what was read is not checked"]
+        return ["no engine that runs it is installed, so the new folder is not checked"]
     against: list[str] = []
     agrees = False
     for model in audits([made], engines=installed):
@@ -184,8 +184,11 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
             agrees = True
     if not agrees:
         raise NewError(
-            f"{target}: nothing was written, since no engine agrees with what was read: "
-            + "; ".join(against or ["none ran it"])
+            (
+                f"{target}: nothing was written because no engine agrees with the "
+                "equations read from it: "
+            )
+            + "; ".join(against or ["no engine ran it"])
         )
     return against
 

@@ -56,7 +56,8 @@ def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str
         raise NewError(f"{model}: {remedy}")
     if model.suffix not in FORMATS:
         raise NewError(
-            f"{model}: a model file is a .urdf, an SDFormat file with .sdf, or an MJCF with .xml"
+            f"{model}: unknown kind of model file; use a URDF (.urdf), an SDFormat "
+            "file (.sdf) or an MJCF (.xml)"
         )
     if (why := odd_name(model.name)) is not None:
         raise NewError(f"{visible(str(model))}: its name has {why}; rename it")
@@ -74,7 +75,7 @@ def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str
         return Written(declares=said, remarks=tuple(found.remarks))
     settings = _unstated(robot) if model.suffix == ".sdf" else format_settings(model.suffix)
     remarks = from_tree(robot, data, target, settings)
-    return Written(declares=f"bodies, and not energies: {found}", remarks=remarks)
+    return Written(declares=f"bodies instead of energies: {found}", remarks=remarks)
 
 
 def _unstated(robot: Robot) -> list[str]:
@@ -94,7 +95,10 @@ def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
     try:
         found = Energies(robot.file, data, target)
         if found.operations > MOST_OPERATIONS:
-            return f"T and V have {found.operations} operations, where {MOST_OPERATIONS} are many"
+            return (
+                f"T and V have {found.operations} operations; more than "
+                f"{MOST_OPERATIONS} are too many"
+            )
         found.plan()
     except (NewError, DeclarationError) as error:
         return str(error)
@@ -105,10 +109,10 @@ def _too_much(robot: Robot) -> str:
     """What of a robot energies are not written of; empty where they may be."""
     assert robot.tree is not None
     if robot.file.suffix == ".sdf":
-        return "those of an SDFormat file are not written"
+        return "energies of an SDFormat file are not supported"
     links = robot.tree.links
     if len(links) > MOST_JOINTS:
-        return f"it has {_joints(robot)}, and formulas of more than {MOST_JOINTS} are long"
+        return f"it has {_joints(robot)}; formulas of more than {MOST_JOINTS} are too long"
     for link in links:
         if link.kind not in ("hinge", "slide"):
             return f"joint {link.name!r} is a {link.kind} joint"

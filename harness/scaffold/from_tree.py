@@ -78,9 +78,11 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
         try:
             write_folder(target, {**contents(model, copied), **files}, check)
         except _OtherBodiesError as error:
-            raise NewError(f"{model}: its copy in a folder is another robot: {error}") from None
+            raise NewError(
+                f"{model}: its copy in a folder reads as a different robot: {error}"
+            ) from None
     if idle := [path.name for path in others if path not in copied]:
-        remarks.append(f"not copied, since no inertia follows from it: {_listed(idle)}")
+        remarks.append(f"not copied, because no inertia depends on it: {_listed(idle)}")
     if robot.left_out:
         remarks.append(f"left out: {', '.join(told(one) for one in robot.left_out)}")
     return tuple(remarks)
@@ -122,7 +124,7 @@ def _check_reading(made: Path, robot: Robot) -> None:
         medium=system.medium,
     )
     if written != robot.told:
-        raise NewError(f"{robot.file}: what was written of it is not what was read")
+        raise NewError(f"{robot.file}: the files written differ from the robot read")
 
 
 def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[str]]:
@@ -133,7 +135,7 @@ def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[s
     """
     able = [one for one in standing(robot.file.suffix) if one.version() is not None]
     if not able:
-        return {}, ["no engine that runs it is installed: what was read is not checked"]
+        return {}, ["no engine that runs it is installed, so the new folder is not checked"]
     system = load_declaration(made)
     assert isinstance(system, MultibodySystem)
     sidecar = read_sidecar(made / f"{robot.file.name}.toml")

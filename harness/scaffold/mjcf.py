@@ -31,7 +31,7 @@ _FOREIGN = {
     "freejoint": "free joints",
     "equality": "equalities",
     "tendon": "tendons",
-    "actuator": "actuators; inputs are applied to joints here, so take them out",
+    "actuator": "actuators; crosscheck applies inputs to joints, so remove them",
 }
 _MASSLESS = {"mesh": "the inertia of meshes", "hfield": "height fields", "sdf": "shapes of plugins"}
 _DIGITS = 1e-15
@@ -47,7 +47,7 @@ def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
     there = [engine for engine in able if engine.version() is not None]
     if not there:
         titles = " or ".join(engine.title for engine in able)
-        raise NewError(f"{path}: an MJCF is read with {titles}, which is not installed")
+        raise NewError(f"{path}: reading an MJCF needs {titles}, which is not installed")
     return _Reader(path, data, ledger, there[0]).mechanism()
 
 
@@ -71,7 +71,7 @@ class _Reader:
         count = sum(len(body.joints) for body in self.tree.bodies)
         if len(self.bodies) != len(self.tree.bodies) or len(self.joints) != count:
             raise NewError(
-                f"{path}: {self.title} makes other bodies or joints of it than stand in it"
+                f"{path}: {self.title} builds other bodies or joints than the file contains"
             )
 
     def refuse(self, element: RawElement, sentence: str) -> NewError:
@@ -81,7 +81,7 @@ class _Reader:
         for element in self.elements:
             if element.tag in _FOREIGN and (element.children or element.attributes):
                 raise self.refuse(
-                    element, f"<{element.tag}>: {_FOREIGN[element.tag]} can't be read so far"
+                    element, f"<{element.tag}>: {_FOREIGN[element.tag]} are not supported"
                 )
 
     def mechanism(self) -> Mechanism:
@@ -155,8 +155,8 @@ class _Reader:
                         geom, f"{_MASSLESS[kind]} can't be read; give body {name!r} an <inertial>"
                     )
             self.remarks.append(
-                f"body {name!r} has no <inertial>: its mass and moments are those that {self.title}"
-                " computes from its geoms, and have no place in the file"
+                f"body {name!r} has no <inertial>: {self.title} computes its mass "
+                "and inertia from geoms, so they have no line in the file"
             )
         within = f"{address}/inertial" if own and address else None
         mass = self.ledger.number(
@@ -207,17 +207,18 @@ class _Reader:
         if joint.kind not in ("hinge", "slide"):
             raise self.refuse(
                 element,
-                f"joint {name!r} is a {joint.kind} joint; only slides and hinges are supported so"
-                " far",
+                f"joint {name!r} is a {joint.kind} joint; only slides and hinges are supported",
             )
         if not name:
-            raise self.refuse(element, "this joint has no name; its coordinate needs one")
+            raise self.refuse(
+                element, "this joint has no name; name it, because its coordinate needs a name"
+            )
         hinge = joint.kind == "hinge"
         if joint.friction:
             raise self.refuse(
                 element,
-                f"joint {name!r} has frictionloss, which is not smooth: no"
-                " digit can be claimed of it",
+                f"joint {name!r} has frictionloss, which is not smooth, so its "
+                "motion is not compared",
             )
         unit, force = ("rad", "N*m") if hinge else ("m", "N")
         inertia = "kg*m^2" if hinge else "kg"
@@ -250,7 +251,7 @@ class _Reader:
     def _first(self, terms: Sequence[float], element: RawElement, what: str) -> float:
         """A stiffness or damping; of polynomials, higher terms are refused."""
         if any(terms[1:]):
-            raise self.refuse(element, f"its {what} is a polynomial; only the first term is read")
+            raise self.refuse(element, f"its {what} is a polynomial; only the first term is used")
         return terms[0]
 
     def _of_joint(self, element: RawElement, name: str) -> Callable[[float, str, str, bool], str]:

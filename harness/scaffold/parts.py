@@ -53,9 +53,9 @@ def _read(model: Path, paths: Iterable[Path], *, strict: bool) -> Iterator[tuple
         if within is None or within.suffix in MEANT:
             if strict:
                 why = (
-                    f"files that end with {path.suffix} are run or read in a folder: rename it"
+                    (f"a system folder runs or reads files that end with {path.suffix}: rename it")
                     if within is not None
-                    else "which is not below its folder; a folder holds all it needs"
+                    else "which is not below its folder; copy it into the folder"
                 )
                 raise NewError(f"{model}: it needs {path}, {why}")
             continue

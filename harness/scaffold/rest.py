@@ -68,10 +68,9 @@ def rest_position(system: System, joints: Sequence[Joint]) -> Array:
         return min(known, key=lambda at: (not inside(at), float(np.max(np.abs(at - middle)))))
     names = ", ".join(j.name for j, p in zip(joints, pulled, strict=True) if p)
     raise NewError(
-        "no rest position within the limits was found, nor beyond: gravity or springs pull"
-        f" {names} wherever"
-        " they are. A folder needs one, about which engines are linearized: give the joint a"
-        " spring, or begin from `crosscheck new` without a model"
+        "no rest position found, within the limits or beyond: gravity or springs "
+        f"always pull {names}. A folder needs one to linearize engines about: give "
+        "the joint a spring, or use `crosscheck new` without a model"
     )
 
 

@@ -314,4 +314,4 @@ def _states(equations: Equations, motion: Motion) -> tuple[Array, Array]:
     try:
         return times, trajectory(equations, start, pieces(system, scenario), times, rtol=1e-8)
     except ReferenceError as error:
-        raise NewError(f"its motion can't be followed: {error}") from None
+        raise NewError(f"its motion can't be solved: {error}") from None

@@ -28,11 +28,15 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
             "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, ground, t,",
             ")",
             "",
-            *comment(f"""What follows was derived from {file} itself, so it checks the engines, and
-            every later edit of {file}: but not yet {file} against what you mean. For that, replace
-            the constants by your own, from drawings and data sheets, write numbers that follow
-            from others as formulas (m * l**2 / 12), and the energies as you would on paper. Then
-            the bindings in {file}.toml, which say where each number comes from."""),
+            *comment(
+                f"The text below was derived from {file} itself, so it checks the "
+                f"engines, and\n            every later edit of {file}: but not yet "
+                f"{file} against what you mean. For that, replace\n            the "
+                "constants by your own, from drawings and data sheets, write numbers "
+                "that follow\n            from others as formulas (m * l**2 / 12), and "
+                "the energies as you would on paper. Then\n            the bindings in "
+                f"{file}.toml, which state where each number comes from."
+            ),
             "",
             "# Coordinates, named like the joints.",
             *(_coordinate(joint) for joint in joints),
@@ -66,7 +70,7 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
             "    V=V,",
             "    D=D,",
             *plan.lines(joints, [j.force for j in joints]),
-            "    # Where each body is: the sidecar says which one it is.",
+            "    # Where each body is; the sidecar names it in the file.",
             "    frames=(",
             *(f"        {_pose(body)}," for body in mechanism.bodies if body.place),
             "    ),",
@@ -89,7 +93,7 @@ def sidecar_text(
     settings: Sequence[str],
 ) -> str:
     """The sidecar: engines, what the format has no word for, and where each number comes from."""
-    lines = [f"# The sidecar of {plain(file)}: what the file itself can't say."]
+    lines = [f"# The sidecar of {plain(file)}: settings that the file itself can't express."]
     lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
     lines += [f"engines = [{', '.join(quoted(e.name) for e in engines)}]", ""]
     lines += settings

@@ -130,7 +130,7 @@ def tree_sidecar(
         settings: lines for a format that states no step and no gravity, `[settings]` among them.
         own: settings with which it is held against bodies.
     """
-    lines = [f"# The sidecar of {plain(file)}: what the file itself can't say."]
+    lines = [f"# The sidecar of {plain(file)}: settings that the file itself can't express."]
     lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
     lines += [f"engines = [{', '.join(quoted(e.name) for e in engines)}]", ""]
     lines += [line for line in settings if line] or ["[settings]"]

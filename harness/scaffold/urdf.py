@@ -33,7 +33,7 @@ class _Reader:
         except LocationError as error:
             raise NewError(str(error)) from None
         if not elements or elements[0].tag != "robot":
-            raise NewError(f"{path}:1: the root is not <robot>: no URDF")
+            raise NewError(f"{path}:1: the root is not <robot>: not a URDF")
         self.top = elements[0].children
         self.remarks: list[str] = []
 
@@ -46,7 +46,7 @@ class _Reader:
         roots = [name for name in links if name not in above]
         if len(roots) != 1:
             raise NewError(
-                f"{self.source.file}: it has {len(roots)} links without a parent, where one belongs"
+                f"{self.source.file}: it has {len(roots)} links without a parent; expected one"
             )
         frames = {roots[0]: "ground"}
         bodies: list[Body] = []
@@ -59,7 +59,8 @@ class _Reader:
                     queue.append(link)
         if len(bodies) < len(above):
             raise NewError(
-                f"{self.source.file}: some links hang on themselves, not on {roots[0]!r}"
+                f"{self.source.file}: some links are their own ancestors and not "
+                f"connected to {roots[0]!r}"
             )
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
 
@@ -71,11 +72,11 @@ class _Reader:
                 element = _child(joint, end)
                 link = "" if element is None else element.attributes.get("link", "")
                 if link not in links:
-                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
+                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is not a link")
                 if end == "child":
                     if link in above:
                         raise self.refuse(
-                            joint, f"link {link!r} has two parents: closed loops are not supported"
+                            joint, f"link {link!r} has two parents; closed loops are not supported"
                         )
                     above[link] = joint
         return above
@@ -87,7 +88,7 @@ class _Reader:
                 continue
             name = element.attributes.get("name", "")
             if not name or name in found:
-                raise self.refuse(element, f"this <{tag}> needs a name of its own")
+                raise self.refuse(element, f"this <{tag}> needs a unique name")
             found[name] = element
         return found
 
@@ -102,14 +103,12 @@ class _Reader:
             if moving is not None:
                 raise self.refuse(
                     link,
-                    f"link {name!r} moves and has no <inertial>; engines differ"
-                    " in what they take for it: write one",
+                    f"link {name!r} moves and has no <inertial>, and engines differ "
+                    "in their default: write one",
                 )
-            others = [
-                f"; {e.title} takes {e.bare_link} for it" for e in readers(".urdf") if e.bare_link
-            ]
+            others = [f"; {e.title} uses {e.bare_link}" for e in readers(".urdf") if e.bare_link]
             self.remarks.append(
-                f"link {name!r} has no <inertial> and is taken to weigh nothing{''.join(others)}"
+                f"link {name!r} has no <inertial>, so it has no mass here{''.join(others)}"
             )
         else:
             within = f"link[{name}]/inertial"
@@ -159,13 +158,13 @@ class _Reader:
         if kind not in ("revolute", "continuous", "prismatic"):
             raise self.refuse(
                 joint,
-                f"joint {name!r} is of type {kind!r}; only slides and hinges are supported so far",
+                f"joint {name!r} is of type {kind!r}; only slides and hinges are supported",
             )
         if _child(joint, "mimic") is not None:
             raise self.refuse(
                 joint,
-                f"joint {name!r} mimics another, which is not read; write its"
-                " folder by hand, beginning from `crosscheck new`",
+                f"joint {name!r} mimics another, which is not supported; start from "
+                "`crosscheck new` and write its folder by hand",
             )
         hinge = kind != "prismatic"
         unit = "rad" if hinge else "m"
@@ -178,8 +177,8 @@ class _Reader:
             if self._value(dynamics, "friction"):
                 raise self.refuse(
                     dynamics,
-                    f"joint {name!r} has friction, which is not smooth: no"
-                    " digit can be claimed of it",
+                    f"joint {name!r} has friction, which is not smooth, so its "
+                    "motion is not compared",
                 )
             damping = self._number(
                 dynamics,
@@ -230,8 +229,8 @@ class _Reader:
         if limit is None or "lower" not in limit.attributes or "upper" not in limit.attributes:
             raise self.refuse(
                 joint,
-                f"joint {name!r} states no limits, lower and upper; engines"
-                " hold it at 0: state them, or make it continuous",
+                f"joint {name!r} has no lower and upper limits, so engines hold it "
+                "at 0: set them, or make it continuous",
             )
         return self._value(limit, "lower"), self._value(limit, "upper")
 
@@ -259,7 +258,8 @@ class _Reader:
         if sum(angle != 0 and quarter(angle) is None for angle in roll_pitch_yaw) > 1:
             # As symbols, several angles at a place make formulas of many thousand terms.
             self.remarks.append(
-                f"the turn of {name} is taken as numbers: a wrong one shows, but is not named"
+                f"the rotation of {name} is kept as numbers: a wrong one makes the "
+                "case differ, but has no named cause"
             )
             turns = [
                 Turn(axis, repr(roll_pitch_yaw[i]))
@@ -303,7 +303,7 @@ class _Reader:
         try:
             value = finite(element.text)
         except ValueError:
-            raise self.refuse(element, f"{element.text!r} is no number") from None
+            raise self.refuse(element, f"{element.text!r} is not a number") from None
         return self.ledger.number(
             value, (joint, what), unit, f"spring of {joint}: {what}", f"gazebo[{joint}]/{tag}"
         )
@@ -313,14 +313,14 @@ class _Reader:
         try:
             return finite(text)
         except ValueError:
-            raise self.refuse(element, f"{key} is {text!r}, where a number belongs") from None
+            raise self.refuse(element, f"{key} is {text!r}; expected a number") from None
 
     def _three(self, element: RawElement, key: str, default: str) -> tuple[float, float, float]:
         text = element.attributes.get(key, default)
         try:
             x, y, z = map(finite, text.split())
         except ValueError:
-            raise self.refuse(element, f"{key} is {text!r}, where three numbers belong") from None
+            raise self.refuse(element, f"{key} is {text!r}; expected three numbers") from None
         return x, y, z
 
 

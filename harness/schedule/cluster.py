@@ -34,8 +34,8 @@ try:
     import distributed
 except ImportError as error:
     raise ClusterError(
-        f"--scheduler needs dask.distributed, which can't be imported ({error}):"
-        " pip install 'physics-crosscheck[cluster]'"
+        f"--scheduler needs dask.distributed, which can't be imported ({error}). "
+        "Run: pip install 'physics-crosscheck[cluster]'"
     ) from None
 
 ANSWER = 10.0
@@ -60,12 +60,12 @@ _NO_FILE, _NO_MODULE = os.strerror(errno.ENOENT), "No module named"
 _PATH = re.compile(r"[^\s'\":;,()]+")
 
 _COPIES = (
-    "a cluster's workers have copies of the folder and of what its models name alone: what else it"
-    " reads belongs into the folder"
+    "the workers of a cluster have only the folder and the files that its models "
+    "name; put everything else that it reads into the folder"
 )
 
 _STRANGE = (
-    f"{_TRIES + 1} workers of the cluster had it that did not know the run, and came and went"
+    f"{_TRIES + 1} workers of the cluster took this task and left before they had the run's files"
 )
 
 
@@ -171,8 +171,9 @@ class Cluster(Executor):
 
     def _other(self, worker: str, what: str) -> ClusterError:
         return ClusterError(
-            f"--scheduler {self._address}: {worker} has {what}; results would not be those of this"
-            " machine: install the same there, or choose engines that are the same with --engine"
+            f"--scheduler {self._address}: {worker} has {what}, so its results "
+            "could differ from this machine's; install the same version there, or "
+            "choose other engines with --engine"
         )
 
     def _without(self, worker: str, error: ImportError) -> ClusterError:
@@ -205,7 +206,7 @@ class Cluster(Executor):
             threads = sum(self._client.nthreads().values())
             if not threads and (self._threads or self._looked < 0):
                 print(
-                    f"crosscheck: the cluster at {self._address} has no workers: waiting for one",
+                    f"crosscheck: the cluster at {self._address} has no workers; waiting for one",
                     file=sys.stderr,
                 )
             self._threads, self._looked = threads, time.monotonic()
@@ -284,13 +285,13 @@ class Cluster(Executor):
             address, reply = reply_of()
         except distributed.CancelledError:
             raise ClusterError(
-                f"--scheduler {self._address}: it took the run's tasks away, or is gone itself;"
-                " what is done is kept: --resume goes on"
+                f"--scheduler {self._address}: the scheduler stopped or dropped the "
+                "run's tasks; finished cases are kept, and --resume continues"
             ) from None
         except ImportError as error:
             raise self._without("a new worker", error) from None
         except distributed.KilledWorker as error:
-            return Failure(f"worker after worker was lost with it: {error}", "")
+            return Failure(f"several workers were lost while they ran it: {error}", "")
         except Exception as error:
             return Failure(f"the cluster: {type(error).__name__}: {error}", "")
         if reply is None:
@@ -343,8 +344,8 @@ def _connected(address: str) -> Any:
     except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise ClusterError(
-            f"--scheduler {address}: no scheduler answers there ({said}); `dask scheduler` starts"
-            " one and prints its address, as tcp://HOST:8786"
+            f"--scheduler {address}: no scheduler answers there ({said}). Start one "
+            "with `dask scheduler`, which prints its address (tcp://HOST:8786)"
         ) from None
 
 

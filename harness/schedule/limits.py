@@ -52,21 +52,24 @@ class Limits:
     @property
     def spent(self) -> str:
         """What is said of a task that used its time up."""
-        return f"it ran out of its {self.seconds:g} processor seconds; {self._raise('limit')}"
+        return f"it used up its limit of {self.seconds:g} processor seconds; {self._raise('limit')}"
 
     @property
     def waited(self) -> str:
         """What is said of one that has not ended by the clock, and used hardly any processor."""
         return (
-            f"it has not ended in {self.wall:g} s by the clock, {PATIENCE:g} times its limit of"
-            f" {self.seconds:g} processor seconds, and was stopped: it sleeps or waits;"
-            f" {self._raise('limit')}"
+            f"stopped after {self.wall:g} s by the clock, {PATIENCE:g} times its "
+            f"limit of {self.seconds:g} processor seconds: it sleeps or waits; "
+            f"{self._raise('limit')}"
         )
 
     @property
     def full(self) -> str:
         """What is said of one that asked for more memory."""
-        return f"it needs more than the {self.memory:g} GiB it may have; {self._raise('memory')}"
+        return (
+            f"it needs more than its limit of {self.memory:g} GiB of memory; "
+            f"{self._raise('memory')}"
+        )
 
     def _raise(self, option: str) -> str:
         return f"{self.options}{option} raises it"

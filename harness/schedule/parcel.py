@@ -131,8 +131,9 @@ def luggage(files: Iterable[Path]) -> bytes:
             size += len(data)
             if size > MOST_SENT:
                 raise ParcelError(
-                    f"what a run reads is sent to the workers, and is more than {MOST_SENT >> 20}"
-                    f" MiB with {path}; ask for fewer folders at once, or take out what is no model"
+                    f"the input files of the run exceed {MOST_SENT >> 20} MiB with "
+                    f"{path}, too much to send to workers; run fewer folders at "
+                    "once, or remove files that are not models"
                 )
             entry = tarfile.TarInfo(str(path).lstrip(os.sep))
             entry.size = len(data)

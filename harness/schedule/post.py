@@ -165,7 +165,7 @@ class Post:
                 with self._workers() as workers:
                     self._work(workers, flying, asked)
             except Exception as error:
-                said = f"its machine does no tasks: {type(error).__name__}: {error}"
+                said = f"its machine runs no tasks: {type(error).__name__}: {error}"
                 for future in flying.values():
                     future.set_result(Failure(said, ""))
                 flying.clear()

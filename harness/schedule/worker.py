@@ -249,7 +249,7 @@ def _words(error: BaseException) -> str:
     try:
         return str(error)
     except BaseException as worse:
-        return f"its own message can't be told ({type(worse).__name__})"
+        return f"its message can't be shown ({type(worse).__name__})"
 
 
 def _answer(tasks: Connection, value: object, *, last: bool) -> None:

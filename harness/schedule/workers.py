@@ -57,7 +57,7 @@ PRELOADED = (
 _UNKNOWN = 255
 """Exit code that multiprocessing gives where the process that would have told it is gone."""
 
-_UNAFFECTED = "the cases beside it are not affected"
+_UNAFFECTED = "other cases are not affected"
 
 _Ended = tuple[str, CaseKind]
 """Why a task was ended, in a sentence, and the kind of that."""
@@ -319,7 +319,7 @@ def _start(process: BaseProcess) -> None:
             time.sleep(MOMENT)  # it is about to end, which is to be seen
         else:
             return
-    raise OSError("no worker process can be started: what starts them ends each time")
+    raise OSError("no worker process can be started: the process that starts them ends each time")
 
 
 @contextlib.contextmanager

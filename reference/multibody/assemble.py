@@ -115,12 +115,12 @@ class _Builder:
     def add(self, body: RigidBody) -> None:
         """Hang a body from what carries it."""
         if body.name in self.places:
-            raise TreeError(f"two bodies are called {body.name!r}")
+            raise TreeError(f"two bodies have the name {body.name!r}")
         within, place = WORLD, HERE
         if body.parent is not None:
             if body.parent not in self.places:
                 raise TreeError(
-                    f"body {body.name!r} hangs from {body.parent!r}, which does not come before it"
+                    f"the parent of body {body.name!r}, {body.parent!r}, must come before it"
                 )
             within, place = self.places[body.parent]
         place = place.of(body.place)
@@ -150,7 +150,7 @@ class _Builder:
     def _joint(self, joint: Joint, within: int, place: Place) -> tuple[int, Place]:
         """Add a joint; its link, and where the body's frame is in it."""
         if joint.name in self._joints:
-            raise TreeError(f"two joints are called {joint.name!r}")
+            raise TreeError(f"two joints have the name {joint.name!r}")
         anchor = np.array(joint.at, dtype=float)
         at, rotation, axis = place.at(anchor), place.rotation, joint.direction
         if joint.kind == "hinge" and joint.zero:
@@ -224,7 +224,7 @@ class _Builder:
         within, place = WORLD, HERE
         if site.body is not None:
             if site.body not in self.places:
-                raise TreeError(f"{what} names body {site.body!r}, which is none")
+                raise TreeError(f"{what} names body {site.body!r}, which does not exist")
             within, place = self.places[site.body]
         place = place.of(site.place)
         return Mark(link=within, position=place.origin, rotation=place.rotation)
@@ -242,7 +242,7 @@ class _Builder:
 
     def _index(self, joint: str, what: str) -> int:
         if joint not in self._joints:
-            raise TreeError(f"{what} names joint {joint!r}, which is none")
+            raise TreeError(f"{what} names joint {joint!r}, which does not exist")
         return self._joints[joint]
 
 

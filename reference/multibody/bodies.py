@@ -73,7 +73,7 @@ class Joint:
     def __post_init__(self) -> None:
         what = f"joint {self.name!r}"
         if self.kind not in KINDS:
-            raise TreeError(f"{what} is of kind {self.kind!r}; kinds are {', '.join(KINDS)}")
+            raise TreeError(f"{what} is of kind {self.kind!r}; known kinds: {', '.join(KINDS)}")
         _check(what, "axis", self.axis, 3)
         _check(what, "at", self.at, 3)
         for key in ("damping", "stiffness"):
@@ -84,7 +84,7 @@ class Joint:
         if self.limits is not None and not (
             len(self.limits) == 2 and self.limits[0] <= self.limits[1]
         ):
-            raise TreeError(f"limits of {what} are a lowest and a highest position")
+            raise TreeError(f"limits of {what} must be a lowest and a highest position")
         _check(what, "rest_place", self.rest_place, 3)
         _check(what, "rest_turn", self.rest_turn or (1.0, 0.0, 0.0, 0.0), 4)
         if self.rest_turn is not None and not any(self.rest_turn):
@@ -158,7 +158,7 @@ class RigidBody:
             _check(what, f"{key}quaternion", other, 4)
             if any(rpy) or not any(other):
                 raise TreeError(
-                    f"{what} has {key}rpy and {key}quaternion: one of them says how it is turned"
+                    f"{what} has {key}rpy and {key}quaternion: keep one of them"
                     if any(rpy)
                     else f"{key}quaternion of {what} has no length"
                 )
@@ -330,5 +330,5 @@ def _check(what: str, key: str, values: Sequence[float], count: int | None = Non
     except TypeError:
         fine = False
     if not fine or (count is not None and len(values) != count):
-        wanted = "finite numbers belong" if count is None else f"{count} finite numbers belong"
-        raise TreeError(f"{key} of {what}: {values!r}, where {wanted}")
+        wanted = "finite numbers" if count is None else f"{count} finite numbers"
+        raise TreeError(f"{key} of {what} is {values!r}; expected {wanted}")

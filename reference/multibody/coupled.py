@@ -29,7 +29,7 @@ class Coupled:
             ]
             if not ready:
                 names = ", ".join(tree.links[one.follower].name for one in waiting.values())
-                raise TreeError(f"{names} follow each other in a circle")
+                raise TreeError(f"{names} follow each other in a cycle")
             for i in ready:
                 self._follow(i, _leaders(tree, waiting.pop(i)), rows[i].offset)
 

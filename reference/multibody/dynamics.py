@@ -29,7 +29,7 @@ class Dynamics:
         self._lifts = any(link.lifted for link in tree.links)
         for link in tree.links:
             if link.stiffness and link.kind not in ("hinge", "slide"):
-                raise TreeError(f"{link.name}: a {link.kind} joint has bushes, not springs")
+                raise TreeError(f"{link.name}: a {link.kind} joint takes bushings, not springs")
         widths = [there.stop - there.start for there in tree.velocities]
         self._damping, self._armature = (
             field.array(np.repeat(numbers, widths))

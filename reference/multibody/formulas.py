@@ -49,12 +49,12 @@ def formulas(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> 
         q, v: symbols of its positions and velocities.
     """
     if len(tree.links) > MOST_JOINTS:
-        return f"of {len(tree.links)} joints they are long"
+        return f"they are too long for {len(tree.links)} joints"
     other = next((one for one in tree.links if one.kind not in ("hinge", "slide")), None)
     if other is not None:
         return f"joint {other.name!r} is a {other.kind} joint"
     if tree.pulls or tree.couplings or tree.medium:
-        return "of tendons, actuators, joints that follow others and a medium they are not written"
+        return "they are not written for tendons, actuators, joint couplings and fluids"
     return _written(tree, q, v)
 
 
@@ -74,7 +74,7 @@ def _written(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> 
     rows = [_without_nothing(row) for row in rows]
     count = sum(len(x) for row in rows for x in row)
     if count > MOST_TERMS:
-        return f"they have {count} terms, where {MOST_TERMS} are long"
+        return f"they have {count} terms; more than {MOST_TERMS} are too long"
     symbols = [*map(sp.sin, q), *map(sp.cos, q), *q, *v]
     written = [[_terms(x, symbols) for x in row] for row in rows]
     return Formulas(

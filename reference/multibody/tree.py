@@ -236,20 +236,24 @@ class Tree:
     def __post_init__(self) -> None:
         for i, link in enumerate(self.links):
             if not WORLD <= link.parent < i:
-                raise TreeError(f"{link.name}: the link that carries it does not come before it")
+                raise TreeError(f"{link.name}: the link that carries it must come before it")
         for pull in self.pulls:
             self._check_pull(pull)
         for one in self.couplings:
             for i in (one.follower, *(leader for leader, _ in one.leaders)):
                 if self.links[i].kind not in ("hinge", "slide"):
-                    raise TreeError(f"{self.links[i].name} is coupled, and no hinge and no slide")
+                    raise TreeError(
+                        f"{self.links[i].name} is coupled, but neither a hinge nor a slide"
+                    )
 
     def _check_pull(self, pull: Pull) -> None:
         for i, _ in pull.joints:
             if self.links[i].kind not in ("hinge", "slide"):
-                raise TreeError(f"{pull.name}: {self.links[i].name} is no hinge and no slide")
+                raise TreeError(f"{pull.name}: {self.links[i].name} is neither a hinge nor a slide")
         if pull.along is not None and (pull.joints or pull.armature):
-            raise TreeError(f"{pull.name}: its way is none of joints, and has no armature")
+            raise TreeError(
+                f"{pull.name}: its path does not run along joints, so it can't have an armature"
+            )
         if isinstance(pull.along, JointForce):
             joint, many = self.links[pull.along.joint], len(pull.along.gear)
             if {"ball": 3, "free": 6}.get(joint.kind) != many:

@@ -176,7 +176,7 @@ def test_a_tendon_without_springlength_is_named_where_it_pulls(look: Look) -> No
     shifted = ('springlength="0"', "")
     found = look("free_pair", "mujoco.xml", "mujoco", shifted)
     assert grave(found) == []  # its length there is the one meant
-    assert "states no springlength" in said(found, "default", "note")
+    assert "sets no springlength" in said(found, "default", "note")
     ref = ('name="x2" type="slide"', 'name="x2" type="slide" springref="0.1"')
     found = look("free_pair", "mujoco.xml", "mujoco", shifted, ref)
     assert "a force of 3.8" in said(found, "rest")
@@ -333,7 +333,7 @@ def test_thousands_of_bindings_that_mean_nothing_are_summed_up(tmp_path: Path) -
     ("change", "words"),
     [
         (('body name="drum" pos="0 0 1"', 'body name="drum" pos="0 2 1"'),
-         "drum (body:drum), rod (centre:rod): up to 2 m from where the equations have it"),
+         "drum (body:drum), rod (centre:rod): off by up to 2 m from the equations' pose"),
         (('axis="0 -1 0"', 'axis="1 0 0"'), "rod (centre:rod)"),
         (('rod = "centre:rod"', 'rod = "body:hand"'), "the model has no 'body:hand'; it has"),
     ],

@@ -1,4 +1,4 @@
-"""One case against what was accepted of it: numbers alone."""
+"""One case against what was accepted for it: numbers alone."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_motion_that_moved_though_nothing_changed_is_told_as_unexplained() -> 
     change = told(move=1e-9)
     assert (change.status, change.kinds) == (Status.CHANGED, ("unexplained",))
     assert change.messages == (
-        "the model's motion moved by 1.0e-09 ± 8e-13 of its movement, in x near t = 0 s",
+        "the model's motion moved by 1.0e-09 ± 8e-13 of its displacement, in x near t = 0 s",
     )
 
 
@@ -68,7 +68,7 @@ def test_of_states_that_no_motion_joins_the_state_is_told() -> None:
     snapshot = msgspec.structs.replace(SNAPSHOT, t=(None,) * 3)
     end = (ENDS[0], (ENDS[1][0] + 1e-9, ENDS[1][1]), ENDS[2])
     now = OnAccepted(end=end, uncertainty=UNCERTAIN, equations=ENDS)
-    assert str(of_model(ENTRY, snapshot, now)).endswith("of its movement, in x near state 2")
+    assert str(of_model(ENTRY, snapshot, now)).endswith("of its displacement, in x near state 2")
 
 
 def test_a_motion_that_moved_with_the_engine_alone_is_the_engines() -> None:
@@ -93,7 +93,7 @@ def test_equations_and_model_that_moved_are_both_told() -> None:
     assert change.kinds == ("model", "equations")
     assert change.messages[1:] == (
         "the equations' motion moved by 1.0e-06 of x",
-        "model and equations changed alike: they agree",
+        "model and equations changed in the same way, and agree",
     )
     alone = told(equations=1e-6)
     assert (alone.status, alone.kinds) == (Status.CHANGED, ("equations",))
@@ -124,9 +124,9 @@ def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
     assert told(then=large, global_error=1.5).status is Status.SAME
     assert told(then=large, global_error=2.0).status is Status.CHANGED
     change = told(global_error=None)
-    assert (change.status, change.messages) == (Status.CHANGED, ("the global error is not finite",))
+    assert (change.status, change.messages) == (Status.CHANGED, ("the error at dt is not finite",))
     again = told(then=entry(global_error=None))
-    assert (again.status, again.messages) == (Status.IMPROVED, ("the global error is finite now",))
+    assert (again.status, again.messages) == (Status.IMPROVED, ("the error at dt is finite now",))
 
 
 def test_a_step_an_integrator_and_orders_are_numbers() -> None:
@@ -170,7 +170,7 @@ def test_a_difference_that_is_mended_is_an_improvement() -> None:
 def test_a_lost_digit_is_told() -> None:
     change = told(outcome=Outcome.UNRESOLVED, uncertainty=1e-6)
     assert change.status is Status.CHANGED
-    assert change.messages[0] == "UNRESOLVED where it was AGREES"
+    assert change.messages[0] == "UNRESOLVED; was AGREES"
 
 
 def test_an_outcome_that_changed_with_the_method_alone_is_an_outcome() -> None:
@@ -184,7 +184,7 @@ def test_another_scenario_is_told_for_what_it_is() -> None:
     change = compare(ENTRY, ENTRY, SNAPSHOT, msgspec.structs.replace(measured, snapshot=other))
     assert (change.status, change.kinds) == (Status.CHANGED, ("scenario",))
     assert change.messages == (
-        "the scenario is another: duration 4 s -> 5 s; input f = 0 -> f = 1",
+        "the scenario has changed: duration 4 s -> 5 s; input f = 0 -> f = 1",
     )
 
 
@@ -197,7 +197,7 @@ def test_other_coordinates_can_t_be_compared() -> None:
 
 def test_constants_that_the_motion_says_are_told_where_they_moved() -> None:
     now = {"k": Identified(value=47.05, standard_error=1e-6), "c": ENTRY.constants["k"]}
-    assert told(constants=now).messages == ("the motion says k 47 -> 47.05",)
+    assert told(constants=now).messages == ("the motion implies k 47 -> 47.05",)
 
 
 def classified(
@@ -216,7 +216,7 @@ def test_what_can_t_be_held_against_anything_did_not_run() -> None:
     for change, message in (
         (classified(None, case(Outcome.FAILED, reason="no XML"), whole), "FAILED: no XML"),
         (classified(None, case(Outcome.ABSENT, reason="no e"), whole), "ABSENT: no e"),
-        (classified(measurement(), one=whole, stale=True), "its files changed while it was run"),
+        (classified(measurement(), one=whole, stale=True), "its files changed during the run"),
         (classified(Failure("it blew up", ""), one=whole), "not be measured: it blew up"),
         (classified(None, one=whole), "its motion could not be measured: it was not measured"),
     ):
@@ -228,7 +228,7 @@ def test_what_can_t_be_held_against_anything_did_not_run() -> None:
 def test_a_case_that_the_baseline_does_not_know_is_new_with_what_would_be_accepted() -> None:
     change = classified(measurement())
     assert change.status is Status.NEW
-    assert change.messages == ("AGREES; nothing was accepted of it yet",)
+    assert change.messages == ("AGREES; not accepted yet",)
     assert change.now is not None
     assert change.now.engine_version == "e 1.0"
     assert change.now.summary == ENTRY.summary

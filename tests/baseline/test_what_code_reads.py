@@ -252,7 +252,7 @@ WAYS: dict[str, tuple[str, Callable[[Path], None]]] = {
     "Path.is_file": ("(SHARED / 'no.txt').is_file()\n", appear("no.txt")),
     "access": ("os.access(SHARED / 'no.txt', os.R_OK)\n", appear("no.txt")),
     "hidden": ("os.path.exists(HERE / '.no')\n", appear("../oscillator/.no")),
-    "no folder": ("os.path.exists(SHARED / 'deep' / 'no.txt')\n",
+    "not a folder": ("os.path.exists(SHARED / 'deep' / 'no.txt')\n",
                   appear("deep/no.txt")),
     "glob": ("import glob\nglob.glob(str(SHARED / '*.csv'))\n", appear("no.csv")),
     "recursive glob": ("import glob\nglob.glob(str(SHARED / '**/*.csv'), recursive=True)\n",
@@ -266,7 +266,7 @@ WAYS: dict[str, tuple[str, Callable[[Path], None]]] = {
     "module": (f"{PATH}import local_mass\n", appear("local_mass/__init__.py")),
     "module not there": (f"{PATH}import colorsys\n", appear("colorsys.py")),
     "module loaded before": (f"{PATH}import json\n", appear("json.py")),
-    "module of no folder": (
+    "module of not a folder": (
         "sys.path.insert(0, str(SHARED / 'lib'))\ntry:\n    import nowhere\n"
         "except ImportError:\n    pass\n",
         appear("lib/nowhere.py")),

@@ -57,8 +57,8 @@ def test_a_stiff_motion_is_decided_by_accelerations_at_every_state() -> None:
     assert found.outcome is Outcome.AGREES
     assert found.largest_uncertainty == 1e-14
     assert found.reason == (
-        "its accelerations, at 3 states, are the equations' to 1.0e-14 of the largest; of its"
-        " motions the limit of x is known to 3.0e-08 at best"
+        "its accelerations, at 3 states, match the equations to 1.0e-14 of the largest; its"
+        " motions: the limit of x is known to 3.0e-08 at best"
     )
 
 
@@ -80,10 +80,10 @@ def test_accelerations_that_differ_differ(motion: Verdict) -> None:
     assert found.component == "phi_ddot"
     assert found.discrepancy == 1e-6
     assert found.reason.startswith(
-        "phi_ddot is 1.00e-06 of its largest off; the uncertainty is 1.0e-14; of its forces"
-        " differ: mass matrix; "
+        "phi_ddot is off by 1.00e-06 of its largest value; the uncertainty is 1.0e-14;"
+        " these of its forces differ: mass matrix; "
     )
-    other = "every segment agrees to 1.0e-12" if motion is AGREES else motion.reason
+    other = "every segment agrees within 1.0e-12" if motion is AGREES else motion.reason
     assert found.reason.endswith(other)
 
 
@@ -92,8 +92,8 @@ def test_a_servo_that_no_step_resolves_is_resolved_without_one(tmp_path: Path) -
     file.write_text(SERVO.format(20))
     case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
     assert case.outcome is Outcome.AGREES
-    assert case.reason.startswith("its accelerations, at 200 states, are the equations' to ")
-    assert "of its motions the limit of stiff is known to" in case.reason
+    assert case.reason.startswith("its accelerations, at 200 states, match the equations to ")
+    assert "its motions: the limit of stiff has an uncertainty of" in case.reason
     assert case.forward_dynamics is not None
     (line,) = dynamics_lines([case])
     assert line.startswith("accelerations of 1 case at 200 states agree to ")

@@ -76,7 +76,7 @@ def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str) -> None
     file.write_text(text.replace('joint="j3" multiplier="2" joint="gone"', 'joint="gone"'))
     prepared = prepare_robot(file)
     assert prepared.names == ("j1", "j2", "j4")
-    assert "mimic that no gear holds: the joint is free" in prepared.left_out
+    assert "mimic without a gear: the joint is free" in prepared.left_out
     for engine in standing(".urdf"):
         if engine.version() is not None:
             assert run_robot(prepared.task(engine.name, 1e-9)).outcome is Outcome.AGREES
@@ -156,7 +156,7 @@ def test_what_a_soft_equality_hides_of_motions_is_decided_by_accelerations(tmp_p
     case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
     assert case.outcome is Outcome.AGREES
     assert case.reason.startswith("its accelerations with soft equalities held exactly, at 200 ")
-    assert "rounding allows no more; an equality divides the last digits" in case.reason
+    assert "rounding allows no better; an equality divides the last digits" in case.reason
     assert case.forward_dynamics is not None
     assert max(one.discrepancy or 0.0 for one in case.forward_dynamics.terms) < 1e-13
 

@@ -14,8 +14,8 @@ ONE = CaseId(system="s", model="robot.urdf", scenario="free", engine="mujoco")
 
 
 @pytest.mark.parametrize("reason", [
-    "the process died (SIGKILL); the cases beside it are not affected",
-    "it ran out of its 120 processor seconds; --limit raises it",
+    "the process died (SIGKILL); other cases are not affected",
+    "it used up its limit of 120 processor seconds; --limit raises it",
 ])  # fmt: skip
 def test_a_reason_that_names_no_file_is_told_with_that_of_the_case(reason: str) -> None:
     told = failed_case(ONE, "folder", Failure(reason, "")).reason
@@ -23,5 +23,5 @@ def test_a_reason_that_names_no_file_is_told_with_that_of_the_case(reason: str) 
 
 
 def test_a_reason_that_names_the_file_is_told_as_it_is() -> None:
-    reason = "folder/robot.urdf:7: <mass value> is 'a', where a finite number belongs"
+    reason = "folder/robot.urdf:7: <mass value> is 'a', where a finite number"
     assert failed_case(ONE, "folder", Failure(reason, "")).reason == reason

@@ -115,7 +115,7 @@ def test_a_model_where_its_folder_belongs_is_told_the_folder(place: Path) -> Non
     done = crosscheck(place, "gate", "models/oscillator/good.known")
     assert done.returncode == 2
     assert done.stderr == (
-        "crosscheck: models/oscillator/good.known: a file, where a system folder belongs; name its"
+        "crosscheck: models/oscillator/good.known: a file; expected a system folder; name its"
         " folder, models/oscillator\n"
     )
 

@@ -91,7 +91,7 @@ def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(("name", "old", "new", "sentence"), [
     ("mujoco.xml", "<worldbody>", "<worldbody", "mujoco.xml: MuJoCo can't load it"),
     ("mujoco.xml.toml", "engines", "motors", "unknown key 'motors'"),
-    ("robot.urdf", "</robot>", "", r"robot.urdf:\d+: no XML"),
+    ("robot.urdf", "</robot>", "", r"robot.urdf:\d+: not XML"),
     ("space.py", "def build():", "def build():\n    oops", r"space.py:\d+: build\(\) fails.*oops"),
     ("system.py", "k * x.q**2 / 2", "k * y.q**2 / 2", r"system.py:\d+: NameError: name 'y'"),
     ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2, where"),
@@ -124,7 +124,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
-    (["run", "nowhere"], "nowhere: no such folder; built-in systems are anchored_pair"),
+    (["run", "nowhere"], "nowhere: no such folder; the built-in systems are anchored_pair"),
     (["run", "--engine", "havok"], "no engine 'havok' is known; known are dart, drake, idyntree"),
     (["run", "--resolution", "0"], "must be a number between 1e-13 and 1e-2, not 0"),
     (["run", "--jobs", "0"], "must be a whole number above 0, not 0"),
@@ -163,7 +163,7 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     assert done.returncode == 2, done.stderr
     assert "nowhere: no such folder; built-in systems are" in done.stderr
     assert (
-        "empty: neither it nor a folder in it has a system.py; continuing with the others"
+        "empty: neither it nor any folder in it has a system.py; continuing with the others"
         in done.stderr
     )
     last = done.stderr.splitlines()[-1]

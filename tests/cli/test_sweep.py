@@ -80,7 +80,7 @@ def test_the_page_shows_each_row_and_asks_for_nothing(words: list[str]) -> None:
     for row in rows:
         assert f"<title>#{row.index} {row.name}:" in page
     assert "8 AGREES" in page
-    assert "Error at the shipped step over k" in page
+    assert "Error at dt over k" in page
     assert not re.search(r"<script|https?://(?!www\.w3\.org)|<link|@import", page)
 
 

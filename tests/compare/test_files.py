@@ -93,7 +93,7 @@ def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("suffix", "text", "sentence"), [
-    (".xml", "<m><b></m>", r"b.xml:1: no XML"),
+    (".xml", "<m><b></m>", r"b.xml:1: not XML"),
     (".xml", "<!DOCTYPE m [<!ENTITY a 'b'>]><m/>", "entities or a DTD"),
     (".py", "a = (", r"b.py:1: no Python"),
 ])  # fmt: skip

@@ -446,7 +446,7 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> Non
     assert found.properties == ()
     assert found.explained is not None
     assert found.explained.off[0] < 1e-9 < found.explained.off[1]
-    assert any("link 'panda_link8' has moments" in one for one in found.impossible)
+    assert any("link 'panda_link8' has inertia" in one for one in found.impossible)
     assert {term.kind for term in found.terms} <= {"inertia"}
 
 

@@ -47,7 +47,7 @@ def test_what_is_absent_is_left_out_of_a_sidecar_and_told(folder: Path) -> None:
     assert (sidecar.engines, sidecar.absent) == (("mujoco",), ("pinocchio",))
     assert absent_lines([folder]) == [
         "pinocchio: not installed; pip install 'physics-crosscheck[pinocchio]'"
-        " (1 model file would run in it too)"
+        " (1 model file could run in it too)"
     ]
     assert "pinocchio" not in [engine.name for engine in runners(".urdf")]
 

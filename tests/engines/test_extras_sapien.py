@@ -163,7 +163,7 @@ def test_what_it_can_t_load_is_refused_by_the_file(tmp_path: Path) -> None:
     flat = BODY.replace('izz="0.01"', 'izz="0"')
     with pytest.raises(EngineError, match=r"sapien\.urdf: SAPIEN ends in .*invalid moment"):
         load("sapien", urdf(body=flat), tmp_path)
-    with pytest.raises(EngineError, match="solver is 'XPBD', where one of PGS, TGS belongs"):
+    with pytest.raises(EngineError, match="solver is 'XPBD'; expected one of PGS, TGS"):
         load("sapien", urdf(), tmp_path, settings={"solver": "XPBD"})
 
 

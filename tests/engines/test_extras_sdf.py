@@ -144,7 +144,9 @@ def test_what_dart_can_not_say_is_refused_by_line(tmp_path: Path) -> None:
 
 
 def test_an_inertia_that_no_body_has_is_a_ball_of_drakes(tmp_path: Path) -> None:
-    with pytest.raises(EngineError, match=r"a ball of 0\.5 kg for the inertia of link 'a'"):
+    with pytest.raises(
+        EngineError, match=r"a ball of 0\.5 kg for the impossible inertia of link 'a'"
+    ):
         load("drake", text(ixx="0.5"), tmp_path)
     assert load("dart", text(ixx="0.5"), tmp_path).coordinates == ("j",)
 
@@ -186,10 +188,10 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
     assert (own.step, own.gravity) == (0.005, (0.0, 0.0, -3.0))
     said = engine.load(ModelSpec(path, settings={"gravity": [0, 0, -5], "step": 0.001}))
     assert (said.step, said.gravity) == (0.001, (0.0, 0.0, -5.0))
-    with pytest.raises(EngineError, match="floating says otherwise than the file"):
+    with pytest.raises(EngineError, match="floating contradicts the file"):
         engine.load(ModelSpec(path, settings={"floating": True}))
     path.write_text(text())
-    with pytest.raises(EngineError, match="must state step: the file states none"):
+    with pytest.raises(EngineError, match="must set step: the file states none"):
         engine.load(ModelSpec(path))
 
 
@@ -199,8 +201,8 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
     ("</model>", "<include/></model>", ":7: <include>: write the model"),
     ("</model>", "<model name='n'/></model>", ":7: <model>: models within models"),
     ("revolute", "ball", ":6: joint 'j' is of type 'ball'; types are revolute"),
-    ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> is '0.5 kg', where a finite number belongs"),
-    ("</model>", "<link name='b'/></model>", "nothing holds 'b'"),
+    ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> is '0.5 kg'; expected a finite number"),
+    ("</model>", "<link name='b'/></model>", "no joint holds 'b'"),
 ])  # fmt: skip
 def test_what_is_not_covered_is_refused_by_line(
     name: str, old: str, new: str, said: str, tmp_path: Path

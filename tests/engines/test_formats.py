@@ -55,7 +55,7 @@ def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
     like: Mapping[str, str] = {}
     monkeypatch.setattr(KnownEngine, "written_like", like)
     sidecar, physics = read_sidecar(folder / "good.known.toml"), prepare(folder)
-    with pytest.raises(LocationError, match="numbers are found in"):
+    with pytest.raises(LocationError, match="numbers can be located in"):
         numbers(sidecar.model, ".*")
     assert line_of(sidecar.model, STIFFNESS) is None
     model, coordinates = load(physics.system, sidecar, "known")

@@ -43,11 +43,11 @@ def told(model: Model) -> list[str]:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("0.002", "0"), ":2: the step is 0 s"),
-        (("0.002", "-0.1"), ":2: the step is -0.1 s"),
-        (("0.002", "nan"), ":2: the step is nan s"),
-        (("0.002", "inf"), ":2: the step is inf s"),
-        (("0.002", "1e-30"), ":2: the step is 1e-30 s"),
+        (("0.002", "0"), ":2: the time step is 0 s"),
+        (("0.002", "-0.1"), ":2: the time step is -0.1 s"),
+        (("0.002", "nan"), ":2: the time step is nan s"),
+        (("0.002", "inf"), ":2: the time step is inf s"),
+        (("0.002", "1e-30"), ":2: the time step is 1e-30 s"),
         (("0.002", "1e999"), ":2: <option timestep> has '1e999'"),
         (('stiffness="3"', 'stiffness="nan"'), ":4: <joint stiffness> has 'nan'"),
         (('axis="1 0 0"', 'axis="1 0 nan"'), ":4: <joint axis> has 'nan'"),
@@ -57,7 +57,7 @@ def told(model: Model) -> list[str]:
         (('axis="1 0 0"', 'axis="1 a"'), ":4: MuJoCo can't load it: XML Error: bad format"),
         ((INERTIAL, '<geom size="1e200"/>'), ":5: <geom size> has '1e200'"),
         (("<mujoco>", "<!DOCTYPE mujoco>\n<mujoco>"), ":1: refused: it declares entities or a DTD"),
-        (("</mujoco>", "</mujoco><mujoco/>"), ":7: no XML at column 10: junk after document"),
+        (("</mujoco>", "</mujoco><mujoco/>"), ":7: not XML at column 10: junk after document"),
         (("</mujoco>", "<custom>" * 300), ":7: elements are nested"),
     ],
 )
@@ -79,28 +79,28 @@ def test_a_dtd_or_a_pipe_is_not_hidden_by_an_include(tmp_path: Path) -> None:
         load(tmp_path, *change)
     other.unlink()
     os.mkfifo(other)
-    with pytest.raises(EngineError, match=r"model.xml:\d+: .*'other.txt', which is no file"):
+    with pytest.raises(EngineError, match=r"model.xml:\d+: .*'other.txt', which is not a file"):
         load(tmp_path, *change)
 
 
 def test_what_mujoco_alone_reads_is_read(tmp_path: Path) -> None:
     model = load(tmp_path, "<worldbody>", "<!-- -- <!DOCTYPE x> -- -->\n<worldbody>")
     assert model.coordinates == ("q",)
-    assert not any("no gravity is stated" in message for message in told(model))
+    assert not any("the file sets no gravity" in message for message in told(model))
 
 
 @pytest.mark.parametrize(
     ("key", "value", "shown"),
-    [("gravity", [0, 0, -9.81], "gravity is 0 0 -1.62"), ("step", 0.001, "timestep is 0.002")],
+    [("gravity", [0, 0, -9.81], "gravity, 0 0 -1.62"), ("step", 0.001, "timestep, 0.002")],
 )
 def test_what_a_sidecar_overrides_is_told(
     key: str, value: object, shown: str, tmp_path: Path
 ) -> None:
-    (note,) = [m for m in told(load(tmp_path, **{key: value})) if "counts" in m]
+    (note,) = [m for m in told(load(tmp_path, **{key: value})) if "overrides" in m]
     assert shown in note
     assert f"{key} = {value}" in note
     same = {"gravity": [0, 0, -1.62], "step": 0.002}[key]
-    assert not any("counts" in m for m in told(load(tmp_path, **{key: same})))
+    assert not any("overrides" in m for m in told(load(tmp_path, **{key: same})))
 
 
 def test_second_elements_and_crossed_ranges_are_told(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_second_elements_and_crossed_ranges_are_told(tmp_path: Path) -> None:
     assert model.step == 0.01
     assert any("a second <option> at model.xml:7" in message for message in told(model))
     crossed = load(tmp_path, 'stiffness="3"', 'range="1 -1"')
-    assert any("the range [1, -1] of q holds nothing" in message for message in told(crossed))
+    assert any("the range [1, -1] of q has no effect" in message for message in told(crossed))
 
 
 def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) -> None:
@@ -124,5 +124,5 @@ def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) ->
 
 def test_what_is_raised_in_a_rollout_names_the_file(tmp_path: Path) -> None:
     start = np.ones((1, 1))
-    with pytest.raises(EngineError, match=r"model.xml: MuJoCo ends in ValueError"):
+    with pytest.raises(EngineError, match=r"model.xml: MuJoCo raises ValueError"):
         load(tmp_path).rollout(start, start, 0.002, 5, np.ones((1, 7, 3)), 5)

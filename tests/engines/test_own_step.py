@@ -133,6 +133,6 @@ def test_a_sidecars_gravity_over_the_scripts_own_is_noted(tmp_path: Path) -> Non
     for gravity, noted in (([0, -9.81, 0], True), ([0, -1.62, 0], False)):
         settings = {"step": H, "gravity": gravity}
         model = engines()["pymunk"].load(ModelSpec(path, settings=settings))
-        told = [r.message for r in model.remarks(z, z) if "own gravity" in r.message]
+        told = [r.message for r in model.remarks(z, z) if "overrides the file's" in r.message]
         assert bool(told) is noted
         assert not noted or ("-1.62" in told[0] and "-9.81" in told[0])

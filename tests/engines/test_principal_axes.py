@@ -130,7 +130,9 @@ def test_a_fault_of_a_thousandth_beside_it_is_named(
 def test_the_audit_tells_the_size_and_finds_nothing_wrong(hinge: Prepared, right: Sidecar) -> None:
     found = audit(hinge, right)
     assert grave(list(found)) == []
-    (remark,) = [one for one in found if one.message.startswith("PyBullet's own principal axes")]
+    (remark,) = [
+        one for one in found if one.message.startswith("PyBullet computes the principal axes")
+    ]
     assert remark.severity == "note"
     assert remark.found is not None
     assert 1e-13 < remark.found < 1e-8

@@ -147,7 +147,7 @@ def test_a_link_without_inertia_is_refused_by_one_and_a_kilogram_in_the_other(
     model = load("pybullet", urdf(body=""), tmp_path)
     assert moved(model, 0.0, 1.0, 0.01)[1] == 1.0
     z = np.zeros((1, 1))
-    assert any("takes a mass of 1 kg" in remark.message for remark in model.remarks(z, z))
+    assert any("uses a mass of 1 kg" in remark.message for remark in model.remarks(z, z))
 
 
 @pytest.mark.parametrize("name", BOTH)
@@ -166,7 +166,7 @@ def test_step_and_gravity_are_assumed_by_one_and_must_be_stated_for_the_other(
     path.write_text(urdf())
     model = engines()["mujoco"].load(ModelSpec(path))
     assert (model.step, model.gravity) == (0.002, (0.0, 0.0, -9.81))
-    with pytest.raises(EngineError, match="must state step"):
+    with pytest.raises(EngineError, match="must set step"):
         engines()["pybullet"].load(ModelSpec(path))
 
 
@@ -204,7 +204,7 @@ def test_a_fixed_base_touches_its_first_link_in_one(
     assert text.count(ball) == 2
     model = load(name, text, tmp_path)
     z = np.zeros((1, 1))
-    told = any("touch along the motions" in remark.message for remark in model.remarks(z, z))
+    told = any("touch during the motions" in remark.message for remark in model.remarks(z, z))
     assert told is touches
     if not touches:
         assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0)

@@ -94,14 +94,14 @@ def test_a_step_that_the_format_leaves_open_must_be_stated(
     tmp_path: Path, engine: str, ending: str
 ) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
-    assert "must state step" in refused(
+    assert "must set step" in refused(
         engine, path, {"gravity": [0, 0, 0]} if ending == ".urdf" else {}
     )
 
 
 def test_gravity_that_a_urdf_leaves_open_must_be_stated_to_pybullet(tmp_path: Path) -> None:
     path = file(tmp_path, "model.urdf", GOOD[".urdf"])
-    assert "must state gravity" in refused("pybullet", path, {"step": STEP})
+    assert "must set gravity" in refused("pybullet", path, {"step": STEP})
 
 
 def test_an_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_a_urdf_with_a_dtd_or_entities_is_refused(
 def test_a_file_that_is_xml_but_no_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> None:
     path = file(tmp_path, "model.urdf", "<sdf><model/></sdf>")
     message = refused(pairing.engine, path, urdf_settings(pairing))
-    assert "no URDF" in message or "'sdf'" in message
+    assert "not a URDF" in message or "'sdf'" in message
 
 
 @pytest.mark.parametrize("words", ["stiff", "nan", "1 2"])

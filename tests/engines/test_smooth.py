@@ -93,5 +93,5 @@ def test_the_file_itself_stays_as_it_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("engine", ["mujoco mjcf", "mujoco", "pybullet"])
 def test_it_is_true_or_false(engine: str, tmp_path: Path) -> None:
-    with pytest.raises(EngineError, match=r"\[settings\] smooth is 1.0, where true or false"):
+    with pytest.raises(EngineError, match=r"\[settings\] smooth is 1.0; expected true or false"):
         loaded(engine, tmp_path, smooth=1.0)

@@ -123,7 +123,7 @@ def test_joints_that_follow_followers_follow_what_leads_those() -> None:
 
 @pytest.mark.parametrize(("mimics", "told"), [
     ([Mimic("a", "b", 1.0, 0.0), Mimic("b", "a", 1.0, 0.0)], "leads back to it"),
-    ([Mimic("a", "nowhere", 1.0, 0.0)], "'nowhere', which is no moving joint"),
+    ([Mimic("a", "nowhere", 1.0, 0.0)], "'nowhere', which is not a moving joint"),
 ])  # fmt: skip
 def test_mimics_that_lead_nowhere_are_refused(mimics: list[Mimic], told: str) -> None:
     with pytest.raises(EngineError, match=told):
@@ -145,7 +145,7 @@ def test_springs_pull_on_combinations_of_joints() -> None:
     pull = 38.0 * (0.7 - 0.2 - 0.1) + 0.35 * 1.5
     np.testing.assert_allclose(forces.at(q, v), [pull - 5 * 0.2 + 1.0, -pull - 0.5], rtol=1e-14)
     assert SpringForces([], ("a",), "f").empty
-    with pytest.raises(EngineError, match="'nowhere', which is no moving joint"):
+    with pytest.raises(EngineError, match="'nowhere', which is not a moving joint"):
         SpringForces([Spring({"nowhere": 1.0}, 1.0, 0.0, 0.0)], ("a",), "f")
 
 
@@ -180,10 +180,10 @@ def test_what_a_sidecar_lets_of_a_file(
 
 
 @pytest.mark.parametrize(("settings", "told"), [
-    ({"fast": 3}, r"fast is 3, where true or false belongs"),
-    ({"drag": True}, r"drag is True, where a number belongs"),
-    ({"way": "up"}, r"way is 'up', where one of left, right belongs"),
-    ({"odd": 1}, r"Title has no setting odd"), ({"gravity": None}, "must state gravity"),
+    ({"fast": 3}, r"fast is 3; expected true or false"),
+    ({"drag": True}, r"drag is True; expected a number"),
+    ({"way": "up"}, r"way is 'up'; expected one of left, right"),
+    ({"odd": 1}, r"Title has no setting odd"), ({"gravity": None}, "must set gravity"),
 ])  # fmt: skip
 def test_settings_that_are_none_are_refused(settings: dict[str, object], told: str) -> None:
     given = {"step": 0.01, "gravity": [0, 0, 0], **settings}

@@ -49,7 +49,9 @@ def test_an_entry_point_that_is_no_engine_is_told_by_name(
 ) -> None:
     distribution(tmp_path, "duck", "duck_engine", "class Engine:\n    name = 'duck'\n")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.warns(UserWarning, match="'duck'.*no subclass of harness.engines.protocol.Engine"):
+    with pytest.warns(
+        UserWarning, match="'duck'.*not a subclass of harness.engines.protocol.Engine"
+    ):
         found = engines()
     assert "duck" not in found
 

@@ -226,7 +226,7 @@ def test_a_step_at_which_the_motion_blows_up_fails_with_a_sentence(
 ) -> None:
     for case in ran[system, source, name]:
         assert case.outcome == "FAILED"
-        assert "at the shipped step of 0.5 s the motion" in case.reason
+        assert "at dt = 0.5 s the motion" in case.reason
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "broken"))

@@ -24,7 +24,7 @@ def test_words_are_read_as_pytest_reads_them(words: str, wanted: bool) -> None:
 
 @pytest.mark.parametrize("words", ["and", "free and", "(free", "free)", "not", "free mujoco"])
 def test_words_that_can_not_be_read_are_refused(words: str) -> None:
-    with pytest.raises(FolderError, match="can't be read: words, `and`, `or`, `not`"):
+    with pytest.raises(FolderError, match="can't be read; use words, `and`, `or`, `not`"):
         matching(words)
 
 

@@ -71,10 +71,10 @@ def a_loop(path: Path) -> None:
 
 
 KINDS: tuple[tuple[Callable[[Path], None], str], ...] = (
-    (a_pipe, "it is a named pipe, where a file belongs"),
-    (a_socket, "it is a socket, where a file belongs"),
-    (a_folder, "it is a folder, where a file belongs"),
-    (a_device, "it is a device, where a file belongs"),
+    (a_pipe, "it is a named pipe; expected a file"),
+    (a_socket, "it is a socket; expected a file"),
+    (a_folder, "it is a folder; expected a file"),
+    (a_device, "it is a device; expected a file"),
     (a_loop, "symbolic links"),
 )
 
@@ -125,10 +125,10 @@ def test_a_system_that_is_no_file_is_not_opened(
 def test_files_beyond_reason_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (folder / "m.xml").open("ab") as file:
         file.truncate(reading.MOST_MODEL + 1)
-    assert "m.xml: can't be read: it has 64.0 MB, where at most 64 MB are read" in told(folder)
+    assert "m.xml: can't be read: it has 64.0 MB; at most 64 MB are allowed" in told(folder)
     with (folder / "m.xml.toml").open("ab") as file:
         file.truncate(reading.MOST_SIDECAR + 1)
-    assert "it has 1.0 MB, where at most 1 MB are read" in told(folder)
+    assert "it has 1.0 MB; at most 1 MB are allowed" in told(folder)
 
 
 def test_a_file_that_can_be_listed_and_not_read_is_told(
@@ -156,19 +156,19 @@ def test_a_file_that_goes_between_listing_and_reading_ends_nothing(folder: Path)
 DEEP = 5000
 TOML: dict[str, tuple[str, str]] = {
     "an integer of 400 digits": (f"[settings]\nstep = {'9' * 400}", "of more than 64 bits"),
-    "an integer of 5000 digits": (f"[settings]\nstep = {'9' * 5000}", ":3: a number of more"),
+    "an integer of 5000 digits": (f"[settings]\nstep = {'9' * 5000}", ":3: a number has too many"),
     "a hexadecimal of 5000": (f"[settings]\nstep = 0x{'f' * 5000}", "of more than 64 bits"),
-    "arrays in arrays": (f"a = {'[' * DEEP}{']' * DEEP}", "in one another"),
-    "a few arrays in arrays": (f"a = {'[' * 60}{']' * 60}", "in one another"),
-    "tables in tables": (f"a = {'{a = ' * DEEP}1{'}' * DEEP}", "in one another"),
+    "arrays in arrays": (f"a = {'[' * DEEP}{']' * DEEP}", "nested"),
+    "a few arrays in arrays": (f"a = {'[' * 60}{']' * 60}", "nested"),
+    "tables in tables": (f"a = {'{a = ' * DEEP}1{'}' * DEEP}", "nested"),
     "a key of parts": (f"{'a.' * DEEP}b = 1", ":2: a key of more than 100 parts"),
     "a table of parts": (f"[{'a.' * DEEP}b]", ":2: a key of more than 100 parts"),
-    "a table of some parts": (f"[{'a.' * 60}b]\nc = 1", "in one another"),
-    "an open array": ("a = " + "[" * DEEP, "in one another"),
+    "a table of some parts": (f"[{'a.' * 60}b]\nc = 1", "nested"),
+    "an open array": ("a = " + "[" * DEEP, "nested"),
     "a long key": (f"{'a' * 100_000} = 1", "unknown key 'aaaa"),
-    "a long engine": (f"[settings.{'a' * 100_000}]\nstep = 1", "is for an engine not in engines"),
+    "a long engine": (f"[settings.{'a' * 100_000}]\nstep = 1", "is for an engine that"),
     "a long value": (f"[settings]\nstep = '{'a' * 100_000}'", "step is 'aaaa"),
-    "a zero byte": ("a = '\0'", "no TOML"),
+    "a zero byte": ("a = '\0'", "not TOML"),
     "a step that is no number": ("[settings]\nstep = nan", "step is nan"),
     "a step of infinity": ("[settings]\nstep = inf", "step is inf"),
     "an engine that is there twice": ('engines = ["mujoco", "mujoco"]', "lists 'mujoco' twice"),
@@ -187,7 +187,7 @@ def test_a_sidecar_beyond_reason_is_told(folder: Path, name: str) -> None:
 
 def test_bytes_that_are_no_text_are_told(folder: Path) -> None:
     (folder / "m.xml.toml").write_bytes(SIDECAR.encode() + b"# \xff")
-    assert "byte 23 is no UTF-8; save it as UTF-8" in told(folder)
+    assert "byte 23 is not UTF-8; save the file as UTF-8" in told(folder)
 
 
 MODELS: dict[str, tuple[str, str]] = {
@@ -200,7 +200,7 @@ MODELS: dict[str, tuple[str, str]] = {
     "a DTD after two roots": ("<mujoco/>\n<mujoco/>\n<!DOCTYPE mujoco>", ":3: refused"),
     "elements in elements": (
         f"<mujoco>\n{'<frame>' * DEEP}{'</frame>' * DEEP}</mujoco>",
-        ":2: refused: more than 300 elements in one another"),
+        ":2: refused: more than 300 nested elements"),
     "elements without an end": ("<mujoco>" + "\n<frame>" * DEEP, ":301: refused: more than 300"),
 }  # fmt: skip
 
@@ -228,7 +228,7 @@ def test_includes_in_includes_are_counted(folder: Path) -> None:
     (folder / "m.xml").write_text('<mujoco><include file="p150"/></mujoco>')
     assert isinstance(next(model_files(folder)), Sidecar)
     (folder / "m.xml").write_text('<mujoco><include file="p0"/></mujoco>')
-    assert "m.xml: more than 100 includes in one another" in told(folder)
+    assert "m.xml: more than 100 nested includes" in told(folder)
 
 
 @pytest.mark.parametrize("name", [b"new\nline.xml", b"\xff\xfe.xml", b"\x1b[31mred.xml"])
@@ -275,7 +275,10 @@ def test_springs_that_an_engine_would_read_over_are_refused(
     )
     said = told(tmp_path)
     assert f"m{suffix}.toml:{lines}: [[spring]]: " in said
-    assert f"takes no springs beside a {suffix} file; write them into m{suffix} itself" in said
+    assert (
+        f"takes no springs from the sidecar of a {suffix} file; write them into m{suffix} itself"
+        in said
+    )
 
 
 @pytest.fixture(scope="module")

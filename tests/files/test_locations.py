@@ -155,69 +155,69 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
 @pytest.mark.parametrize(("file", "text", "address", "line", "sentence"), [
     # Nothing is meant.
     ("m.xml", MJCF, "joint[y]@stiffness", None,
-     r"there is no joint\[y\]; there is joint\[x\], joint\[rolling\]"),
-    ("m.xml", MJCF, "bodi[drum]/inertial@mass", None, r"no bodi\[drum\]; there is body\[drum\]"),
+     r"there is no joint\[y\]; nearest: joint\[x\], joint\[rolling\]"),
+    ("m.xml", MJCF, "bodi[drum]/inertial@mass", None, r"no bodi\[drum\]; nearest: body\[drum\]"),
     ("m.xml", MJCF, "body[drum]/intertial@mass", 7,
-     r"no intertial in body\[drum\]; there is inertial"),
+     r"no intertial in body\[drum\]; nearest: inertial"),
     ("m.xml", MJCF, "body[drum]/joint[x]@stifness", 8, "has no stifness; it has stiffness"),
-    ("m.xml", MJCF, "worldbody/inertial@mass", 6, "no inertial in worldbody; there is body"),
-    ("m.py", PYTHON, "MAS", None, "no name at the top level; there is MASS"),
-    ("m.toml", TOML, "spring[2].stiffness", None, r"no number; there is spring\[.\]\.stiffness"),
-    ("m.toml", TOML, "settings.gravity", None, r"no number; there is settings\.gravity\[\d\]"),
-    ("m.toml", TOML, "settings.mujoco.day", 14, "means no number"),
-    ("m.toml", TOML, "engines[0]", 2, "means no number"),
+    ("m.xml", MJCF, "worldbody/inertial@mass", 6, "no inertial in worldbody; nearest: body"),
+    ("m.py", PYTHON, "MAS", None, "not a name at the top level; nearest: MASS"),
+    ("m.toml", TOML, "spring[2].stiffness", None, r"a number; nearest: spring\[.\]\.stiffness"),
+    ("m.toml", TOML, "settings.gravity", None, r"a number; nearest: settings\.gravity\[\d\]"),
+    ("m.toml", TOML, "settings.mujoco.day", 14, "does not name a number"),
+    ("m.toml", TOML, "engines[0]", 2, "does not name a number"),
     # Several are.
     ("m.xml", MJCF, "body/inertial@mass", 9,
-     r"several numbers \(lines 9, 12, 14\); say which.*body\[drum\]/inertial, "
+     r"several numbers \(lines 9, 12, 14\); add its name.*body\[drum\]/inertial, "
      r"body\[Stäbchen – rod\]/inertial, body/inertial"),
     ("m.xml", MJCF, "inertial@mass", 9, r"\(body\[drum\]/inertial, body\[Stäb"),
-    ("m.xml", MJCF, "option@gravity", 4, r"means 3 numbers; say which, as in 'option@gravity\[0"),
+    ("m.xml", MJCF, "option@gravity", 4, r"names 3 numbers; choose one, as in 'option@gravity\[0"),
     ("m.urdf", URDF, "springStiffness", 6,
-     r"lines 6, 8\); say which.*\(gazebo\[x\]/springStiffness, gazebo\[y\]/springStiffness\)"),
-    ("m.urdf", URDF, "gazebo[y]/springStiffness", 8, "means 2 numbers"),
+     r"lines 6, 8\); add its name.*\(gazebo\[x\]/springStiffness, gazebo\[y\]/springStiffness\)"),
+    ("m.urdf", URDF, "gazebo[y]/springStiffness", 8, "names 2 numbers"),
     ("m.py", PYTHON, "TWICE", 9, r"bound several times \(lines 9, 10\)"),
     ("m.py", PYTHON, "ADDED", 13, r"bound several times \(lines 13, 14\)"),
     ("m.py", PYTHON, "GLOBAL", 20, r"bound several times \(lines 20, 25\)"),
     # What is meant is no number, or can't be replaced.
     ("m.xml", MJCF, "option@gravity[3]", 4, "beyond gravity: it has 3 numbers"),
-    ("m.xml", MJCF, "joint[x]@type", 8, "is 'slide' there, where a number belongs"),
-    ("m.xml", MJCF, "body[drum]", 7, r"no number; end the address with an attribute"),
-    ("m.urdf", URDF, "joint[x]/dynamics", 4, "without text; its attributes are damping, friction"),
-    ("m.py", PYTHON, "COMPUTED", 8, "no plain number there; write 'COMPUTED = 1.5'"),
-    ("m.py", PYTHON, "SOMETIMES", 12, "no plain number there"),
-    ("m.py", PYTHON, "SHARED", 15, "no plain number there"),
-    ("m.py", PYTHON, "PAIR", 16, "no plain number there"),
-    ("m.py", PYTHON, "YES", 19, "no plain number there"),
-    ("m.py", PYTHON, "build", 22, "no plain number there"),
-    ("m.py", PYTHON, "math", 2, "no plain number there"),
-    ("m.py", PYTHON, "tau", 3, "no plain number there"),
-    ("m.py", PYTHON, "SPACED", 17, "'- 3' there, where a decimal number belongs"),
-    ("m.py", PYTHON, "HEX", 18, "'0x10' there, where a decimal number belongs"),
+    ("m.xml", MJCF, "joint[x]@type", 8, "is 'slide'; expected a number"),
+    ("m.xml", MJCF, "body[drum]", 7, r"not a number; end the address with an attribute"),
+    ("m.urdf", URDF, "joint[x]/dynamics", 4, "which has no text; its attributes are damping, friction"),
+    ("m.py", PYTHON, "COMPUTED", 8, "not a plain number; write 'COMPUTED = 1.5'"),
+    ("m.py", PYTHON, "SOMETIMES", 12, "not a plain number"),
+    ("m.py", PYTHON, "SHARED", 15, "not a plain number"),
+    ("m.py", PYTHON, "PAIR", 16, "not a plain number"),
+    ("m.py", PYTHON, "YES", 19, "not a plain number"),
+    ("m.py", PYTHON, "build", 22, "not a plain number"),
+    ("m.py", PYTHON, "math", 2, "not a plain number"),
+    ("m.py", PYTHON, "tau", 3, "not a plain number"),
+    ("m.py", PYTHON, "SPACED", 17, "'- 3'; expected a decimal number"),
+    ("m.py", PYTHON, "HEX", 18, "'0x10'; expected a decimal number"),
     # No address.
-    ("m.xml", MJCF, "joint[x]@", None, r"is no address; one is like 'body\[rod\]"),
-    ("m.xml", MJCF, "joint[x", None, "is no address"),
-    ("m.xml", MJCF, "", None, "is no address"),
-    ("m.py", PYTHON, "build.MASS", None, "is no address; in Python it is a name"),
-    ("m.toml", TOML, "settings.", None, r"is no address; one is like 'spring\[0\]\.stiffness'"),
-    ("m.toml", TOML, "[0]", None, "is no address"),
-    ("m.toml", TOML, "spring 0", None, "is no address"),
+    ("m.xml", MJCF, "joint[x]@", None, r"is not an address; write it like 'body\[rod\]"),
+    ("m.xml", MJCF, "joint[x", None, "is not an address"),
+    ("m.xml", MJCF, "", None, "is not an address"),
+    ("m.py", PYTHON, "build.MASS", None, "is not an address; in Python use a name"),
+    ("m.toml", TOML, "settings.", None, r"is not an address; write it like 'spring\[0\]\."),
+    ("m.toml", TOML, "[0]", None, "is not an address"),
+    ("m.toml", TOML, "spring 0", None, "is not an address"),
     # The file can't be read.
-    ("m.xml", "<a>\n<b></a>", "b@x", 2, "no XML at column 6: mismatched tag"),
-    ("m.py", "A = 1\nB = (", "A", 2, "no Python"),
-    ("m.toml", "a = = 1", "a", None, "no TOML"),
-    ("m.json", "{}", "a", None, r"numbers are found in \.xml, \.urdf, \.sdf, \.py, \.toml files"),
+    ("m.xml", "<a>\n<b></a>", "b@x", 2, "not XML at column 6: mismatched tag"),
+    ("m.py", "A = 1\nB = (", "A", 2, "not Python"),
+    ("m.toml", "a = = 1", "a", None, "not TOML"),
+    ("m.json", "{}", "a", None, r"can be located in \.xml, \.urdf, \.sdf, \.py, \.toml files"),
     ("m.xml", '<!DOCTYPE a [<!ENTITY k "1">]>\n<a b="&k;"/>', "a@b", 1, "declares entities"),
     ("m.xml", '<!DOCTYPE a SYSTEM "a.dtd">\n<a b="1"/>', "a@b", 1, "declares entities or a DTD"),
     ("m.xml", '<?xml version="1.0" encoding="latin-1"?>\n<a b="1"/>', "a@b", 1, "as UTF-8"),
-    ("m.py", "# coding: latin-1\nA = 1", "A", 1, "save it as UTF-8"),
+    ("m.py", "# coding: latin-1\nA = 1", "A", 1, "save the file as UTF-8"),
     # The bytes are not what is read.
-    ("m.xml", '<a b="4&#55;.0"/>', "a@b", 1, "spelled with a reference"),
-    ("m.xml", "<a><![CDATA[47]]></a>", "a", 1, "spelled with a reference or CDATA"),
-    ("m.xml", "<a>4<!-- and -->7</a>", "a", 1, "means 2 numbers"),
-    ("m.xml", '<a b="1_0"/>', "a@b", 1, "is '1_0' there, where a number belongs"),
-    ("m.xml", '<a b="٣"/>', "a@b", 1, "is '٣' there, where a decimal number belongs"),
-    ("m.xml", '<a b="inf"/>', "a@b", 1, "is 'inf' there, where a decimal number belongs"),
-    ("m.xml", '<a b=""/>', "a@b", None, "means 0 numbers"),
+    ("m.xml", '<a b="4&#55;.0"/>', "a@b", 1, "written with a reference"),
+    ("m.xml", "<a><![CDATA[47]]></a>", "a", 1, "written with a reference or CDATA"),
+    ("m.xml", "<a>4<!-- and -->7</a>", "a", 1, "names 2 numbers"),
+    ("m.xml", '<a b="1_0"/>', "a@b", 1, "is '1_0'; expected a number"),
+    ("m.xml", '<a b="٣"/>', "a@b", 1, "is '٣'; expected a decimal number"),
+    ("m.xml", '<a b="inf"/>', "a@b", 1, "is 'inf'; expected a decimal number"),
+    ("m.xml", '<a b=""/>', "a@b", None, "names 0 numbers"),
 ])  # fmt: skip
 def test_what_means_no_single_number_is_refused(
     tmp_path: Path, file: str, text: str, address: str, line: int | None, sentence: str
@@ -232,7 +232,7 @@ def test_what_means_no_single_number_is_refused(
 
 def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_bytes(b'<a b="\xe9"/>')
-    with pytest.raises(LocationError, match=r"m\.xml: byte 6 is no UTF-8"):
+    with pytest.raises(LocationError, match=r"m\.xml: byte 6 is not UTF-8"):
         find(tmp_path / "m.xml", ["a@b"])
     with pytest.raises(LocationError, match=r"gone\.xml: can't be read: No such file"):
         find(tmp_path / "gone.xml", ["a@b"])
@@ -241,9 +241,7 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
 def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path: Path) -> None:
     source = Source(tmp_path / "m.xml", b'<a b="1.5"/>')
     assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
-    with pytest.raises(
-        LocationError, match=r"m\.xml:1: 'a@b' is read as 2\.5 there, but written '1\.5'"
-    ):
+    with pytest.raises(LocationError, match=r"m\.xml:1: 'a@b' is written '1\.5' but read as 2\.5"):
         source.place(((6, 9), 2.5), "a@b")
 
 

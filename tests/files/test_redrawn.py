@@ -47,7 +47,7 @@ def test_a_constant_that_no_literal_follows_is_told_with_its_file(tmp_path: Path
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
     redrawn(system, sidecar, {"m"}, {"m", "l"})
     redrawn(system, sidecar, {"l"}, {"m"})
-    with pytest.raises(UnboundError, match=r"mujoco\.xml\.toml: no literal .* bound to l.*bind"):
+    with pytest.raises(UnboundError, match=r"mujoco\.xml\.toml: no number .* bound to l.*bind"):
         redrawn(system, sidecar, {"m", "l"}, {"m", "l"})
 
 
@@ -55,5 +55,5 @@ def test_a_literal_that_is_wrong_as_it_stands_is_not_set_right_unseen(tmp_path: 
     folder = copied(tmp_path, "-0.75", "-0.76")
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
     redrawn(system, sidecar, {"m"}, {"m"})
-    with pytest.raises(UnboundError, match=r"mujoco\.xml:\d+: it says -0\.76.*audit"):
+    with pytest.raises(UnboundError, match=r"mujoco\.xml:\d+: the file has -0\.76.*audit"):
         redrawn(system, sidecar, {"l"}, {"l"})

@@ -55,16 +55,16 @@ def test_an_engine_sees_its_own_settings_and_no_other(write: Callable[[str], Pat
 @pytest.mark.parametrize(("change", "sentence"), [
     (('engines = ["pybullet", "mujoco"]', ""), "engines must list engine names"),
     (('engines = ["pybullet", "mujoco"]', "engines = []"), "engines must list engine names"),
-    (("step = 0.002", "step = 0"), "step is 0, where a positive number"),
+    (("step = 0.002", "step = 0"), "step is 0; expected a positive number"),
     (("step = 0.002", "step = '2 ms'"), "step is '2 ms'"),
-    (("[0, 0, -9.81]", "-9.81"), "gravity is -9.81, where three numbers belong"),
-    (("[settings.mujoco]", "[settings.drake]"), "not in engines"),
-    (("[readback]", "[read_back]"), "unknown key 'read_back'; known are"),
+    (("[0, 0, -9.81]", "-9.81"), "gravity is -9.81; expected three numbers"),
+    (("[settings.mujoco]", "[settings.drake]"), "that `engines` does not list"),
+    (("[readback]", "[read_back]"), "unknown key 'read_back'; known keys"),
     (('phi = "x / r"', "phi = true"), "'phi' must be an expression"),
-    (("stiffness = 38.0\n", ""), "must have damping, joints, rest, stiffness, each stated"),
+    (("stiffness = 38.0\n", ""), "must have each of damping, joints, rest, stiffness"),
     (("stiffness = 38.0", "stiffness = nan"), "stiffness is nan"),
     (("{x1 = 1, x2 = -1}", "['x1', 'x2']"), "joints must map joint names"),
-    (("step = 0.002", "step = = 1"), "no TOML"),
+    (("step = 0.002", "step = = 1"), "not TOML"),
 ])  # fmt: skip
 def test_a_wrong_sidecar_is_refused_with_its_file_and_place(
     write: Callable[[str], Path], change: tuple[str, str], sentence: str

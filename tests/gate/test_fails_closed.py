@@ -55,20 +55,20 @@ def flip(text: str, after: str) -> str:
 
 
 @pytest.mark.parametrize(("damage", "sentence"), [
-    (lambda text: text[: len(text) // 2], "no JSON"),
-    (lambda text: "", "no JSON"),
-    (lambda text: f"<<<<<<< HEAD\n{text}", "no JSON"),
-    (lambda text: text.replace('"format": 2', '"format": 3'), "no baseline of format 2"),
-    (lambda text: flip(text, '"end": '), "does not say what was accepted"),
-    (lambda text: flip(text, '"start": '), "does not say what was accepted"),
+    (lambda text: text[: len(text) // 2], "not JSON"),
+    (lambda text: "", "not JSON"),
+    (lambda text: f"<<<<<<< HEAD\n{text}", "not JSON"),
+    (lambda text: text.replace('"format": 2', '"format": 3'), "baseline of format 2"),
+    (lambda text: flip(text, '"end": '), "is damaged, badly merged or edited by hand"),
+    (lambda text: flip(text, '"start": '), "is damaged, badly merged or edited by hand"),
     (lambda text: text.replace('"outcome": "AGREES"', '"outcome": "DIFFERS"', 1),
-     "does not say what was accepted"),
+     "is damaged, badly merged or edited by hand"),
     (lambda text: text.replace('"scenarios": ["free", ', '"scenarios": ['),
-     "does not say what was accepted"),
-    (lambda text: text.replace('"cases"', '"causes"'), "is not whole"),
-    (lambda text: text.replace("0.", "NaN, 0.", 1), "no JSON"),
-    (lambda text: "[" * 100_000, "no JSON"),
-    (lambda text: "null", "no baseline of format 2"),
+     "is damaged, badly merged or edited by hand"),
+    (lambda text: text.replace('"cases"', '"causes"'), "is malformed"),
+    (lambda text: text.replace("0.", "NaN, 0.", 1), "not JSON"),
+    (lambda text: "[" * 100_000, "not JSON"),
+    (lambda text: "null", "baseline of format 2"),
 ])  # fmt: skip
 def test_a_damaged_baseline_is_told_and_never_passes(
     repository: Repository,
@@ -96,9 +96,9 @@ def test_a_run_does_not_believe_a_damaged_baseline_either(
 
 def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository: Repository) -> None:
     repository.file.write_bytes(b"\xff\xfe")
-    with pytest.raises(BaselineError, match="no JSON"):
+    with pytest.raises(BaselineError, match="not JSON"):
         read_baseline(repository.baseline)
-    with pytest.raises(BaselineError, match="is no folder"):
+    with pytest.raises(BaselineError, match="is not a folder"):
         read_baseline(repository.file)
 
 
@@ -234,7 +234,7 @@ def test_a_file_that_changes_while_it_is_run_is_no_pass(
     found = repository.gate()
     assert not found.passes
     assert {c.messages[0] for c in found.changes if c.case is not None} == {
-        "its files changed while it was run; run it again"
+        "its files changed during the run; run it again"
     }
 
 

@@ -232,7 +232,7 @@ PENDULUM = "simple_pendulum/mujoco.xml"
         ((PENDULUM, "fre"), "has no scenario 'fre'; it has free, driven, large, chirp; or give"),
         ((PENDULUM, {"phi": 1.0}), "a start has no 'phi'; simple_pendulum has theta, theta_dot"),
         ((PENDULUM, {"theta": 1.0}), "say for how many seconds, as in duration=10"),
-        ((PENDULUM, "free", 20.0), r"mujoco.xml: of a motion of 18 s a step of 20 s shows nothing"),
+        ((PENDULUM, "free", 20.0), r"mujoco.xml: dt = 20 s is too long for a motion of 18 s"),
         ((PENDULUM, "free", 1e-8), "takes 1.8e\\+09 steps"),
     ],
 )
@@ -266,7 +266,7 @@ def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
         simulate("nowhere.xml", "free")
     with pytest.raises(MotionError, match="is a case; name its model"):
         simulate(f"{PENDULUM}/free", "free")
-    with pytest.raises(FolderError, match="nowhere: no such folder; built-in systems are"):
+    with pytest.raises(FolderError, match="nowhere: no such folder; the built-in systems are"):
         solve("nowhere", "free")
     with pytest.raises(MotionError, match="holds 6 systems, of which one is to be named"):
         solve(builtin(), "free")

@@ -102,13 +102,13 @@ def test_no_input_is_no_force(drum: System) -> None:
 
 
 @pytest.mark.parametrize(("coordinates", "readback", "names", "sentence"), [
-    ({}, {}, ("x", "phi"), r"\[coordinates\] phi: is no coordinate of drum_pendulum"),
+    ({}, {}, ("x", "phi"), r"\[coordinates\] phi: is not a coordinate of drum_pendulum"),
     ({"spin": "x/r"}, {}, ("x", "theta"), r"spin: the model has no such coordinate"),
     ({"phi": "x/R"}, {}, ("x", "phi", "theta"), r"R is neither a coordinate nor a constant"),
     ({"phi": "x/"}, {}, ("x", "phi", "theta"), r"can't read 'x/'"),
-    ({"slide": "x"}, {}, ("slide", "theta"), r"\[readback\] x: say how it is read"),
+    ({"slide": "x"}, {}, ("slide", "theta"), r"\[readback\] x: no joint has this name"),
     ({"slide": "x"}, {"x": "2*slide"}, ("slide", "theta"), r"is not the inverse"),
-    ({}, {"y": "x"}, ("x", "theta"), r"\[readback\] y is no coordinate"),
+    ({}, {"y": "x"}, ("x", "theta"), r"\[readback\] y is not a coordinate"),
 ])  # fmt: skip
 def test_a_map_that_does_not_close_is_refused_by_name(
     drum: System,

@@ -42,8 +42,8 @@ def test_a_right_mjcf_has_its_bodies_and_sites_there(tmp_path: Path) -> None:
     ("changes", "words"),
     [
         ([('axis="0 -1 0"', 'axis="0 1 0"')],
-         "arm (body:arm), tool (site:tool), tip (site:tool): up to 1.6 m and 173 degrees from where"
-         " the equations have it"),
+         "arm (body:arm), tool (site:tool), tip (site:tool): off by up to 1.6 m and 173 degrees"
+         " from the equations' pose"),
         ([('axis="0 -1 0"', 'axis="0 1 0"')], "as if b had the other sign: an axis is flipped"),
         # The base moved by metres.
         ([('pos="0 0 0"><joint', 'pos="0 2.5 0"><joint')], "moved by (0, 2.5, 0) m in the world"),
@@ -52,7 +52,7 @@ def test_a_right_mjcf_has_its_bodies_and_sites_there(tmp_path: Path) -> None:
          "turned in the world by 90 degrees about x"),
         # The tool elsewhere on its body, or turned in it.
         ([('pos="0 0 -0.8"', 'pos="0.1 0 -0.8"')],
-         "tool (site:tool), tip (site:tool): up to 0.1 m from where the equations have it"),
+         "tool (site:tool), tip (site:tool): off by up to 0.1 m from the equations' pose"),
         ([('pos="0 0 -0.8"', 'pos="0.1 0 -0.8"')], "offset by (0.1, 0, 0) m in its body's axes"),
         ([('euler="0.3 0 0"', 'euler="0.3 0 0.5"')],
          "its axes are turned by 28.65 degrees about z"),
@@ -128,16 +128,16 @@ def test_a_place_that_the_file_lacks_is_told_with_those_that_it_has(tmp_path: Pa
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ('hand = "body:arm"', "hand is no frame of arm; it declares post, arm, tool, tip"),
-        ("arm = 3", 'arm says what the frame is, as in "body:rod"'),
-        ('arm = { at = [0, 0, 0] }', "arm must say what the frame is"),
-        ('arm = { is = "body:arm", at = [0, 0] }', "at is [0, 0], where three lengths belong"),
+        ('hand = "body:arm"', "hand is not a frame of arm; it declares post, arm, tool, tip"),
+        ("arm = 3", 'arm must name the frame in the file, as in "body:rod"'),
+        ('arm = { at = [0, 0, 0] }', "arm must name the frame in the file"),
+        ('arm = { is = "body:arm", at = [0, 0] }', "at is [0, 0]; expected three lengths"),
         ('arm = { is = "body:arm", at = [0, 0, "1/0"] }', "at"),
         ('arm = { is = "body:arm", at = [0, 0, "q"] }', "q is neither a coordinate nor a constant"),
-        ('arm = { is = "body:arm", by = 3 }', 'arm says what the frame is, as in "body:rod"'),
-        ('world = { axes = ["x", "y", "-z"] }', "a mirror is no world"),
-        ('world = { axes = ["x", "y"] }', "axes are three"),
-        ('world = "x, z, -y"', "world is a table with axes, origin or both"),
+        ('arm = { is = "body:arm", by = 3 }', 'arm must name the frame in the file, as in'),
+        ('world = { axes = ["x", "y", "-z"] }', "remove the mirror"),
+        ('world = { axes = ["x", "y"] }', "expected three axes"),
+        ('world = "x, z, -y"', "world must be a table with axes, origin or both"),
     ],
 )  # fmt: skip
 def test_what_can_not_be_meant_is_refused(said: str, words: str, tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_where_nothing_is_declared_or_mapped_it_is_said_that_nothing_was_compare
     none = poses(tmp_path, system=without_frames(), sidecar="")
     assert none.record.note == "the system declares no frames"
     unmapped = poses(tmp_path, sidecar="")
-    assert unmapped.record.note == "the sidecar maps none of the system's frames"
+    assert unmapped.record.note == "the sidecar maps no frame of the system"
     assert unmapped.record.unchecked == ("post", "arm", "tool", "tip")
     assert poses(tmp_path, sidecar='[frames]\narm = "body:arm"\n').record.unchecked == (
         "post", "tool", "tip",

@@ -94,7 +94,7 @@ def test_wrong_arguments_are_refused_by_name() -> None:
         check("torsional_disc", engines=["havok"])
     with pytest.raises(FolderError, match="a name is empty"):
         check("")
-    with pytest.raises(FolderError, match="a file, where a system folder belongs; name its folder"):
+    with pytest.raises(FolderError, match="a file; expected a system folder; name its folder"):
         check(builtin() / "torsional_disc" / "space.py")
 
 

@@ -122,7 +122,7 @@ def test_the_plugin_imports_nothing_but_pytest() -> None:
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
-    (["--crosscheck", "nowhere"], "--crosscheck nowhere: no such folder; built-in systems are"),
+    (["--crosscheck", "nowhere"], "--crosscheck nowhere: no such folder; the built-in systems are"),
     (["--crosscheck", ""], "--crosscheck PATH is empty; name a folder"),
     (["--crosscheck", "empty"], "--crosscheck empty: neither it nor a folder under it has a"),
     (["--crosscheck", "models", "--crosscheck-resolution", "0"], "between 1e-13 and 1e-2, not 0"),

@@ -143,7 +143,7 @@ def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> No
     done = project.run("--crosscheck", "models", "-k", "audit", "--crosscheck-limit", "6")
     done.assert_outcomes(failed=1, deselected=3)
     # Enough to import all that comes before the model's own line, on a slow machine too.
-    spent = "it ran out of its 6 processor seconds; --crosscheck-limit raises it"
+    spent = "it used up its limit of 6 processor seconds; --crosscheck-limit raises it"
     done.stdout.fnmatch_lines([f"FAILED: */space.py:*: {spent}"])
 
 

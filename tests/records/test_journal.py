@@ -98,7 +98,7 @@ def test_a_full_disk_ends_the_journal_and_not_the_run(
 
 def test_what_is_no_file_or_no_folder_is_an_error_with_its_name(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / NAME)
-    with pytest.raises(OSError, match="no regular file"), journal(tmp_path, resume=True):
+    with pytest.raises(OSError, match="not a regular file"), journal(tmp_path, resume=True):
         pass
     (tmp_path / "file").touch()
     with pytest.raises(FileExistsError), journal(tmp_path / "file", resume=True):

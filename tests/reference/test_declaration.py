@@ -89,7 +89,7 @@ FAULTS = {
     ),
     "no source": (
         declared(constants=(M, C, dataclasses.replace(K, source=""))),
-        "the constant k states no source",
+        "the constant k has no source",
     ),
     "no unit": (
         declared(constants=(M, C, dataclasses.replace(K, unit=""))),
@@ -120,9 +120,9 @@ FAULTS = {
         declared(inputs=(dataclasses.replace(F, on={Y: 1}),)),
         "the input f acts on an unknown coordinate",
     ),
-    "an unknown symbol in T": (declared(T=M * X.v**2 * STRAY), "T uses stray, which is declared"),
-    "an unknown symbol in V": (declared(V=K * X.q * STRAY), "V uses stray, which is declared"),
-    "an unknown symbol in D": (declared(D=STRAY * X.v**2), "D uses stray, which is declared"),
+    "an unknown symbol in T": (declared(T=M * X.v**2 * STRAY), "T uses stray, which is not declared"),
+    "an unknown symbol in V": (declared(V=K * X.q * STRAY), "V uses stray, which is not declared"),
+    "an unknown symbol in D": (declared(D=STRAY * X.v**2), "D uses stray, which is not declared"),
     "an unknown symbol in an output": (
         declared(outputs=(Output("x", X.q + STRAY, "m", ""),)),
         "the output x uses stray",
@@ -149,11 +149,11 @@ FAULTS = {
                 PublishedEquation("2.5", "x = 0", "poetry", of="x", driven=False, note=""),
             )
         ),
-        "Eq. 2.5: states 'poetry' is unknown, it may be ['motion', 'linear', 'linear part', 'val",
+        "Eq. 2.5: unknown states 'poetry'; expected one of ['motion', 'linear', 'linear part',",
     ),
     "a constant that is not declared": (
         declared(constants=(M, C)),
-        "V uses k, which is declared nowhere",
+        "V uses k, which is not declared",
     ),
     "an unknown symbol in a quantity": (
         declared(quantities=(dataclasses.replace(BARE, expression=M * X.v * STRAY),)),
@@ -166,7 +166,7 @@ FAULTS = {
     ),
     "a typing error in a unit": (
         declared(constants=(M, C, dataclasses.replace(K, unit="Nm"))),
-        "the unit 'Nm' has a part 'Nm'",
+        "the unit 'Nm' has an unknown part 'Nm'",
     ),
     "T with a wrong unit": (declared(T=M * X.v / 2), "T has the unit kg*m*s^-1"),
     "V with a wrong unit": (declared(V=K * X.q), "V has the unit kg*m*s^-2"),
@@ -203,7 +203,7 @@ FAULTS = {
     "D of an acceleration": (declared(D=M * X.v * X.a), "D must not depend on x_ddot"),
     "D with a slope at rest": (
         declared(D=C * X.v * SPEED, constants=(M, C, K, SPEED)),
-        "D must vanish, with its slope",
+        "D and its slope must be zero at rest",
     ),
     "T not quadratic": (
         declared(T=M * X.v**4 / SPEED**2, constants=(M, C, K, SPEED)),
@@ -265,9 +265,9 @@ FAULTS = {
         declared(quantities=(dataclasses.replace(BARE, description=""),)),
         "the quantity p has no description",
     ),
-    "a name that is no identifier": (
+    "a name that is not an identifier": (
         declared(constants=(M, C, K, constant("m 2", 1.0, "kg"))),
-        "'m 2' is no identifier",
+        "'m 2' is not an identifier",
     ),
     # numbers
     "an infinite constant": (
@@ -290,23 +290,23 @@ FAULTS = {
     "a negative duration": (declared(scenarios=(scenario(duration=-1.0),)), "the duration is -1"),
     "a sketch of a strange kind": (
         declared(sketch=(Link("rope", (0, 0), (X.q, 0)),)),
-        "shape 1 of the sketch: 'rope' is unknown, it may be ['spring',",
+        "shape 1 of the sketch: unknown kind 'rope'; expected one of ['spring',",
     ),
     "a sketch of what is no shape": (
         declared(sketch=((0, 0),)),
-        "shape 1 of the sketch: (0, 0) is no Link, Body or Angle",
+        "shape 1 of the sketch: (0, 0) is not a Link, Body or Angle",
     ),
     "a point of a sketch with three numbers": (
         declared(sketch=(Body("disc", SPATIAL, 1, 1),)),
-        "shape 1 of the sketch: a point is a pair (x, y)",
+        "shape 1 of the sketch: a point must be a pair (x, y)",
     ),
     "a sketch of an undeclared symbol": (
         declared(sketch=(Link("rod", (0, 0), (1, 0)), Body("disc", (STRAY, 0), 1, 1))),
-        "shape 2 of the sketch, at x, uses stray, which is declared nowhere",
+        "shape 2 of the sketch, at x, uses stray, which is not declared",
     ),
     "a sketch that depends on a speed": (
         declared(sketch=(Angle((0, 0), 1, 0, X.v),)),
-        "shape 1 of the sketch, end, uses x_dot, which is declared nowhere",
+        "shape 1 of the sketch, end, uses x_dot, which is not declared",
     ),
     "a sketch of a function that can't be drawn": (
         declared(sketch=(Body("block", (0, sp.exp(X.q)), 1, 1),)),
@@ -316,9 +316,10 @@ FAULTS = {
         declared(scenarios=(scenario(duration=1e-300),)), "the duration is 1e-300 s, shorter than",
     ),
     "a name on two lines": (
-        declared(scenarios=(scenario(name="a\nb"),)), "the scenario name 'a\\nb' can't be printed",
+        declared(scenarios=(scenario(name="a\nb"),)),
+        "the scenario name 'a\\nb' has unprintable characters",
     ),
-    "half a character": (declared(title="\ud800"), "'\\ud800' is no Unicode text"),
+    "half a character": (declared(title="\ud800"), "'\\ud800' is not Unicode text"),
     "an endless duration": (declared(scenarios=(scenario(duration=math.inf),)), "duration is inf"),
 }  # fmt: skip
 
@@ -372,7 +373,9 @@ def test_no_field_of_a_declared_item_has_a_default(kind: type) -> None:
 
 def test_a_stated_equilibrium_that_is_none_is_refused_naming_the_force() -> None:
     system = System(**declared(equilibria=(Equilibrium("off", {X: 0.01}, False, ""),)))
-    with pytest.raises(DeclarationError, match=r"'off': is none; the force on x there is -.*k"):
+    with pytest.raises(
+        DeclarationError, match=r"'off': is not an equilibrium: the force on x there is -.*k"
+    ):
         linearize(derive(system), system.equilibria[0])
 
 

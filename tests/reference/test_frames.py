@@ -45,19 +45,19 @@ def test_a_unit_quaternion_is_the_rotation_that_it_stands_for() -> None:
         (Pose("", (0, 0, 0), "nothing"), "a frame needs a name"),
         (Pose("world", (0, 0, 0), "all"), "'world' is taken"),
         (Pose("rod", (0, 0, 0), ""), "it has no description"),
-        (Pose("rod", (0, 0), "flat"), "its position is (x, y, z)"),  # type: ignore[arg-type]
-        (Pose("rod", (a.v, 0, 0), "rod"), "it uses a_dot; only positions and constants"),
+        (Pose("rod", (0, 0), "flat"), "its position must be three expressions, (x, y, z)"),  # type: ignore[arg-type]
+        (Pose("rod", (a.v, 0, 0), "rod"), "it uses a_dot; use only positions and constants"),
         (Pose("rod", (sp.Symbol("w"), 0, 0), "rod"), "it uses w"),
-        (Pose("rod", (l**2, 0, 0), "rod"), "its position has the unit m^2, where m belongs"),
+        (Pose("rod", (l**2, 0, 0), "rod"), "its position has the unit m^2; expected m"),
         (Pose("rod", (l + a.q, 0, 0), "rod"), "has the unit"),
-        (Pose("rod", (sp.I, 0, 0), "rod"), "which is no real number"),
+        (Pose("rod", (sp.I, 0, 0), "rod"), "which is not a real number"),
         (Pose("rod", (0, 0, 0), "rod", 2 * EYE), "not orthonormal"),
         (Pose("rod", (0, 0, 0), "rod", (0, 0, 0, 0)), "not orthonormal"),
         (Pose("rod", (0, 0, 0), "rod", (2, 0, 0, 0)), "not orthonormal"),
         (Pose("rod", (0, 0, 0), "rod", sp.diag(1, 1, -1)), "its rotation mirrors"),
-        (Pose("rod", (0, 0, 0), "rod", sp.eye(2)), "no 3 x 3 matrix and no quaternion"),
-        (Pose("rod", (0, 0, 0), "rod", l * TILTED), "its rotation has the unit m, where 1 belongs"),
-        ("rod", "is no Pose"),
+        (Pose("rod", (0, 0, 0), "rod", sp.eye(2)), "must be a 3 x 3 matrix or a quaternion"),
+        (Pose("rod", (0, 0, 0), "rod", l * TILTED), "its rotation has the unit m; expected 1"),
+        ("rod", "is not a Pose"),
     ],
 )
 def test_a_wrong_frame_is_refused(declared: Any, words: str) -> None:
@@ -67,7 +67,7 @@ def test_a_wrong_frame_is_refused(declared: Any, words: str) -> None:
 
 
 def test_two_frames_of_one_name_are_refused() -> None:
-    with pytest.raises(DeclarationError, match="two frames have this name"):
+    with pytest.raises(DeclarationError, match="two frames share this name"):
         frames(Pose("rod", (0, 0, 0), "one"), Pose("rod", (0, 0, 1), "other"))
 
 

@@ -60,7 +60,7 @@ def test_a_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
 def test_an_error_that_cannot_be_told_is_refused_with_file_and_line(folder: Path) -> None:
     mute = "type('Mute', (ValueError,), {'__str__': lambda self: 1 / 0})"
     line = spoil(folder, "V=k * x.q**2 / 2", f"V=(_ for _ in ()).throw({mute}())")
-    told = rf"system\.py:{line}: Mute: its own message can't be told \(ZeroDivisionError\)"
+    told = rf"system\.py:{line}: Mute: its message can't be shown \(ZeroDivisionError\)"
     with pytest.raises(DeclarationError, match=told):
         load_system(folder)
 

@@ -24,7 +24,7 @@ def refused(text: str) -> str:
     f"theta'' = {'*'.join(['theta'] * (MOST_DEGREE + 1))}",
 ])  # fmt: skip
 def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
-    assert "exponent" in refused(text) or "grow too large" in refused(text)
+    assert "exponent" in refused(text) or "too large to compute" in refused(text)
 
 
 @pytest.mark.parametrize("text", [
@@ -32,11 +32,11 @@ def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
     "theta'' = f'{theta}'", "theta'' = (theta if g else 0)", "theta'' = sin(*[theta])",
 ])  # fmt: skip
 def test_what_is_a_program_is_refused(text: str) -> None:
-    assert "is neither a number, a name nor arithmetic" in refused(text)
+    assert "is not a number, a name or arithmetic" in refused(text)
 
 
 def test_signs_are_tried_in_so_many_combinations_at_most() -> None:
-    assert f"at most {MOST_SIGNS} are tried" in refused(f"theta'' = {'± g ' * (MOST_SIGNS + 1)}")
+    assert f"at most {MOST_SIGNS} are allowed" in refused(f"theta'' = {'± g ' * (MOST_SIGNS + 1)}")
 
 
 def test_a_root_is_an_exponent() -> None:

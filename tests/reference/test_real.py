@@ -71,30 +71,30 @@ COMPLEX = {
     ),
     "V with a complex constant": (
         declared(constants=ALL, V=K * L**2 * log(x / L - 2)),
-        "which is no real number",
+        "which is not a real number",
     ),
     "an output": (declared(outputs=(Output("x", I * x, "m", "d"),)), "output x is complex"),
     "an output at an equilibrium": (
         declared(constants=ALL, outputs=(Output("x", L * sqrt(x / L - 1), "m", "d"),)),
-        "a slope there that is no finite real number",
+        "a slope there that is not a finite real number",
     ),
     "an equilibrium": (at(I), "equilibrium 'rest': the value of x is complex"),
     "where an equilibrium is searched": (at(I, search=True), "the value of x is complex"),
     "a constant": (declared(constants=(M, C, constant("k", 1j, "N/m"))), "no numeric value"),  # type: ignore[arg-type]
 }
 INFINITE = {
-    "a force": (forced(sp.oo), "no finite number"),
-    "a force that is no number": (forced(float("nan")), "no finite number"),
-    "a pole at a time that is looked at": (forced(1 / (t - 1)), "no finite number at t = 1 s"),
+    "a force": (forced(sp.oo), "not a finite number"),
+    "a force that is no number": (forced(float("nan")), "not a finite number"),
+    "a pole at a time that is looked at": (forced(1 / (t - 1)), "not a finite number at t = 1 s"),
     "a pole between": (
         forced((t - Rational(1, 3)) ** -2),
         "t - 1/3 is zero, near t = 0.333",
     ),
     "a tangent": (forced(tan(t)), "where cos(t) is zero"),
-    "a logarithm": (forced(log(t)), "no finite number at t = 0 s"),
-    "a force too large for a double": (forced(9**9**6), "no finite number"),
-    "an exponential": (forced(exp(t**9)), "no finite number at t = 2.0"),
-    "a Piecewise that ends": (forced(Piecewise((1, t < 1))), "no finite number at t = 1 s"),
+    "a logarithm": (forced(log(t)), "not a finite number at t = 0 s"),
+    "a force too large for a double": (forced(9**9**6), "not a finite number"),
+    "an exponential": (forced(exp(t**9)), "not a finite number at t = 2.0"),
+    "a Piecewise that ends": (forced(Piecewise((1, t < 1))), "not a finite number at t = 1 s"),
     "a start": (declared(scenarios=(scenario(q=float("nan")),)), "the value of x is nan"),
     "an infinite start": (declared(scenarios=(scenario(q=float("inf")),)), "the value of x is inf"),
     "a speed": (declared(scenarios=(scenario(v=sp.nan),)), "v: the value of x is nan"),
@@ -136,7 +136,7 @@ MOTIONS = {
     ),
     "a duration of nothing": (
         declared(scenarios=(scenario(duration=1e-10),)),
-        "nothing moves in the duration of 1e-10 s",
+        "nothing moves within the duration of 1e-10 s",
     ),
     "a mass that is singular at rest": (
         declared(constants=ALL, T=M * X.v**2 * x**2 / L**2 / 2),
@@ -144,7 +144,7 @@ MOTIONS = {
     ),
     "a mass that comes to nothing in the motion": (
         declared(constants=ALL, T=M * X.v**2 * (1 - x**2 / L**2) / 2, V=-K * x**2 / 2),
-        "or the mass matrix singular there",
+        "or the mass matrix is singular there",
     ),
     "a stiffness of its own time": (
         declared(constants=ALL, V=K * x**2 * (1 + sin(W * t) / 2) / 2),
@@ -262,7 +262,7 @@ system = System(
         ({"force": "1j"}, 23, "scenario 'pushed', input f is complex"),
         ({"start": "float('nan')"}, 23, "the value of x is nan"),
         ({"mass": "2j"}, 6, "the constant m has no numeric value: it is 2j"),
-        ({"rest": "0.3"}, 20, "equilibrium 'rest': is none"),
+        ({"rest": "0.3"}, 20, "equilibrium 'rest': is not an equilibrium"),
         ({"force": "1 / 0"}, 23, "ZeroDivisionError: division by zero"),
     ],
 )

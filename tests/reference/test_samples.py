@@ -136,7 +136,7 @@ def test_a_joint_that_settles_faster_than_it_can_be_seen_is_refused_by_its_name(
         one.links[1], mass=1e-14, inertia=1e-14 * np.eye(3), armature=0.0, damping=1.0
     )
     bad = dataclasses.replace(one, links=(one.links[0], light))
-    with pytest.raises(ReferenceError, match="joint 'j1' settles fastest"):
+    with pytest.raises(ReferenceError, match="joint 'j1' is the fastest"):
         samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)
 
 
@@ -150,5 +150,5 @@ def test_a_joint_without_any_inertia_is_refused() -> None:
     one = tree(("hinge", "hinge"), 1, chain=True)
     light = dataclasses.replace(one.links[1], mass=0.0, inertia=np.zeros((3, 3)), armature=0.0)
     bad = dataclasses.replace(one, links=(one.links[0], light))
-    with pytest.raises(ReferenceError, match="joint 'j1' moves nothing that has mass"):
+    with pytest.raises(ReferenceError, match="joint 'j1' moves no mass"):
         samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)

@@ -135,5 +135,5 @@ def test_rounding_is_bounded_by_what_long_doubles_tell(recursive: TreeEquations)
 
 def test_a_tree_of_other_freedoms_is_refused(recursive: TreeEquations) -> None:
     system = recursive.system
-    with pytest.raises(DeclarationError, match="has 1 coordinates, and its tree 2 degrees"):
+    with pytest.raises(DeclarationError, match="has 1 coordinates, but its tree has 2 degrees"):
         dataclasses.replace(system, coordinates=system.coordinates[:1])

@@ -146,7 +146,7 @@ def test_a_case_opens_with_the_motion_and_the_one_plot_that_tells_and_folds_the_
     title = "document.querySelector('.view.current .lead figure h4').textContent"
     assert tab.run(title) == "q0: error against uncertainty"
     topics = "[...document.querySelectorAll('.view.current .topic > summary')]"
-    names = ["Motion 2", "Error over time 1", "Energy 1", "What the step costs 2"]
+    names = ["Motion 2", "Error over time 1", "Energy 1", "Error against time step 2"]
     assert tab.run(f"{topics}.map((s) => s.textContent)")[:4] == names
     tab.run(f"{topics}[2].click()")
     tab.until("document.querySelector('.view.current .topic [data-drawn]')")

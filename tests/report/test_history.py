@@ -52,11 +52,11 @@ def charts(found: Results, lines: tuple[Past, ...], pack: str) -> Any:
 def test_a_case_shows_its_digits_and_errors_of_each_version(agreeing: Results) -> None:
     found = charts(agreeing, past(agreeing), "pack-case-0")
     first, second, third = DATES
-    assert found["Digits that agree"] == {
+    assert found["Agreeing digits"] == {
         "mujoco 3.9": [[first, second], [11.9, 11.9]],
         "mujoco 4.0": [[third], [10.9]],
     }
-    errors = found["Global error at the shipped step"]
+    errors = found["Error at dt"]
     assert errors["mujoco 4.0"] == [[third], [0.00911]]
 
 
@@ -66,9 +66,9 @@ def test_the_overview_shows_the_worst_of_each_engine_in_runs_of_most_cases(
     lines = past(agreeing)
     one = replace(lines[0], time="2026-11-22T02:00:00+00:00", digits=1.0)
     found = charts(agreeing, (*lines, one), "pack-history")
-    assert found["Digits that agree"]["pybullet"] == [DATES, [11.9, 11.9, 10.9]]
-    assert found["Digits that agree"]["mujoco"] == [DATES, [11.9, 11.9, 10.9]]
-    assert set(found["Digits that agree"]) == {"mujoco", "pybullet"}
+    assert found["Agreeing digits"]["pybullet"] == [DATES, [11.9, 11.9, 10.9]]
+    assert found["Agreeing digits"]["mujoco"] == [DATES, [11.9, 11.9, 10.9]]
+    assert set(found["Agreeing digits"]) == {"mujoco", "pybullet"}
 
 
 def test_an_error_of_a_motion_that_no_step_follows_hides_no_other(agreeing: Results) -> None:
@@ -76,9 +76,9 @@ def test_an_error_of_a_motion_that_no_step_follows_hides_no_other(agreeing: Resu
     assert full_run is not None
     lost = changed_case(agreeing, 0, full_run=replace(full_run, global_error=0.944))
     found = charts(lost, past(lost), "pack-history")
-    assert found["Global error at the shipped step"]["mujoco"][1] == [0.00911] * 3
+    assert found["Error at dt"]["mujoco"][1] == [0.00911] * 3
     own = charts(lost, past(lost), "pack-case-0")
-    assert own["Global error at the shipped step"]["mujoco 4.0"][1] == [0.944]
+    assert own["Error at dt"]["mujoco 4.0"][1] == [0.944]
 
 
 def test_without_two_runs_there_is_no_history(agreeing: Results) -> None:
@@ -112,5 +112,5 @@ def test_past_runs_are_drawn_on_the_overview_and_in_their_case(
         tab.go(CASE)
         unfold(tab)
         titles = tab.run("[...document.querySelectorAll('.view.current h4')].map(h => h.innerText)")
-        assert "Digits that agree" in titles
+        assert "Agreeing digits" in titles
         sound(tab, path.as_uri())

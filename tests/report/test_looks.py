@@ -135,7 +135,7 @@ def test_without_javascript_everything_but_the_plots_is_there(
         assert len(rows(tab)) == len(troubled.cases)
         assert not tab.run("document.querySelector('.filters').checkVisibility()")
         tab.run(f"document.getElementById('{CASE}').open = true")
-        assert "These steps would give" in tab.run("document.body.innerText")
+        assert "dt for 1" in tab.run("document.body.innerText")
         assert tab.run("document.querySelectorAll('canvas').length") == 0
 
 

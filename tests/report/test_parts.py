@@ -130,7 +130,7 @@ def test_a_file_that_is_not_there_is_told_and_can_be_put_back(many: Tab, written
     assert shown(many) == ["overview"]
     told = many.run("document.getElementById('missing').innerText")
     assert told.startswith("The file index.parts/")
-    assert told.endswith(".js can't be read: it goes with this page.")
+    assert told.endswith(".js can't be read; keep it together with this page.")
     folder.with_name("elsewhere").rename(folder)
     many.go("overview")
     many.go(CASE)

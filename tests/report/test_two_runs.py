@@ -45,7 +45,7 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
         tab.send("Page.navigate", url=address)
         tab.until("document.querySelectorAll('footer').length === 1")
         text = tab.run("document.body.innerText")
-        assert "2 of 9 cases moved" in text
+        assert "2 of 9 cases changed" in text
         assert "4.0.0 → 4.1.0" in text
         worse, gone = tab.run(ROWS)
         name = "system_0/robot.urdf/driven [mujoco]"

@@ -82,9 +82,9 @@ def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
     view = of(seen, "case-system_1/robot.urdf/pybullet/driven")
     assert (view.digits, view.discrepancy, view.uncertainty) == ("11.9", "7.1e-14", "1.0e-12")
     of_it = {what: value.replace("\u00a0", " ") for what, value in facts(view).items()}
-    assert of_it["global error"] == "0.911 %"
-    assert of_it["order in h"] == "1.002 seen, 1 claimed"
-    assert of_it["checked by a run"] == "0.957 % at 0.0021 s, 1 % foretold"
+    assert of_it["error at dt"] == "0.911 %"
+    assert of_it["order"] == "1.002 measured, 1 claimed"
+    assert of_it["checked by a run"] == "0.957 % at 0.0021 s, 1 % predicted"
     assert of_it["phase, at the end"] == "-0.068 rad"
     assert of_it["constraint drift"] == "0 (engine units)"
     assert of_it["engine steps for the limits"] == "48\u202f185"
@@ -291,7 +291,7 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
     assert view.sentence in {trouble.sentence for trouble in seen.troubles}
     page = render(found)
     section = page[page.index(f'id="{view.id}"') :]
-    assert section.index("Found by reading") < section.index("Hypotheses, from the motions alone")
+    assert section.index("Findings of the audit") < section.index("Hypotheses from the motions")
 
 
 def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> None:
@@ -331,7 +331,7 @@ def test_changes_since_the_baseline_lead_to_their_cases(seen: Report) -> None:
 def test_what_the_step_costs_is_one_sentence_with_steps(seen: Report) -> None:
     view = of(seen, "case-system_1/robot.urdf/mujoco/free")
     assert view.cost == (
-        "The step of 0.002\u00a0s costs you 0.911\u00a0% of the amplitude over the whole motion:"
+        "At dt = 0.002\u00a0s, the error is 0.911\u00a0% of the amplitude over the whole motion:"
         " by the end the amplitude is -2.9\u00a0% off and the phase 0.068\u00a0rad early."
     )
     assert view.steps == (("1\u00a0%", "0.0021\u00a0s"),), "an unknown step is not told"
@@ -348,8 +348,8 @@ def test_digits_are_of_the_worst_component_and_discrepancies_of_the_one_that_dec
     assert view.sorts[:3] == ("4e-10", "7.1e-14", "1.02e-12")
     of_it = facts(view)
     assert of_it["agreeing digits"] == "9.3"
-    assert of_it["deciding component"] == "q0"
-    assert (of_it["largest E of all"], of_it["largest U of all"]) == ("2.0e-11", "4.0e-10")
+    assert of_it["worst component"] == "q0"
+    assert (of_it["largest E"], of_it["largest U"]) == ("2.0e-11", "4.0e-10")
     cell = seen.matrix.rows[0].cells[0]
     assert cell is not None
     assert cell.digits == "9.3"
@@ -396,10 +396,10 @@ def test_a_sensitive_motion_that_agrees_does_not_read_like_a_fault() -> None:
     lost = replace(full_run, global_error=0.944, decomposition=None, resolved_until=3.5)
     seen = report(changed_case(found, 0, full_run=lost))
     view = of(seen, "case-system_0/mujoco.xml/mujoco/free")
-    assert view.global_error == "sensitive"
-    assert view.cost.startswith("A sensitive motion: two that begin a hair apart are far apart")
+    assert view.global_error == "chaotic"
+    assert view.cost.startswith("The motion is chaotic: small differences grow")
     assert "here until 3.5\u00a0s" in view.cost
-    assert "no fault of the model" in view.cost
+    assert "not a fault of the model" in view.cost
     cell = seen.matrix.rows[0].cells[0]
     assert cell is not None
     assert cell.global_error == "0.911\u00a0%", "of the other scenarios"

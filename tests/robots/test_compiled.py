@@ -259,7 +259,7 @@ def test_controls_are_as_many_numbers_as_inputs(tmp_path: Path, given: object) -
     file = written(tmp_path, PULLING)
     engine = compiler(".xml")
     assert engine is not None
-    with pytest.raises(EngineError, match=r"controls is .*, where 5 numbers belong"):
+    with pytest.raises(EngineError, match=r"controls is .*; expected 5 numbers"):
         engine.load(ModelSpec(path=file, settings={"smooth": True, "controls": given}))
 
 
@@ -346,7 +346,7 @@ def test_an_obstacle_is_in_the_file_that_it_stands_in_though_another_includes_it
     robot = read_compiled_robot(main)
     (found,) = robot.obstacles
     assert (found.file.name, found.line) == ("part: 7.xml", 3)
-    assert found.sentence == "<geom mass> has 'nan', where a finite number belongs"
+    assert found.sentence == "<geom mass> has 'nan'; expected a finite number"
     with pytest.raises(RobotError) as error:
         robot_system(robot)
     (where,) = failure_of(error.value).locations

@@ -62,7 +62,7 @@ def test_what_is_impossible_is_no_obstacle_while_there_are_accelerations(tmp_pat
     robot = read(tmp_path, link("base"), body, joint("j", "base", "odd"))
     assert tree_of(robot).nv == 1
     (found,) = impossible(robot)
-    assert found.sentence == "link 'odd' has the principal moments 1, 1 and 3 kg m^2"
+    assert found.sentence == "link 'odd' has the principal moments of inertia 1, 1 and 3 kg m^2"
 
 
 def test_a_negative_mass_that_no_position_outweighs_is_in_the_way(tmp_path: Path) -> None:

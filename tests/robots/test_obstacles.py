@@ -39,14 +39,14 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
         "<joint/>",
     )
     assert in_the_way(robot) == [
-        (3, "value of <mass> of link 'a' is '2 kg', where a finite number belongs"),
+        (3, "value of <mass> of link 'a' is '2 kg'; expected a finite number"),
         (4, "a second link is called 'a'"),
         (5, "joint 'p' is planar, which is not covered"),
         (6, "joint 'q' is of type 'Revolute'"),
-        (8, "the child of joint 'r' is 'gone', which is no link"),
-        (9, "xyz of <origin> of joint 's' is '${x} 0 0', where 3 finite numbers belong"),
+        (8, "the child of joint 'r' is 'gone', which is not a link"),
+        (9, "xyz of <origin> of joint 's' is '${x} 0 0'; expected 3 finite numbers"),
         (9, "the axis of joint 's' has no length"),
-        (10, "a second <inertial> of one <link>"),
+        (10, "a second <inertial> in one <link>"),
         (12, "a second joint is called 's'"),
         (13, "a <joint> has no name"),
     ]
@@ -68,11 +68,11 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
         (
             (BASE, A, B, joint("j", "b", "a"), joint("k", "a", "b")),
             3,
-            "link 'a' hangs from itself, by its joints",
+            "link 'a' is its own ancestor through its joints",
         ),
-        ((A, joint("j", "a", "a")), 2, "link 'a' hangs from itself, by its joints"),
+        ((A, joint("j", "a", "a")), 2, "link 'a' is its own ancestor through its joints"),
         ((BASE, A, joint("j", "base", "a"), joint("k", "a", "world")), 5,
-         "the child of joint 'k' is 'world', which is no link"),
+         "the child of joint 'k' is 'world', which is not a link"),
         ((BASE, A, '<joint name="j" type="fixed"><parent link="base"/></joint>'), 4,
          "joint 'j' has no child"),
         ((BASE, link("a", BODY.replace("ixx", "Ixx")), joint("j", "base", "a")), 3,
@@ -81,18 +81,18 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
          "link 'a' has an inertial without mass"),
         ((BASE, A, joint("j", "base", "a"), '<gazebo reference="j">',
           "<springStiffness>stiff</springStiffness></gazebo>"), 6,
-         "<springStiffness> of joint 'j' is 'stiff', where a finite number belongs"),
+         "<springStiffness> of joint 'j' is 'stiff'; expected a finite number"),
         ((BASE, A, joint("j", "base", "a", '<axis xzy="0 0 1"/>')), 4,
          "the <axis> of joint 'j' has no xyz"),
-        ((BASE, "<robot/>"), 3, "a <robot> within the <robot>"),
+        ((BASE, "<robot/>"), 3, "a <robot> inside the <robot>"),
         ((), 1, "it has no <link>"),
         ((BASE, '<xacro:include filename="a"/>', "<xacro:arm/>"), 3,
-         "it is source for xacro: 2 elements such as <xacro:include>"),
+         "it is xacro source: 2 elements such as <xacro:include>"),
         ((BASE, link("a", inertial("1e200", "1 1 1", origin='<origin xyz="1e200 0 0"/>')),
           joint("j", "base", "a", '<axis xyz="0 1 0"/>')), 1, "its mass matrix is not finite"),
         ((BASE, A, link("b", inertial("-2", "0 0 0")), joint("j", "base", "a"),
           joint("w", "a", "b", kind="fixed")), 4,
-         "the mass of link 'b' and of those that it is welded to is zero, by a negative one"),
+         "the masses of link 'b' and of the links fixed to it add up to zero, with a negative one"),
     ],
 )  # fmt: skip
 def test_an_obstacle(tmp_path: Path, lines: tuple[str, ...], line: int, sentence: str) -> None:
@@ -102,19 +102,19 @@ def test_an_obstacle(tmp_path: Path, lines: tuple[str, ...], line: int, sentence
 @pytest.mark.parametrize("text", ["0,5 0 0", "0.1, 0 0", "0 0", "0 0 0 0", "nan 0 0", "1e999 0 0"])
 def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) -> None:
     robot = read(tmp_path, BASE, A, joint("j", "base", "a", f'<origin xyz="{text}"/>'))
-    sentence = f"xyz of <origin> of joint 'j' is {text!r}, where 3 finite numbers belong"
+    sentence = f"xyz of <origin> of joint 'j' is {text!r}; expected 3 finite numbers"
     assert in_the_way(robot) == [(4, sentence)]
 
 
 @pytest.mark.parametrize(
     ("text", "line", "sentence"),
     [
-        ("<robot>\n<link>\n</robot>", 3, "no XML at column 3: mismatched tag"),
-        ("", 1, "no XML: the file is empty"),
-        (b"<robot>\0<link/>\n</robot>", 1, "no XML at column 8: the file is binary"),
+        ("<robot>\n<link>\n</robot>", 3, "not XML at column 3: mismatched tag"),
+        ("", 1, "not XML: the file is empty"),
+        (b"<robot>\0<link/>\n</robot>", 1, "not XML at column 8: the file is binary"),
         ('<!DOCTYPE r [<!ENTITY x "1">]>\n<robot/>', 1, "refused: it declares entities or a DTD"),
         ("<sdf/>", 1, "the root is <sdf>, not <robot>"),
-        (b"\x89PNG\r\n\x1a\n", 1, "no XML at column 1: not well-formed (invalid token)"),
+        (b"\x89PNG\r\n\x1a\n", 1, "not XML at column 1: not well-formed (invalid token)"),
     ],
 )
 def test_what_is_no_urdf(tmp_path: Path, text: str | bytes, line: int, sentence: str) -> None:
@@ -143,21 +143,23 @@ def test_joints_that_move_no_inertia_are_held_while_others_move(tmp_path: Path) 
     assert robot.held == ("pan", "spin")
     assert [one.name for one in tree_of(robot).links] == ["j"]
     assert tree_of(robot).links[0].mass == 3  # that of the point
-    assert told(robot)["joints that move nothing that has inertia, held still"] == ("pan", "spin")
+    assert told(robot)["joints that move nothing with inertia (held still)"] == ("pan", "spin")
     after = joint("z", "base", "hand", '<mimic joint="pan"/>')
     robot = read(tmp_path, *lines, link("hand", ""), after)
     assert (robot.held, tree_of(robot).couplings) == (("pan", "spin", "z"), ())
     follower = joint("k", "base", "b", '<mimic joint="pan"/>')
     led = read(tmp_path, *lines, link("b"), follower)
     assert in_the_way(led) == [
-        (6, "joint 'pan' moves nothing that has inertia, so it has no acceleration"),
+        (6, "joint 'pan' moves nothing with inertia, so its acceleration is undefined"),
     ]
 
 
 def test_a_file_without_any_inertia_is_told_so_once(tmp_path: Path) -> None:
     bare = [link(name, "") for name in "abc"]
     robot = read(tmp_path, *bare, joint("j", "a", "b"), joint("k", "b", "c"))
-    sentence = "it has 2 joints and none moves anything that has inertia: it tells kinematics alone"
+    sentence = (
+        "none of its 2 joints moves anything with inertia: the file describes kinematics only"
+    )
     assert in_the_way(robot) == [(1, sentence)]
 
 
@@ -165,8 +167,8 @@ def test_joints_that_move_no_inertia_together_are_in_the_way(tmp_path: Path) -> 
     chain = [BASE, link("a", ""), B, joint("j", "base", "a")]
     robot = read(tmp_path, *chain, joint("k", "a", "b", '<origin xyz="2 0 0"/>'))
     assert in_the_way(robot) == [
-        (5, "a motion of the joints 'j', 'k' together moves nothing that has inertia, so they have"
-            " no accelerations"),
+        (5, "a combined motion of the joints 'j', 'k' moves nothing with inertia, so their"
+            " accelerations are undefined"),
     ]  # fmt: skip
     across = read(tmp_path, *chain, joint("k", "a", "b", '<axis xyz="0 1 0"/>'))
     assert in_the_way(across) == []
@@ -174,8 +176,8 @@ def test_joints_that_move_no_inertia_together_are_in_the_way(tmp_path: Path) -> 
 
 def test_a_root_without_mass_moves_freely_only_with_what_it_carries(tmp_path: Path) -> None:
     assert in_the_way(read(tmp_path, BASE, A, joint("j", "base", "a"), floating=True)) == [
-        (2, "a motion of the joints 'base', 'j' together moves nothing that has inertia, so they"
-            " have no accelerations"),
+        (2, "a combined motion of the joints 'base', 'j' moves nothing with inertia, so their"
+            " accelerations are undefined"),
     ]  # fmt: skip
     welded = joint("j", "base", "a", kind="fixed")
     assert in_the_way(read(tmp_path, BASE, A, welded, floating=True)) == []

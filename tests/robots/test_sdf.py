@@ -175,14 +175,14 @@ def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Pat
     free = mimic.format("<offset>0.1</offset>")
     robot = read(tmp_path, *lines, more.replace("</axis>", free + "</axis>"))
     assert not tree_of(robot).couplings
-    assert told(robot)["mimic that no gear holds: the joint is free"] == ("k",)
+    assert told(robot)["mimic without a gear: the joint is free"] == ("k",)
 
 
 @pytest.mark.parametrize(("lines", "line", "said"), [
     ((BASE, ARM, joint(), "<include/>"), 5, "<include> is not covered"),
     ((BASE, ARM, joint(), "<model name='n'/>"), 5, "<model> is not covered"),
     ((BASE, ARM, joint().replace("revolute", "screw")), 4, "joint 'q' is of type 'screw'"),
-    ((BASE, ARM), 3, "nothing holds 'base', 'arm'"),
+    ((BASE, ARM), 3, "no joint holds 'base', 'arm'"),
     ((BASE, "<static>true</static>"), 3, "the model is static"),
     ((BASE.replace("<pose>", '<pose frame="f">', 1), WELD), 2, "frame= of the pose of link 'base'"),
     ((BASE, WELD, auto("<mesh><uri>a.dae</uri></mesh>")), 4,
@@ -191,12 +191,13 @@ def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Pat
     ((BASE, WELD, auto("<box/>").replace("collision", "visual")), 4, "has no <collision>"),
     ((BASE, ARM, joint().replace(">arm<", ">leg<")), 4, "the child of joint 'q' is 'leg'"),
     ((BASE, ARM, joint(xyz="<xyz>0 0 0</xyz>")), 4, "the axis of joint 'q' has no length"),
-    ((BASE, ARM.replace("-0.3 0.5", "x 0.5"), joint()), 3, "where 6 finite numbers belong"),
+    ((BASE, ARM.replace("-0.3 0.5", "x 0.5"), joint()), 3, "expected 6 finite numbers"),
     ((BASE, BASE, ARM, joint()), 3, "a second link, joint or frame is called 'base'"),
     ((BASE, ARM, joint(), joint().replace('"q"', '"p"')), 5, "link 'arm' has a second parent"),
     ((BASE, ARM.replace("<pose>", '<pose relative_to="nowhere">', 1), joint()), 3,
-     "frame 'nowhere', in which a pose is told, is none"),
-    ((BASE, ARM.replace("<pose>", '<pose relative_to="arm">', 1), joint()), 3, "stands in itself"),
+     "frame 'nowhere', which a pose refers to, does not exist"),
+    ((BASE, ARM.replace("<pose>", '<pose relative_to="arm">', 1), joint()), 3,
+     "is defined in itself"),
 ])  # fmt: skip
 def test_what_makes_no_tree_is_told_with_its_line(
     lines: tuple[str, ...], line: int, said: str, tmp_path: Path

@@ -190,7 +190,7 @@ def test_springs_are_those_of_gazebo(tmp_path: Path) -> None:
     )
     found = tree_of(robot).links[0]
     assert (found.stiffness, found.rest) == (7, (0.2,))
-    assert told(robot) == {"spring of no hinge and no slide": ("s", "nobody")}
+    assert told(robot) == {"spring of a joint that is neither hinge nor slide": ("s", "nobody")}
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         "dry friction": ("j",),
         "limits of position": ("j",),
         "limits of effort": ("j",),
-        "mimic that no gear holds: the joint is free": ("m",),
+        "mimic without a gear: the joint is free": ("m",),
         "<transmission>": ("t",),
         "<loop_joint>": (),
         "collision geometry": ("base", "a"),

@@ -171,7 +171,7 @@ def test_no_mesh_becomes_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
     geometry = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual></link>'
     model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
     written = from_model(model, tmp_path / "made")
-    assert "are run or read: rename it" in written.declares
+    assert "runs or reads files that end with" in written.declares
     names = {str(path.relative_to(tmp_path / "made")) for path in (tmp_path / "made").rglob("*")}
     assert names == {"model.urdf", "model.urdf.toml", "system.py"}
     assert CODE not in (tmp_path / "made" / "system.py").read_text()
@@ -182,5 +182,5 @@ def test_a_mesh_that_is_a_pipe_is_not_opened(tmp_path: Path) -> None:
     model = tmp_path / "model.urdf"
     geometry = '<visual><geometry><mesh filename="mesh.stl"/></geometry></visual></link>'
     model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
-    with pytest.raises(NewError, match="is a named pipe, where a file belongs"):
+    with pytest.raises(NewError, match="is a named pipe; expected a file"):
         from_model(model, tmp_path / "made")

@@ -77,7 +77,7 @@ def test_every_number_of_the_example_that_matters_is_bound() -> None:
 
 @pytest.mark.parametrize("name", ["a b", "2arms", "", "é", "a/.."])
 def test_a_name_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(NewError, match="no name for a system"):
+    with pytest.raises(NewError, match="not a valid system name"):
         check_name(tmp_path / name if name else Path())
 
 
@@ -89,7 +89,7 @@ def test_nothing_is_overwritten_and_nothing_put_nowhere(
     (tmp_path / "link").symlink_to("nowhere")
     for name in ("arm", "link"):
         assert main(["new", name]) == 2
-        assert "is there already; nothing was written" in capsys.readouterr().err
+        assert "exists already; nothing was written" in capsys.readouterr().err
     assert main(["new", "no/where"]) == 2
     assert "no: no such folder" in capsys.readouterr().err
     assert not list((tmp_path / "arm").iterdir())
@@ -137,7 +137,7 @@ def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(
     read: Callable[[Path], Read],
 ) -> None:
     folder, remarks = read(CRANE)
-    assert any("computes from its geoms" in remark for remark in remarks)
+    assert any("computes its mass and inertia from geoms" in remark for remark in remarks)
     system = load_system(folder)
     constants = {c.name: c for c in system.constants}
     assert constants["sway_damping"].value == 0.12
@@ -194,7 +194,8 @@ def test_turned_frames_products_fixed_joints_and_limits_are_read(
     """Both engines agree with it, or it would not have been written."""
     folder, remarks = read(ARM)
     assert remarks == (
-        "the turn of boom_centre is taken as numbers: a wrong one shows, but is not named",
+        "the rotation of boom_centre is kept as numbers: a wrong one makes the case"
+        " differ, but has no named cause",
     )
     system = load_system(folder)
     sidecar = read_sidecar(folder / "arm.urdf.toml")
@@ -212,10 +213,10 @@ MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
 @pytest.mark.parametrize(("suffix", "old", "new", "says"), [
     (".urdf", '<child link="pole"/>', '<child link="bar"/>', r"m\.urdf:\d+: the child of joint"),
     (".urdf", 'mass value="0.25"', 'mass value="a"', "value of <mass> of link 'pole' is 'a'"),
-    (".urdf", "</robot>", "", r"m\.urdf:\d+: no XML"),
+    (".urdf", "</robot>", "", r"m\.urdf:\d+: not XML"),
     (".xml", "<worldbody>", "<worldbody><bod/>", r"m\.xml:\d+: MuJoCo can't load it"),
     (".xml", "<worldbody>", "<include file='../a.xml'/><worldbody>", "which is not below its"),
-    (".txt", "", "", "a model file is a .urdf"),
+    (".txt", "", "", "unknown kind of model file"),
 ])  # fmt: skip
 def test_what_can_not_be_read_is_named_and_nothing_is_written(
     tmp_path: Path, suffix: str, old: str, new: str, says: str
@@ -235,8 +236,8 @@ def test_what_can_not_be_read_is_named_and_nothing_is_written(
 @pytest.mark.parametrize(("suffix", "old", "new", "says"), [
     (".urdf", 'damping="0.004" friction="0"', 'friction="0.1"', "has friction, which is not"),
     (".urdf", '<axis xyz="0 -1 0"/>', '<axis xyz="0 -1 0"/><mimic joint="x"/>', "mimics another"),
-    (".urdf", '<limit lower="-100" upper="100"', "<limit", "states no limits"),
-    (".urdf", "xyz=\"1 0 0\"", 'xyz="0 0 1"', "no rest position within the limits"),
+    (".urdf", '<limit lower="-100" upper="100"', "<limit", "has no lower and upper limits"),
+    (".urdf", "xyz=\"1 0 0\"", 'xyz="0 0 1"', "no rest position found, within the limits"),
     (".urdf", "</link>\n\n  <joint name=\"x\"", '<visual><geometry><mesh filename="no.stl"/>'
      "</geometry></visual></link>\n\n  <joint name=\"x\"", "it needs no.stl, looked for"),
     (".xml", "</worldbody>", "</worldbody><actuator><motor joint='x'/></actuator>", "an actuator"),
@@ -255,7 +256,7 @@ def test_bodies_are_declared_where_energies_are_not(
     model.write_text(text.replace(old, new))
     (tmp_path / "a.xml").write_text('<mujoco><option timestep="0.001"/></mujoco>')
     written = from_model(model, tmp_path / "read")
-    assert written.declares.startswith("bodies, and not energies: ")
+    assert written.declares.startswith("bodies instead of energies: ")
     assert re.search(says, written.declares)
     assert not [one for one in written.remarks if not one.startswith("left out: ")]
     assert isinstance(load_declaration(tmp_path / "read"), MultibodySystem)
@@ -276,7 +277,7 @@ def test_a_reading_that_no_engine_shares_is_not_written(
     monkeypatch.setattr(
         "physics_crosscheck.harness.scaffold.from_energies.format_settings", lambda _: settings
     )
-    with pytest.raises(NewError, match="no engine agrees with what was read"):
+    with pytest.raises(NewError, match="no engine agrees with the equations read"):
         from_model(model, tmp_path / "read")
     assert os.listdir(tmp_path) == ["m.urdf"]
 

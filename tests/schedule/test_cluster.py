@@ -198,7 +198,7 @@ def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_he
     assert theirs.folder == pendulum
     assert record(theirs) == record(mine)
     # One that is here was not sent, one that is nowhere is missed as on this machine.
-    assert missing[0].reason.endswith("what else it reads belongs into the folder")
+    assert missing[0].reason.endswith("put everything else that it reads into the folder")
     assert missing[1].reason.endswith("nowhere'")
 
 
@@ -279,7 +279,7 @@ def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
         pool.submit(nap, str(begun))
         until(lambda: pool.turn() is not None and begun.is_file())
         os.kill(own.scheduler, signal.SIGKILL)
-        with pytest.raises(ClusterError, match="is gone itself; what is done is kept"):
+        with pytest.raises(ClusterError, match="finished cases are kept"):
             until(pool.turn)
 
 
@@ -297,8 +297,10 @@ def test_a_new_worker_that_differs_is_told_with_what_differs(
     finally:
         cluster.kill("other")
     said = capsys.readouterr().err
-    assert re.search(r"tcp://\S+ has physics-crosscheck's files \w+ \(here \w+\); results", said)
-    assert "install the same there" in said
+    assert re.search(
+        r"tcp://\S+ has physics-crosscheck's files \w+ \(here \w+\), so its results", said
+    )
+    assert "install the same version there" in said
     assert "Traceback" not in said
 
 
@@ -324,7 +326,7 @@ def test_an_address_where_no_scheduler_answers_is_told(
     assert main(["run", "simple_pendulum", "--scheduler", address]) == 2
     said = capsys.readouterr().err
     assert f"crosscheck: --scheduler {address}: no scheduler answers there" in said
-    assert "`dask scheduler` starts one" in said
+    assert "Start one with `dask scheduler`" in said
 
 
 def test_without_the_extra_its_name_is_told(

@@ -194,7 +194,7 @@ def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Worke
     assert "SIGSEGV" in crashed.reason
     assert crashed.stdout.startswith("about to fall")
     assert "exit code 7" in left.reason
-    assert "ran out of its 1 processor seconds; --limit raises it" in hung.reason
+    assert "used up its limit of 1 processor seconds; --limit raises it" in hung.reason
     assert hung.stdout == "still here"
 
 
@@ -250,7 +250,7 @@ def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_mu
     assert workers.outcome(workers.submit(wait_a_little, 0)) == "waited"
     monkeypatch.setattr("physics_crosscheck.harness.schedule.limits.PATIENCE", 0.5)
     reason = failed(workers.outcome(workers.submit(sleep, 0))).reason
-    assert "not ended in 0.5 s by the clock" in reason
+    assert "stopped after 0.5 s by the clock" in reason
     assert "--limit raises it" in reason
 
 
@@ -259,7 +259,7 @@ def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_wait
 ) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.schedule.limits.PATIENCE", 0.1)
     (reason,) = reasons(workers, spin)
-    assert "ran out of its 1 processor seconds" in reason
+    assert "used up its limit of 1 processor seconds" in reason
     assert not is_waiting(1.0, 100.0)
     assert is_waiting(1.0, 1000.0)
     began = processor_seconds(os.getpid())
@@ -270,7 +270,7 @@ def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_wait
 def test_a_task_that_ignores_the_signal_of_its_limit_is_ended_all_the_same() -> None:
     with Workers(1, Limits(seconds=0.3)) as pool:
         (reason,) = reasons(pool, spin_deaf)
-    assert "ran out of its 0.3 processor seconds" in reason
+    assert "used up its limit of 0.3 processor seconds" in reason
 
 
 @pytest.mark.parametrize(("function", "argument"), [(hoard, 0), (raise_it, MemoryError)])
@@ -280,13 +280,16 @@ def test_too_much_memory_costs_the_task_alone(
     hoarding = workers.submit(function, argument)
     beside = [workers.submit(square, i) for i in range(4)]
     reason = failed(workers.outcome(hoarding)).reason
-    assert reason == f"{line(function)}it needs more than the 1 GiB it may have; --memory raises it"
+    assert (
+        reason
+        == f"{line(function)}it needs more than its limit of 1 GiB of memory; --memory raises it"
+    )
     assert list(map(workers.outcome, beside)) == [0, 1, 4, 9]
 
 
 def test_what_cannot_be_told_or_sent_is_a_sentence(workers: Workers) -> None:
     mute = failed(workers.outcome(workers.submit(raise_it, MuteError))).reason
-    assert mute == "MuteError: its own message can't be told (KeyboardInterrupt)"
+    assert mute == "MuteError: its message can't be shown (KeyboardInterrupt)"
     assert (
         "its value can't be sent" in failed(workers.outcome(workers.submit(unsendable, 0))).reason
     )

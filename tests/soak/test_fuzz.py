@@ -53,7 +53,7 @@ def test_a_text_that_is_no_equation_is_told_by_its_number() -> None:
     system = load_system(builtin() / "simple_pendulum")
     published = PublishedEquation("3.7", "f''", "motion", of="theta", driven=False, note="")
     with pytest.raises(
-        DeclarationError, match=r"Eq\. 3\.7: can't read .*is neither a number, a name nor"
+        DeclarationError, match=r"Eq\. 3\.7: can't read .*is not a number, a name or"
     ):
         readings(published, system)
 

@@ -138,7 +138,7 @@ def test_a_model_that_is_wrong_differs_at_every_draw(workers: Workers, tmp_path:
     model.write_text(model.read_text().replace('damping="0.9"', 'damping="0.8"'))
     found = rows_of(folder, options("k=20:60", count=2), tmp_path / "rows", workers)
     assert [row.outcome for row in found] == [Outcome.DIFFERS] * 2
-    assert all("ends the segment" in row.reason for row in found)
+    assert all("at the end of the segment" in row.reason for row in found)
 
 
 def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
@@ -147,7 +147,7 @@ def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
     asked = options("k=20:60", count=2, steps=(0.004, 1.5))
     found = rows_of(folder, asked, tmp_path / "rows", workers)
     assert [row.outcome for row in found] == [Outcome.AGREES, Outcome.FAILED] * 4
-    assert all("a step of 1.5 s shows nothing" in row.reason for row in found[1::2])
+    assert all("dt = 1.5 s is too long" in row.reason for row in found[1::2])
 
 
 def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path: Path) -> None:

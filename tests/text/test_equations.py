@@ -372,7 +372,7 @@ def test_seven_are_told_in_numbers_and_that_is_said(tmp_path: Path, style: Style
     declared = load_declaration(tmp_path / "kuka")
     assert isinstance(declared, MultibodySystem)
     text = describe(tree_derivation(declared), style)
-    assert "they are left out: of 7 joints they are long" in text
+    assert "they are left out: they are too long for 7 joints" in text
     assert "Degrees of freedom: 7." in text
     rows = re.findall(r"lbr_iiwa_link_3|lbr\\_iiwa\\_link\\_3", text)
     assert len(rows) == 3  # what it weighs, what it carries, and its joint

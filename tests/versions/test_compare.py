@@ -77,7 +77,7 @@ def test_a_known_difference_that_stays_is_no_change_and_one_that_is_mended_is() 
 def test_equations_of_a_file_that_is_compiled_otherwise_are_told() -> None:
     one = only(between(V1, run("2.0", does=measurement(move=1e-5, equations=1e-5))))
     assert one.kinds == ("limit", "equations")
-    assert "model and equations changed alike: they agree" in one.messages
+    assert "model and equations changed in the same way, and agree" in one.messages
 
 
 def test_states_that_are_chosen_anew_are_no_change_where_the_old_ones_are_repeated() -> None:
@@ -91,7 +91,7 @@ def test_what_the_step_costs_is_told_with_both_errors() -> None:
     one = only(between(V1, run("2.0", case(global_error=0.01))))
     assert one.kinds == ("step cost",)
     assert (one.global_error_before, one.global_error_after) == (0.005, 0.01)
-    assert one.messages == ("global error 0.5 % -> 1 %",)
+    assert one.messages == ("error at dt 0.5 % -> 1 %",)
 
 
 def test_what_each_verdict_says_for_itself_is_told_where_it_changes() -> None:

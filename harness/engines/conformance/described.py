@@ -19,9 +19,9 @@ def engine_is_described(asked: Asked) -> None:
     engine = asked.engine
     named = all(isinstance(word, str) and word for word in (engine.name, engine.title))
     ask(named, "name and title must be words")
-    ask(re.fullmatch(r"[\w-]+", engine.name) is not None, f"the name {engine.name!r} is no word")
+    ask(re.fullmatch(r"[\w-]+", engine.name) is not None, f"the name {engine.name!r} is not a word")
     good = all(re.fullmatch(r"\.\w+", suffix) for suffix in engine.formats)
-    ask(bool(engine.formats) and good, 'formats must list endings of files, such as (".urdf",)')
+    ask(bool(engine.formats) and good, 'formats must list file suffixes, such as (".urdf",)')
     ask(all(isinstance(word, str) for word in engine.capabilities), "capabilities are phrases")
     version = engine.version()
     ask(version is None or isinstance(version, str), "version() must be text, or None")
@@ -35,15 +35,15 @@ def model_is_described(asked: Asked) -> None:
     names = model.coordinates
     good = isinstance(names, tuple) and all(isinstance(name, str) and name for name in names)
     ask(good and bool(names), "coordinates must be a tuple of names, at least one")
-    ask(len(set(names)) == len(names), f"coordinates must have names of their own: {names}")
-    ask(0 < model.step < np.inf, f"the step is {model.step!r}, where seconds belong")
+    ask(len(set(names)) == len(names), f"coordinate names must be unique: {names}")
+    ask(0 < model.step < np.inf, f"the step is {model.step!r}; expected seconds")
     named = isinstance(model.integrator, str) and bool(model.integrator)
     ask(named, f"the integrator's name is {model.integrator!r}")
     for varying in (False, True):
         order, increment = model.exponents(varying)
         whole = isinstance(order, int) and isinstance(increment, int)
         ask(whole and order > 0 and increment > 0, "exponents() must give two whole numbers")
-    ask(0 < model.epsilon < 1e-2, f"epsilon is {model.epsilon!r}, a relative rounding belongs")
+    ask(0 < model.epsilon < 1e-2, f"epsilon is {model.epsilon!r}; expected the relative rounding")
 
 
 def hooks_have_their_shapes(asked: Asked) -> None:
@@ -77,7 +77,7 @@ def the_step_stays_the_shipped_one(asked: Asked) -> None:
     loaded = asked.load()
     loaded.free(h=loaded.h / 3)
     found = loaded.model.step
-    ask(found == loaded.h, f"step was {loaded.h:g} s, and is {found:g} s after a rollout")
+    ask(found == loaded.h, f"a rollout changed step from {loaded.h:g} s to {found:g} s")
 
 
 def errors_name_the_file(asked: Asked) -> None:
@@ -102,10 +102,10 @@ def _refused(engine: Engine, spec: ModelSpec, name: str, what: str) -> None:
     try:
         engine.load(spec)
     except EngineError as error:
-        ask(name in str(error), f"the error on a {what} doesn't name {name}: {error}")
+        ask(name in str(error), f"the error for a {what} doesn't name {name}: {error}")
     except Exception as error:
         raise BrokenError(
             f"a {what} ends in {type(error).__name__}, not in an EngineError"
         ) from None
     else:
-        raise BrokenError(f"a {what} is taken without a word")
+        raise BrokenError(f"a {what} raises no error")

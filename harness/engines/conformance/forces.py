@@ -68,7 +68,7 @@ def a_force_by_state_is_the_same_force(asked: Asked) -> None:
         float(np.max(np.abs(a - b))) for a, b in zip(found, loaded.pushed(every=EVERY), strict=True)
     )
     allowed = 1e3 * loaded.model.epsilon * max(1.0, *(float(np.abs(a).max()) for a in found))
-    ask(error <= allowed, f"the same forces by state make a motion that is {error:.1e} off")
+    ask(error <= allowed, f"the same forces, given as a map, change the motion by {error:.1e}")
 
 
 def a_force_by_state_sees_the_start_of_its_step(asked: Asked) -> None:
@@ -83,11 +83,14 @@ def a_force_by_state_sees_the_start_of_its_step(asked: Asked) -> None:
 
     given = StateForce(np.zeros((1, STEPS, 1)), at)
     z, _ = loaded.run((q, v), STEPS, given, 1)
-    ask(len(seen) == STEPS, f"its map was asked {len(seen)} times in {STEPS} steps")
+    ask(len(seen) == STEPS, f"its map was called {len(seen)} times in {STEPS} steps")
     passed = np.concatenate([q, z[0, :-1]])
     error = float(np.max(np.abs(np.array(seen) - passed)))
     allowed = 10 * loaded.model.epsilon * max(1.0, float(np.abs(passed).max()))
-    ask(error <= allowed, f"its map sees states {error:.1e} off those at the start of a step")
+    ask(
+        error <= allowed,
+        f"its map gets states that differ by {error:.1e} from those at the start of a step",
+    )
 
 
 def orders_are_as_claimed(asked: Asked) -> None:
@@ -110,14 +113,17 @@ def accelerations_are_those_of_small_steps(asked: Asked) -> None:
     told = model.accelerations(q, v, force[:, 0])
     if told is None:
         return
-    ask(told.shape == v.shape, f"accelerations are {told.shape}, where {v.shape} belongs")
+    ask(told.shape == v.shape, f"accelerations have shape {told.shape}; expected {v.shape}")
     h = loaded.h / 8
     coarse, fine = ((loaded.run((q, v), 1, force, 1, one)[1][:, 0] - v) / one for one in (h, h / 2))
     known = np.isfinite(told).all(axis=1)
     error = np.abs(told - (2 * fine - coarse))[known].max(initial=0.0)
     rounding = 1e3 * model.epsilon * (np.abs(v).max() / h + np.abs(coarse).max())
     allowed = np.abs(fine - coarse).max() + rounding
-    ask(error <= allowed, f"its accelerations are {error:.1e} off how its velocities change")
+    ask(
+        error <= allowed,
+        f"its accelerations differ by {error:.1e} from the change of its velocities",
+    )
 
 
 def _order(loaded: Loaded, varying: bool) -> float | None:

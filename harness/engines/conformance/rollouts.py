@@ -21,7 +21,7 @@ def rollouts_have_their_shape(asked: Asked) -> None:
     for n, every in ((STEPS, EVERY), (STEPS, STEPS), (STEPS, 1), (1, 1)):
         for values in loaded.free(n, every):
             wanted = BATCH, n // every, loaded.size
-            ask(values.shape == wanted, f"a rollout is {values.shape}, where {wanted} belongs")
+            ask(values.shape == wanted, f"a rollout has shape {values.shape}; expected {wanted}")
             ask(values.dtype == np.float64, f"its numbers are {values.dtype}, not float64")
 
 
@@ -31,7 +31,7 @@ def every_gives_the_ends_of_shorter_rollouts(asked: Asked) -> None:
     sampled = loaded.free(STEPS, EVERY)
     for row, n in enumerate(range(EVERY, STEPS + 1, EVERY)):
         part = sampled[0][:, row : row + 1], sampled[1][:, row : row + 1]
-        ask(alike(loaded.free(n), part), f"the sample after {n} steps is no end of {n} steps")
+        ask(alike(loaded.free(n), part), f"the sample after {n} steps differs from {n} steps")
 
 
 def arguments_are_left_alone(asked: Asked) -> None:
@@ -57,7 +57,7 @@ def a_rollout_repeats_bitwise(asked: Asked) -> None:
     """The same call gives the same bits, at once and after others."""
     loaded = asked.load()
     first = loaded.pushed()
-    ask(alike(loaded.pushed(), first), "the same call a second time gives another motion")
+    ask(alike(loaded.pushed(), first), "the same call gives a different motion the second time")
 
 
 def an_earlier_step_leaves_no_trace(asked: Asked) -> None:
@@ -87,7 +87,7 @@ def a_batch_is_its_rows_one_by_one(asked: Asked) -> None:
     whole = run([0, 1, 2])
     for rows in ([2, 0, 1], [0], [1], [2]):
         part = whole[0][rows], whole[1][rows]
-        ask(alike(run(rows), part), f"rows {rows} of a batch move otherwise by themselves")
+        ask(alike(run(rows), part), f"rows {rows} of a batch move differently alone")
 
 
 def what_is_not_finite_is_returned_so(asked: Asked) -> None:
@@ -97,7 +97,7 @@ def what_is_not_finite_is_returned_so(asked: Asked) -> None:
     q[1] = np.nan
     z, w = loaded.run((q, v), STEPS, None, STEPS)
     finite = np.isfinite(z[1]).all() and np.isfinite(w[1]).all()
-    ask(not finite, "a motion from a state that is no number comes back as numbers")
+    ask(not finite, "a motion from a NaN state returns finite numbers")
 
 
 def what_is_not_finite_spoils_nothing(asked: Asked) -> None:
@@ -109,5 +109,5 @@ def what_is_not_finite_spoils_nothing(asked: Asked) -> None:
     z, w = loaded.run((q, v), STEPS, None, STEPS)
     rows = [0, 2]
     beside = alike((z[rows], w[rows]), (first[0][rows], first[1][rows]))
-    ask(beside, "a motion that is no number has changed those beside it")
-    ask(alike(loaded.free(), first), "a motion that was no number has changed the next ones")
+    ask(beside, "a NaN motion has changed other motions of the batch")
+    ask(alike(loaded.free(), first), "a NaN motion has changed later ones")

@@ -146,7 +146,9 @@ class DartModel(UrdfModel):
         joints = [joint for joint in moving if joint.getNumDofs()][1 if self.floats else 0 :]
         for joint in joints:
             if joint.getNumDofs() != 1:
-                raise EngineError(f"{spec.path}: joint {joint.getName()!r} is no slide or hinge")
+                raise EngineError(
+                    f"{spec.path}: joint {joint.getName()!r} is neither a slide nor a hinge"
+                )
             mimic = joint.getActuatorType() == dart.dynamics.ActuatorType.MIMIC
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)

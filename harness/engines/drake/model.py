@@ -50,7 +50,9 @@ class DrakeModel(TreeModel):
         joints = moving_joints(plant)[1 if self.floats else 0 :]
         for joint in joints:
             if joint.num_velocities() != 1:
-                raise EngineError(f"{self.path}: joint {joint.name()!r} is no slide or hinge")
+                raise EngineError(
+                    f"{self.path}: joint {joint.name()!r} is neither a slide nor a hinge"
+                )
         self._springs = self.name([joint.name() for joint in joints])
         self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
         self._along = leading(hold, self.coordinates, self.path) if hold else None

@@ -38,8 +38,9 @@ def refuse_balls(plant: Any, moments_of: Mapping[str, float], path: Path) -> Non
         taken = ball > 0 and bool(np.all(np.abs(moments - ball) < 1e-6 * ball))
         if taken and abs(stated - ball) > 1e-4 * ball and not plant.IsAnchored(body):
             raise EngineError(
-                f"{path}: Drake takes a ball of {own.get_mass():.4g} kg for the inertia of link"
-                f" {body.name()!r}, which no body can have; give it one, or none"
+                f"{path}: Drake takes a ball of {own.get_mass():.4g} kg for the "
+                f"impossible inertia of link {body.name()!r}; correct the inertia, "
+                "or remove it"
             )
 
 

@@ -151,7 +151,10 @@ class MujocoEngine(Engine):
         if not model.njnt:
             raise EngineError(f"{spec.path}: it has no moving joint")
         if (model.nu or model.na) and not is_on(spec, "smooth", otherwise=False):
-            raise EngineError(f"{spec.path}: it has actuators; inputs are applied to joints here")
+            raise EngineError(
+                f"{spec.path}: it has actuators, but crosscheck applies inputs to "
+                "joints; remove them"
+            )
         controls = held_controls(model, spec)
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.

@@ -67,7 +67,7 @@ def _collect(path: Path, folder: Path, found: dict[Path, XmlSource | None]) -> N
         name = include.get("file", "")
         if name and (folder / name).exists():  # these stand beside the first
             if not (folder / name).is_file():
-                raise source.refused(include, f"<include file> has {name!r}, which is no file")
+                raise source.refused(include, f"<include file> has {name!r}, which is not a file")
             _collect(folder / name, folder, found)
 
 
@@ -90,8 +90,8 @@ def checked_step(step: float, found: Sequence[XmlSource], spec: ModelSpec, least
     places = [where for _, where in stated(found, "timestep")]
     where = places[-1] if places else str(spec.path)
     raise EngineError(
-        f"{f'{spec.path}.toml' if 'step' in spec.settings else where}: the step is {step:g} s,"
-        f" where {least:g} s or more belong"
+        f"{(f'{spec.path}.toml' if 'step' in spec.settings else where)}: the time "
+        f"step is {step:g} s; expected {least:g} s or more"
     )
 
 
@@ -144,7 +144,7 @@ def _not_a_number(words: Iterable[_Word]) -> EngineError | None:
     """That a number is none, or beyond all; None where all are finite."""
     for word in words:
         if not math.isfinite(word.size):
-            told = f"{word.sentence}, where a finite number belongs"
+            told = f"{word.sentence}; expected a finite number"
             return EngineError(told, file=word.file, line=word.line)
     return None
 
@@ -167,8 +167,9 @@ def override_remarks(found: Sequence[XmlSource], spec: ModelSpec) -> Iterator[Re
             if not _same(words, given):
                 yield Remark(
                     kind="setting",
-                    message=f"the file's own {attribute} is {words}; the sidecar's {key} ="
-                    f" {given} counts",
+                    message=(
+                        f"the sidecar's {key} = {given} overrides the file's {attribute}, {words}"
+                    ),
                     address=f"option@{attribute}",
                     beside=f"sidecar:settings.{key}",
                     shows_in=PULL if key == "gravity" else (),

@@ -72,7 +72,7 @@ class MjxEngine(MujocoEngine):
         """Load an MJCF or URDF file."""
         bits = spec.settings.get("bits", BITS)
         if bits not in (32, 64):
-            told = f"[settings] bits is {bits!r}, where 32 or 64 belongs"
+            told = f"[settings] bits is {bits!r}; expected 32 or 64"
             raise EngineError(f"{spec.path}.toml: {told}")
         rest = {key: value for key, value in spec.settings.items() if key != "bits"}
         model = super().load(replace(spec, settings=rest))
@@ -163,7 +163,7 @@ class MjxModel(MujocoModel):
         from mujoco import mjx
 
         for reason in _unread(self.model):
-            raise EngineError(f"{self._spec.path}: it has {reason}, which MJX reads over")
+            raise EngineError(f"{self._spec.path}: it has {reason}, which MJX ignores")
         _keep_compiled()
         self._bits = bits
         self.epsilon = float(np.finfo(f"float{bits}").eps)

@@ -73,7 +73,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         value = float(m.dof_frictionloss[dof])
         yield Remark(
             kind="dry friction",
-            message=f"frictionloss of {name} holds it with {value:g}; friction is not smooth",
+            message=f"frictionloss of {name} is {value:g}; dry friction is not smooth",
             subject=(name, "frictionloss"),
             fault=True,
             address=f"{address}@frictionloss",
@@ -83,8 +83,10 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
     if parent == "body" and not m.jnt_limited[i] and lower > upper:
         yield Remark(
             kind="empty limit",
-            message=f"the range [{lower:g}, {upper:g}] of {name} holds nothing: the lower is above"
-            " the upper",
+            message=(
+                f"the range [{lower:g}, {upper:g}] of {name} has no effect: the lower "
+                "limit is above the upper"
+            ),
             address=f"{address}@range",
         )
     if m.jnt_limited[i] and parent == "body":
@@ -106,7 +108,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
     if m.qpos0[m.jnt_qposadr[i]]:
         value = float(m.qpos0[m.jnt_qposadr[i]])
         yield Remark(
-            message=f"{name} is {value:g} where the file draws it (ref)",
+            message=f"{name} is {value:g} in the file's drawn pose (ref)",
             subject=(name, "ref"),
             address=f"{address}@ref",
             value=value,
@@ -119,14 +121,14 @@ def _options(m: Any, spec: ModelSpec, found: Sequence[XmlSource]) -> Iterator[Re
     shown = ", ".join(f"{g:g}" for g in gravity)
     if sum(g != 0 for g in gravity) > 1:
         yield Remark(
-            message=f"gravity is tilted: ({shown}) is along no axis",
+            message=f"gravity is tilted: ({shown}) is not along an axis",
             address=f"{'sidecar:settings.' if 'gravity' in spec.settings else 'option@'}gravity",
             shows_in=PULL,
         )
     # What only MuJoCo can read may well state it.
     if "gravity" not in spec.settings and found and not any(stated(found, "gravity")):
         yield Remark(
-            message=f"no gravity is stated: MuJoCo takes ({shown})", address="", shows_in=PULL
+            message=f"the file sets no gravity: MuJoCo uses ({shown})", address="", shows_in=PULL
         )
     acting = [key for key in ("wind", "density", "viscosity") if np.any(getattr(m.opt, key))]
     if acting:
@@ -155,8 +157,10 @@ def _equalities(m: Any, urdf: bool) -> Iterator[Remark]:
         elif np.array_equal(m.eq_solref[i], plain.solref):
             yield Remark(
                 kind="constraint",
-                message=f"equality {name} is soft: solref is MuJoCo's default, 0.02 s, and wrong at"
-                " any step",
+                message=(
+                    f"equality {name} is soft: solref is MuJoCo's default, 0.02 s, and "
+                    "adds an error at every time step"
+                ),
                 fault=True,
                 address=address,
                 value=float(m.eq_solref[i][0]),
@@ -179,8 +183,10 @@ def _tendons(m: Any, file: Path) -> Iterator[Remark]:
         if np.any(m.tendon_stiffness[i]) and np.all(np.asarray(tendon.springlength) == -1):
             value = float(m.tendon_lengthspring[i][0])
             yield Remark(
-                message=f"tendon {tendon.name or i + 1} states no springlength: its spring rests at"
-                f" {value:g}, its length where the joints are at their springref",
+                message=(
+                    f"tendon {tendon.name or i + 1} sets no springlength: its spring "
+                    f"rests at {value:g}, its length with the joints at springref"
+                ),
                 subject=(str(tendon.name or i + 1), "springlength"),
                 address=address,
                 value=value,
@@ -214,15 +220,16 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
         names = [m.geom(g).name or f"of body {m.body(m.geom_bodyid[g]).name}" for g in (one, other)]
         yield Remark(
             kind="contact",
-            message=f"geoms {names[0]} and {names[1]} touch along the motions",
+            message=f"geoms {names[0]} and {names[1]} touch during the motions",
             fault=True,
             address="",
         )
     if not touching:
         able = int(np.sum((m.geom_contype > 0) | (m.geom_conaffinity > 0)))
         yield Remark(
-            message=f"{able} geoms can collide (contype, conaffinity); at the motions' states none"
-            " does",
+            message=(
+                f"{able} geoms can collide (contype, conaffinity), but none does during the motions"
+            ),
             address="",
             kind="reach",
         )

@@ -19,7 +19,7 @@ def is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
     """
     value = spec.settings.get(key, otherwise)
     if not isinstance(value, bool):
-        told = f"[settings] {key} is {value!r}, where true or false belongs"
+        told = f"[settings] {key} is {value!r}; expected true or false"
         raise EngineError(f"{spec.path}.toml: {told}")
     return value
 
@@ -116,6 +116,7 @@ def _listed(spec: ModelSpec, key: str, count: int) -> Array:
     numbers = isinstance(given, list) and all(type(one) in (int, float) for one in given)
     if not numbers or len(given) != count:  # type: ignore[arg-type]  # a list
         raise EngineError(
-            f"{spec.path}.toml: [settings] {key} is {given!r}, where {count} numbers belong"
+            f"{spec.path}.toml: [settings] {key} is {given!r}; expected {count} number"
+            + "s" * (count != 1)
         )
     return np.array(given, dtype=float)

@@ -24,7 +24,7 @@ def complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
     if is_on(spec, "floating", otherwise=False):
         root = tree.worldbody.first_body()
         if root is None:
-            raise EngineError(f"{spec.path}: it has no link that could float")
+            raise EngineError(f"{spec.path}: it has no link that can float")
         root.add_freejoint().name = base_name(robot)
     held = held_joints(spec)
     for joint, (stiffness, rest) in joint_springs(robot, spec.path).items():

@@ -118,7 +118,7 @@ class NewtonModel(Model):
         self._worlds = Worlds(read.builder, read.layout, springs)
         at, still = self.home[None], np.zeros((1, len(self.coordinates)))
         if not np.isfinite(self.rollout(at, still, 1e-3, 1, None, 1)).all():
-            raise EngineError(f"{spec.path}: a joint moves nothing that has inertia")
+            raise EngineError(f"{spec.path}: a joint moves nothing with inertia")
 
     @property
     def home(self) -> Array:
@@ -164,7 +164,10 @@ class NewtonModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What Newton changes, leaves out and reads over."""
         if self._corrected:
-            told = f"{self._enlarged}: they are small beside the body's others, or break a triangle"
+            told = (
+                f"{self._enlarged}: they are too small relative to the body's other "
+                "moments, or violate the triangle inequality"
+            )
             yield Remark(kind="replaced", message=told, address="", shows_in=("inertia",))
         for cause in self._read.lost:
             yield Remark(kind="setting", message=f"{cause}, by a setting", address="", fault=True)
@@ -193,8 +196,9 @@ class NewtonUrdf(NewtonModel, UrdfModel):
         for name, (lower, upper) in stopped_turns(self.declared.robot):
             yield Remark(
                 kind="joint limit",
-                message=f"{name} is continuous, and Newton stops it at its limits all the same:"
-                f" [{lower:g}, {upper:g}]",
+                message=(
+                    f"{name} is continuous, but Newton applies its limits: [{lower:g}, {upper:g}]"
+                ),
                 fault=not self.settings["smooth"],
                 address=f"robot/joint[{name}]/limit",
             )
@@ -208,7 +212,7 @@ class NewtonMjcf(NewtonModel):
         settings = {**DEFAULTS, **spec.settings}
         for key in ("held", "floating", "collapse_fixed_joints"):
             if settings.get(key):
-                raise EngineError(f"{spec.path}.toml: Newton's adapter takes {key} of URDFs alone")
+                raise EngineError(f"{spec.path}.toml: Newton's adapter takes {key} only for URDFs")
         self.step = float(settings["step"])  # type: ignore[arg-type]  # checked
         self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
         self._take(spec, read_mjcf(spec, settings))

@@ -96,7 +96,7 @@ def _names(root: ET.Element, builder: Any, path: Path) -> list[list[str]]:
     bodies = [one for world in root.findall("worldbody") for one in world.iter("body")]
     if len(bodies) != len(builder.body_label):
         raise EngineError(
-            f"{path}: Newton makes {len(builder.body_label)} bodies of its {len(bodies)}"
+            f"{path}: Newton builds {len(builder.body_label)} bodies from its {len(bodies)}"
         )
     joints = [[one for one in body if one.tag in ("joint", "freejoint")] for body in bodies]
     order = [one for row in joints for one in row]
@@ -105,7 +105,7 @@ def _names(root: ET.Element, builder: Any, path: Path) -> list[list[str]]:
         row = joints[child]
         slides = [one for one in row if one.get("type") == "slide"]
         if len(row) > 1 and len(slides) != lines:
-            raise EngineError(f"{path}: joints of body {bodies[child].get('name')!r} name no type")
+            raise EngineError(f"{path}: joints of body {bodies[child].get('name')!r} have no type")
         own = row if len(row) < 2 else slides + [one for one in row if one not in slides]
         found.append([one.get("name") or f"joint_{order.index(one)}" for one in own])
     return found

@@ -67,7 +67,7 @@ def read_urdf(model: UrdfModel) -> Read:
     for label, (lines, turns) in zip(builder.joint_label, builder.joint_dof_dim, strict=True):
         name = label.removeprefix(prefix)
         if lines + turns > 1 and not (model.floats and not names):
-            raise EngineError(f"{model.path}: joint {name!r} is no slide or hinge")
+            raise EngineError(f"{model.path}: joint {name!r} is neither a slide nor a hinge")
         names.append([model.root if model.floats and not names else name][: lines + turns])
     layout = Layout(builder, names, np.zeros(len(builder.joint_qd)))
     springs = model.declared.springs

@@ -78,7 +78,9 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         for name in list(model.names)[1:]:
             row = rows.get(name) or rows.get(name.removeprefix("Composite_"))
             if row is None:
-                raise EngineError(f"{self.path}: Pinocchio makes a joint {name!r}, which is none")
+                raise EngineError(
+                    f"{self.path}: Pinocchio makes a joint {name!r}, which the file does not have"
+                )
             found.append([one.name for one in row if one.kind != FREE])
         return found
 

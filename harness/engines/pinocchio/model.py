@@ -53,7 +53,7 @@ class PinocchioModel(SteppedHere):
                 self._root_q, root_v = joint.idx_q, joint.idx_v
                 continue
             if joint.nv != len(row) or joint.nq not in (joint.nv, 2):
-                raise EngineError(f"{self.path}: joint {row[0]!r} is no slide or hinge")
+                raise EngineError(f"{self.path}: joint {row[0]!r} is neither a slide nor a hinge")
             # Cosine and sine stand for the angle of a hinge without limits.
             if joint.nq > joint.nv:
                 self._turns.append((len(speeds), joint.idx_q))

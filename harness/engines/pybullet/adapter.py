@@ -292,8 +292,8 @@ class PybulletModel(Model):
                 continue
             if info[2] not in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
                 raise EngineError(
-                    f"{self.path}: joint {name!r} is no slide, hinge or ball; only these are"
-                    " supported so far"
+                    f"{self.path}: joint {name!r} is not a slide, hinge or ball; "
+                    "only these are supported"
                 )
             joints.append(index)
             names.append(name)
@@ -334,7 +334,7 @@ class PybulletModel(Model):
         for joint in spring.joints:
             if joint not in self._joint_names:
                 raise EngineError(
-                    f"{self.path}: a spring names {joint!r}, which is no moving joint"
+                    f"{self.path}: a spring names {joint!r}, which is not a moving joint"
                 )
         terms = [(self._joint_names.index(j), float(c)) for j, c in spring.joints.items()]
         return terms, spring.stiffness, spring.damping, spring.rest
@@ -344,11 +344,13 @@ class PybulletModel(Model):
 
         for joint in (mimic.leader, mimic.joint):
             if joint not in self._joint_names:
-                raise EngineError(f"{self.path}: <mimic> names {joint!r}, which is no moving joint")
+                raise EngineError(
+                    f"{self.path}: <mimic> names {joint!r}, which is not a moving joint"
+                )
         if not mimic.multiplier:
             raise EngineError(
-                f"{self.path}: <mimic> of {mimic.joint!r} has the multiplier 0, which no JOINT_GEAR"
-                " can have; a joint that stands still is fixed"
+                f"{self.path}: <mimic> of {mimic.joint!r} has the multiplier 0, "
+                "which JOINT_GEAR does not support; make the joint fixed"
             )
         if mimic.offset:
             raise EngineError(f"{self.path}: <mimic> with an offset is not supported by JOINT_GEAR")
@@ -396,4 +398,4 @@ class PybulletModel(Model):
 
     def _check_loaded(self) -> None:
         if _loaded is not self:
-            raise EngineError(f"{self.path}: another model has been loaded since")
+            raise EngineError(f"{self.path}: a different model has been loaded since")

@@ -87,9 +87,9 @@ def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
     if zeroed:
         links, whose = ("link", "its") if len(zeroed) == 1 else ("links", "their")
         raise EngineError(
-            f"{path}: PyBullet sets the inertia of {links} {', '.join(zeroed)} to zero: {whose}"
-            " moments can't be a body's (about principal axes each must be at most the sum of the"
-            " other two)"
+            f"{path}: PyBullet sets the inertia of {links} {', '.join(zeroed)} to "
+            f"zero; {whose} principal moments of inertia violate the triangle "
+            "inequality (each must be at most the sum of the other two)"
         )
     _check_moved(path, body)
 
@@ -115,8 +115,8 @@ def _check_moved(path: str, body: int) -> None:
     for name, own in rows.items():
         if not all(moved[row - first][row - first] > 0 for row in own):
             raise EngineError(
-                f"{path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
-                " holds it still; give its link a mass and moments of inertia"
+                f"{path}: joint {name!r} moves nothing with inertia, so PyBullet "
+                "holds it still; give its link a mass and moments of inertia"
             )
 
 
@@ -143,9 +143,11 @@ def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
     """A remark a link."""
     for name, off in lost.items():
         yield Remark(
-            message=f"PyBullet's own principal axes of link {name}, by sweeps that stop early,"
-            f" leave its tensor {off:.1e} of itself off: no number of the file can mend it, the"
-            " setting exact_axes = true does",
+            message=(
+                f"PyBullet computes the principal axes of link {name} inexactly, so its "
+                f"tensor is off by {off:.1e}; no number of the file corrects that, but "
+                "the setting exact_axes = true does"
+            ),
             subject=(name, "principal axes"),
             address=f"robot/link[{name}]",
             value=off,

@@ -28,11 +28,11 @@ _PARTS = {
 
 _LEFT_ON: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "link_damping": (
-        "every link is braked by its speed, and by the square of it",
+        "it brakes every link by its speed and the square of it",
         ("damping", "friction", "acceleration"),
     ),
-    "motors": ("every joint is held at rest as far as its motor can", ()),
-    "inertia_from_file": ("those of the file are not read", ("inertia",)),
+    "motors": ("it holds every joint at rest with its motor", ()),
+    "inertia_from_file": ("it ignores the file's inertias", ("inertia",)),
 }
 """What each does where it is left on, and the compiled terms that it may rightly be part of."""
 
@@ -76,6 +76,6 @@ def products_caveat(path: Path) -> tuple[str, ...]:
     if not any(word.strip("+-0. \n\t") for word in products):
         return ()
     return (
-        f"{path.name} has products of inertia, whose principal axes PyBullet finds to 1e-9 or"
-        " so: a discrepancy of that size may be its own",
+        f"{path.name} has products of inertia; PyBullet finds their principal axes "
+        "only to about 1e-9, so a discrepancy of that size may be PyBullet's",
     )

@@ -76,18 +76,20 @@ class PymunkEngine(Engine):
         if unknown:
             raise EngineError(f"{spec.path}.toml: pymunk has no setting {', '.join(unknown)}")
         if "step" not in spec.settings:
-            raise EngineError(f"{spec.path}.toml: [settings] must state step: a Space has none")
+            raise EngineError(
+                f"{spec.path}.toml: [settings] must set step, because a Space has none"
+            )
         gravity = spec.settings.get("gravity", [0, 0, 0])
         if gravity[2]:  # type: ignore[index]  # three numbers, checked by the sidecar
             raise EngineError(
-                f"{spec.path}.toml: [settings] gravity is {gravity!r}; a Space is a plane, so that"
-                " its third component must be 0"
+                f"{spec.path}.toml: [settings] gravity is {gravity!r}; a Space is "
+                "planar, so the third component must be 0"
             )
         damping = spec.settings.get("damping", 1)
         if isinstance(damping, bool) or not isinstance(damping, (int, float)) or not damping > 0:
             raise EngineError(
-                f"{spec.path}.toml: [settings] damping is {damping!r}; it is the share of its"
-                " velocity that a body keeps in a second, 1 for none lost"
+                f"{spec.path}.toml: [settings] damping is {damping!r}; set the "
+                "share of velocity that a body keeps per second, 1 for no damping"
             )
         return PymunkModel(spec)
 

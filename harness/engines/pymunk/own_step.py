@@ -73,8 +73,8 @@ def step_whole(space: Any, handles: Sequence[Any], h: float, push: Sequence[floa
         pymunk.Space.step = plain
     if push is not None and not reached:
         raise EngineError(
-            "the Space's own step doesn't come to pymunk.Space.step: call super().step(dt) in it,"
-            " so that inputs can act"
+            "the Space's own step doesn't call pymunk.Space.step; call "
+            "super().step(dt) in it, so that inputs can act"
         )
 
 

@@ -14,16 +14,18 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
     yield from _overridden(space, settings)
     if has_own_step(space):
         yield Remark(
-            message="the Space has a step, callbacks or threads of its own: it is stepped through"
-            " its own step",
+            message=(
+                "the Space has its own step, callbacks or threads; crosscheck uses its own step"
+            ),
             address="",
         )
     damping: Any = settings.get("damping", space.damping)
     if damping != 1:
         value = float(damping)
         yield Remark(
-            message=f"Space.damping is {value:g}: every velocity loses {1 - value:.3g} of itself a"
-            " second",
+            message=(
+                f"Space.damping is {value:g}: every velocity loses {1 - value:.3g} per second"
+            ),
             subject=("Space.damping",),
             fault=True,
             address=_address("damping", settings),
@@ -33,7 +35,7 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
     gravity = (float(given[0]), float(given[1]))
     if gravity[0] and gravity[1]:
         yield Remark(
-            message=f"gravity is tilted: {gravity} is along no axis",
+            message=f"gravity is tilted: {gravity} is not along an axis",
             address=_address("gravity", settings),
             shows_in=PULL,
         )
@@ -43,7 +45,7 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
     if len(shapes) > 1:
         yield Remark(
             kind="contact",
-            message=f"{len(shapes)} shapes can collide: their filters let them",
+            message=f"{len(shapes)} shapes can collide: their filters allow it",
             address="",
         )
 
@@ -59,7 +61,7 @@ def _overridden(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
         if own not in (plain, counts):
             yield Remark(
                 kind="setting",
-                message=f"the file's own {name} is {own}; the sidecar's, {counts}, counts",
+                message=f"the sidecar's {name}, {counts}, overrides the file's, {own}",
                 address=f"Space().{name}",
                 beside=f"sidecar:settings.{name}",
                 shows_in=shows_in,
@@ -89,7 +91,7 @@ def _joint_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
         if constraint.max_force < float("inf") or constraint.max_bias < float("inf"):
             yield Remark(
                 kind="constraint",
-                message=f"a {kind} has a largest force or correction: it lets go beyond",
+                message=f"a {kind} has a largest force or correction: it yields beyond",
                 address=f"{kind}()",
             )
 

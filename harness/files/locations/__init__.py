@@ -90,7 +90,7 @@ def _grammar(file: Path) -> _Grammar:
     if suffix not in _GRAMMARS:
         known = ", ".join(_GRAMMARS)
         raise LocationError(
-            f"numbers are found in {known} files, not in {file.suffix} ones", file=file
+            f"numbers can be located in {known} files, not in {file.suffix} files", file=file
         )
     return _GRAMMARS[suffix]
 
@@ -165,6 +165,6 @@ def _decoded(data: bytes, file: Path) -> Source:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise LocationError(
-            f"byte {error.start} is no UTF-8; save it as UTF-8", file=file
+            f"byte {error.start} is not UTF-8; save the file as UTF-8", file=file
         ) from None
     return Source(file, data)

@@ -85,13 +85,9 @@ class Source:
         (start, end), read = found
         text = self.data[start:end].decode("utf-8")
         if not _NUMBER.fullmatch(text):
-            raise self.error(
-                address, f"is {brief(text)} there, where a decimal number belongs", start
-            )
+            raise self.error(address, f"is {brief(text)}; expected a decimal number", start)
         if float(text) != read:
-            raise self.error(
-                address, f"is read as {read!r} there, but written {brief(text)}", start
-            )
+            raise self.error(address, f"is written {brief(text)} but read as {read!r}", start)
         before = re.split(rb"\r\n|\r|\n", self.data[:start])
         column = len(before[-1].decode("utf-8").removeprefix("\ufeff")) + 1
         return Location(

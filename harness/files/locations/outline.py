@@ -75,7 +75,7 @@ def outline(file: Path, data: bytes) -> Element:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise LocationError(
-            f"byte {error.start} is no UTF-8; save it as UTF-8", file=file
+            f"byte {error.start} is not UTF-8; save the file as UTF-8", file=file
         ) from None
     found = read_elements(source)
     return _element(source, found[0], (found[0].tag, found[0].identity, 0))

@@ -35,17 +35,17 @@ def python_names(source: Source) -> Resolve:
 
     def resolve(address: str) -> tuple[Span, float]:
         if not address.isidentifier():
-            raise source.error(address, "is no address; in Python it is a name, such as 'MASS'")
+            raise source.error(address, "is not an address; in Python use a name, such as 'MASS'")
         lines = bound.get(address, [])
         if not lines:
             near = nearest(address, simple) or "none"
-            raise source.error(address, f"is no name at the top level; there is {near}")
+            raise source.error(address, f"is not a name at the top level; nearest: {near}")
         where = offset(lines[0], 0)
         if len(lines) > 1:
             raise source.error(
                 address,
-                f"is bound several times (lines {', '.join(map(str, lines))}); a number"
-                " that stands for a constant is given once",
+                f"is bound several times (lines {', '.join(map(str, lines))}); bind "
+                "a number that stands for a constant only once",
                 where,
             )
         value = simple.get(address)
@@ -53,8 +53,8 @@ def python_names(source: Source) -> Resolve:
         if value is None or number is None:
             raise source.error(
                 address,
-                f"is no plain number there; write '{address} = 1.5' at the top level,"
-                " and compute with it below",
+                f"is not a plain number; write '{address} = 1.5' at the top level, "
+                "and use it below",
                 where,
             )
         assert value.end_lineno is not None
@@ -128,12 +128,12 @@ def parsed(source: Source) -> tuple[ast.Module, list[int]]:
         encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
         if encoding not in ("utf-8", "utf-8-sig"):
             raise LocationError(
-                f"its encoding is {encoding}; save it as UTF-8", file=source.file, line=1
+                f"its encoding is {encoding}; save the file as UTF-8", file=source.file, line=1
             )
         tree = ast.parse(source.data, filename=str(source.file))
     except SyntaxError as error:
         raise LocationError(
-            f"no Python: {error.msg}", file=source.file, line=error.lineno or 1
+            f"not Python: {error.msg}", file=source.file, line=error.lineno or 1
         ) from None
     mark = 3 if source.data.startswith(b"\xef\xbb\xbf") else 0
     starts = [mark]

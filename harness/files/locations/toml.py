@@ -41,12 +41,12 @@ def toml_keys(source: Source) -> Resolve:
     def resolve(address: str) -> tuple[Span, float]:
         key = _toml_key(address)
         if key is None:
-            raise source.error(address, "is no address; one is like 'spring[0].stiffness'")
+            raise source.error(address, "is not an address; write it like 'spring[0].stiffness'")
         if key not in numbers:
             near = nearest(address, map(_spell_key, numbers)) or "none"
             raise source.error(
                 address,
-                f"means no number; there is {near}",
+                f"does not name a number; nearest: {near}",
                 offset(values[key][0]) if key in values else None,
             )
         start, end = numbers[key]

@@ -74,7 +74,9 @@ def xml_paths(source: Source) -> Resolve:
     def resolve(address: str) -> tuple[Span, float]:
         match = _ADDRESS.fullmatch(address)
         if match is None:
-            raise source.error(address, "is no address; one is like 'body[rod]/inertial@pos[2]'")
+            raise source.error(
+                address, "is not an address; write it like 'body[rod]/inertial@pos[2]'"
+            )
         steps, index = _steps(match, elements)
         found = _walk(elements, steps, address, source)
         attribute = match["attribute"]
@@ -85,7 +87,7 @@ def xml_paths(source: Source) -> Resolve:
                 near = nearest(attribute, first.attributes) or "none"
                 raise source.error(
                     address,
-                    f"means <{first.tag}>, which has no {attribute}; it has {near}",
+                    f"names <{first.tag}>, which has no {attribute}; it has {near}",
                     first.start,
                 )
             found = having
@@ -94,8 +96,8 @@ def xml_paths(source: Source) -> Resolve:
             spelled = ", ".join(dict.fromkeys(e.spelled(depth) for e in found))
             raise source.error(
                 address,
-                f"means several numbers ({source.lines(e.start for e in found)}); say"
-                f" which, by its name or its parent's ({spelled})",
+                f"names several numbers ({source.lines(e.start for e in found)}); "
+                f"add its name or its parent's ({spelled})",
                 found[0].start,
             )
         if attribute is not None:
@@ -211,7 +213,7 @@ def read_elements(source: Source) -> list[RawElement]:
     def declare(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
             raise LocationError(
-                f"its encoding is {encoding}; save it as UTF-8", file=source.file, line=1
+                f"its encoding is {encoding}; save the file as UTF-8", file=source.file, line=1
             )
 
     def refuse(*_: object) -> None:
@@ -219,7 +221,7 @@ def read_elements(source: Source) -> list[RawElement]:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         if len(open_) == MOST_DEPTH:
-            told = f"refused: more than {MOST_DEPTH} elements in one another"
+            told = f"refused: more than {MOST_DEPTH} nested elements"
             raise RefusedError(told, file=source.file, line=parser.CurrentLineNumber)
         parent = open_[-1] if open_ else None
         element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
@@ -274,10 +276,10 @@ def no_xml(file: Path, *, strict: bool) -> str:
 def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
     """Return the line of what was parsed, and what is wrong: the column and the reason."""
     if not data.strip():
-        return 1, "no XML: the file is empty"
+        return 1, "not XML: the file is empty"
     if b"\0" in data:
-        return error.lineno, f"no XML at column {error.offset + 1}: the file is binary"
-    return error.lineno, f"no XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
+        return error.lineno, f"not XML at column {error.offset + 1}: the file is binary"
+    return error.lineno, f"not XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
 
 
 def _walk(
@@ -294,8 +296,8 @@ def _walk(
             near = near or [e.spelled(1) for e in pool]
             raise source.error(
                 address,
-                f"means nothing: there is no {cut(step)}{cut(within)}; there is"
-                f" {nearest(step, near) or 'nothing'}",
+                f"names nothing: there is no {cut(step)}{cut(within)}; nearest: "
+                f"{nearest(step, near) or 'nothing'}",
                 parents[0].start if parents else None,
             )
         parents, pool = found, [child for e in found for child in e.children]
@@ -311,7 +313,7 @@ def attribute_span(element: RawElement, attribute: str, source: Source) -> Span:
         if match[1].decode("utf-8") == attribute:
             return match.span(2 if match[2] is not None else 3)
         at = match.end()
-    raise AssertionError(f"{source.file}: the parser has found {attribute}, the scan has not")
+    raise AssertionError(f"{source.file}: the parser finds {attribute}, but the scan does not")
 
 
 def attribute_words(
@@ -326,11 +328,15 @@ def text_words(element: RawElement, source: Source, address: str) -> tuple[list[
     """The same of an element's text."""
     if element.children:
         remedy = "end the address with an attribute, as in '@mass', or with one of its elements"
-        raise source.error(address, f"means <{element.tag}>, no number; {remedy}", element.start)
+        raise source.error(
+            address, f"names <{element.tag}>, which is not a number; {remedy}", element.start
+        )
     if not element.text.strip():
         near = nearest("", element.attributes)
         remedy = f"; its attributes are {near}, as in '@{near.split(', ')[0]}'" if near else ""
-        raise source.error(address, f"means <{element.tag}>, without text{remedy}", element.start)
+        raise source.error(
+            address, f"names <{element.tag}>, which has no text{remedy}", element.start
+        )
     tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
     at = tag.end()
@@ -345,7 +351,7 @@ def find_words(source: Source, start: int, end: int, address: str) -> list[Span]
     written = source.data[start:end]
     if re.search(rb"&|<!\[CDATA\[", written):
         raise source.error(
-            address, "is spelled with a reference or CDATA; write a plain number", start
+            address, "is written with a reference or CDATA; write a plain number", start
         )
     written = re.sub(rb"<!--.*?-->|<\?.*?\?>", lambda m: b" " * len(m[0]), written, flags=re.DOTALL)
     return [(start + m.start(), start + m.end()) for m in re.finditer(rb"[^ \t\r\n]+", written)]
@@ -363,16 +369,18 @@ def _component(
     start = spans[0][0] if spans else None
     if index is None and count != 1:
         raise source.error(
-            address, f"means {count} numbers; say which, as in '{address}[0]'", start
+            address, f"names {count} numbers; choose one, as in '{address}[0]'", start
         )
     place = int(index or 0)
     if place >= count:
         raise source.error(address, f"is beyond {what}: it has {count} numbers, from [0]", start)
     if len(words) != count:
-        raise source.error(address, f"is cut by a comment in {what}; move the comment out", start)
+        raise source.error(
+            address, f"is interrupted by a comment in {what}; move the comment out", start
+        )
     try:
         # Python would read 1_000; no XML reader does.
         return spans[place], float(words[place].replace("_", "?"))
     except ValueError:
-        reason = f"is {brief(words[place])} there, where a number belongs"
+        reason = f"is {brief(words[place])}; expected a number"
         raise source.error(address, reason, spans[place][0]) from None

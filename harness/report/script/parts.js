@@ -15,7 +15,7 @@ function part(id) {
     const script = make("script", { src: `${beside.folder}/${name}` });
     script.addEventListener("error", () => {
       arriving.delete(name);
-      one.reject(new Error(`the file ${beside.folder}/${name} can't be read: it goes with this page`));
+      one.reject(new Error(`the file ${beside.folder}/${name} can't be read; keep it together with this page`));
     });
     document.head.append(script);
   }

@@ -192,11 +192,11 @@ NO_MISTAKES = (
 # What an engine would repair without a word: refused with a sentence that has these words.
 REFUSED = (
     urdf("a rod's inertia about its end where its centre is meant", DRUM,
-         'iyy="0.024"', 'iyy="0.096"', "'rod'", "moments can't be a body's"),
+         'iyy="0.024"', 'iyy="0.096"', "'rod'", "violate the triangle inequality"),
     urdf("a moment of inertia left out", DISC, 'izz="0.021"', 'izz="0"', "'theta'",
-         "moves nothing that has inertia"),
+         "moves nothing with inertia"),
     urdf("a mass left out", MSD, '<mass value="1.3"/>', '<mass value="0"/>', "'x'",
-         "moves nothing that has inertia"),
+         "moves nothing with inertia"),
     urdf("the sign of a mass", MSD, '<mass value="1.3"/>', '<mass value="-1.3"/>',
          "mass of link 'mass' is below zero"),
 )  # fmt: skip

@@ -62,12 +62,12 @@ def test_a_spring_that_is_no_straight_line_is_a_pull_and_a_control_is_put_in() -
 
 WRONG: list[tuple[Any, str]] = [
     (lambda: RigidBody(name="x", parent=None, mass=float("nan")), "mass and lift of body 'x'"),
-    (lambda: RigidBody(name="x", parent=None, position=(1, 2)), "3 finite numbers belong"),  # type: ignore[arg-type]
+    (lambda: RigidBody(name="x", parent=None, position=(1, 2)), "3 finite numbers"),  # type: ignore[arg-type]
     (lambda: RigidBody(name="x", parent=None, rpy=(1, 0, 0), quaternion=(1, 0, 0, 0)), "one of"),
     (lambda: RigidBody(name="x", parent=None, quaternion=(0, 0, 0, 0)), "has no length"),
     (lambda: Joint(name="x", kind="ball", rest_turn=(0.0, 0.0, 0.0, 0.0)), "rest_turn of joint"),
     (lambda: Joint(name="x", kind="hinge", limits=(1.0, 0.0)), "limits of joint 'x'"),
-    (lambda: assembled([ROD, ROD], DOWN), "two bodies are called 'rod'"),
+    (lambda: assembled([ROD, ROD], DOWN), "two bodies have the name 'rod'"),
     (
         lambda: assembled([ROD], DOWN, [ForceElement(name="p", joints=(("z", 1),))]),
         "pull 'p' names joint",
@@ -96,8 +96,8 @@ def test_a_system_has_the_coordinates_of_what_follows_nothing() -> None:
 
 @pytest.mark.parametrize(("bodies", "rest", "says"), [
     ((RigidBody(name="x", parent=None, mass=1.0),), {}, "has no joint"),
-    ((ROD, RigidBody(name="x", parent="rod", mass=-2.0)), {}, "'x' takes all of what it is welded"),
-    ((ROD,), {"couplings": (Coupling(follower="a", leader="a"),)}, "in a circle"),
+    ((ROD, RigidBody(name="x", parent="rod", mass=-2.0)), {}, "'x' and of the bodies fixed to it"),
+    ((ROD,), {"couplings": (Coupling(follower="a", leader="a"),)}, "in a cycle"),
 ])  # fmt: skip
 def test_a_system_that_is_none_is_refused(
     bodies: tuple[RigidBody, ...], rest: dict[str, Any], says: str

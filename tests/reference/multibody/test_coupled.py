@@ -93,11 +93,11 @@ def test_several_are_followed_at_once() -> None:
 def test_a_circle_is_refused_by_its_names() -> None:
     one = tree(("hinge", "hinge"), 0)
     ends = (Coupling(follower=0, leader=1), Coupling(follower=1, leader=0))
-    with pytest.raises(TreeError, match="j0, j1 follow each other in a circle"):
+    with pytest.raises(TreeError, match="j0, j1 follow each other in a cycle"):
         Coupled(dataclasses.replace(one, couplings=ends))
 
 
 def test_a_ball_follows_nothing() -> None:
     one = tree(("ball", "hinge"), 0)
-    with pytest.raises(TreeError, match="j0 is coupled, and no hinge"):
+    with pytest.raises(TreeError, match="j0 is coupled, but neither a hinge"):
         dataclasses.replace(one, couplings=(Coupling(follower=1, leader=0),))

@@ -64,15 +64,15 @@ def test_what_angles_of_a_file_leave_of_zeros_is_left_out() -> None:
 
 
 @pytest.mark.parametrize(("tree", "says"), [
-    (chain(4), "of 4 joints they are long"),
-    (chain(3), r"they have \d+ terms, where 80 are long"),
+    (chain(4), "they are too long for 4 joints"),
+    (chain(3), r"they have \d+ terms; more than 80 are too long"),
     (assembled(
         [body(0, None, Joint(name="b", kind="ball"))], (0, 0, -9.81)).tree, "'b' is a ball joint"),
     (assembled([body(0, None, Joint(name="b", kind="hinge"))], (0, 0, -9.81),
-               [ForceElement(name="p", joints=(("b", 1.0),), bias=(1, 0, 0))]).tree, "of tendons"),
+               [ForceElement(name="p", joints=(("b", 1.0),), bias=(1, 0, 0))]).tree, "for tendons"),
     (assembled([body(0, None, Joint(name="a", kind="hinge")),
                 body(1, "b0", Joint(name="b", kind="hinge"))], (0, 0, -9.81),
-               couplings=[Coupling(follower="b", leader="a")]).tree, "that follow others"),
+               couplings=[Coupling(follower="b", leader="a")]).tree, "joint couplings"),
 ])  # fmt: skip
 def test_why_there_are_none_is_said(tree: Tree, says: str) -> None:
     q, v = (sp.symbols(f"{letter}:{tree.nv}", real=True) for letter in "qv")

@@ -205,7 +205,7 @@ def test_ways_that_do_not_fit_are_refused_by_name() -> None:
             Pull(name="p", along=JointForce(joint=BALL, gear=GEAR)),
             "p: j2 does not take",
         ),
-        (Pull(name="p", along=CablePath(branches=()), armature=1.0), "p: its way"),
+        (Pull(name="p", along=CablePath(branches=()), armature=1.0), "p: its path"),
     ):
         with pytest.raises(TreeError, match=says):
             dataclasses.replace(TREE, pulls=(pull,))

@@ -149,5 +149,5 @@ def test_where_all_bend_there_is_no_segment() -> None:
     one = immersed(WATER)
     equations = TreeEquations(tree_system(name="n", title="t", source="s", tree=one))
     n, far = one.nv, np.full((8, 2 * one.nv), np.nan)
-    with pytest.raises(RuntimeError, match="no segment is short enough"):
+    with pytest.raises(RuntimeError, match="every segment crosses a kink"):
         unbent(equations, lambda forces: lambda t, y: y, lambda k: (far, far[:, :n]), 2, 1.0)

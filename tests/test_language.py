@@ -1,0 +1,139 @@
+"""Everything that a person reads is plain English; `tests/language.py` has the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests import language
+from tests.language import PENDING, RULES, Offence, faults, pending, shrunk, write
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_text_keeps_the_rule(rule: str) -> None:
+    found = faults(rule, list(RULES[rule]()), pending()[rule])
+    assert not found, "\n".join(found)
+
+
+def test_each_rule_has_its_list() -> None:
+    assert list(pending()) == list(RULES)
+
+
+LONG = "One " + "word after another " * 9
+
+PLANTED = {
+    "prose_words": ("docs/a.md", "The report\ntells it, and *says* so.", "is reported", 2),
+    "prose_sentences": ("README.md", f"Short.\n\n- {LONG}.", f"{LONG[:40]}.", 1),
+    "table_cells": ("docs/a.md", f"| a | {LONG} |\n|---|---|", "| a | b |", 1),
+    "message_words": (
+        "harness/x/a.py",
+        'raise E(f"joint {j} is no {kind} here") from e\nx = "told"\nTOLD = 3\n"""Of what."""',
+        'raise E(f"joint {j} is not a {kind}")',
+        1,
+    ),
+    "message_sentences": ("reference/a.py", f"f({LONG!r})", f"f({LONG[:40]!r})", 1),
+    "option_help": (
+        "harness/cli/a.py",
+        f"add('--x', help={LONG!r})",
+        "add('--x', help='write results to DIR (reports, or what the settings name, or any "
+        "other folder that there is)')",
+        1,
+    ),
+    "docstring_words": (
+        "harness/a.py",
+        '"""Of what is told."""',
+        '"""Words."""\nx = "told him"',
+        2,
+    ),
+    "docstring_first_words": (
+        "reference/a.py",
+        'def f():\n    """Returns it."""\ndef g():\n    """The mass."""\nclass A:\n    """What."""',
+        'def f():\n    """Return it."""\nclass A:\n    """The mass."""\n    @property\n'
+        '    def g(self):\n        """The mass."""',
+        3,
+    ),
+    "identifiers": (
+        "harness/x/a.py",
+        "def _told(one): ...\nfor found in x: self.left = 1\nclass StandIn: ...",
+        "def f(mass): return [one for one in mass], lambda own: own, told",
+        5,
+    ),
+    "class_names": ("harness/a.py", "class A: ...\nclass A: ...", "class A: ...\nclass B: ...", 1),
+}
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Yield an empty repository."""
+    monkeypatch.setattr(language, "ROOT", tmp_path)
+    caches = (language.trees, language.messages)
+    for cache in caches:
+        cache.cache_clear()
+    yield tmp_path
+    for cache in caches:
+        cache.cache_clear()
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_planted_offence_is_found(rule: str, place: Path) -> None:
+    name, text, _, count = PLANTED[rule]
+    (place / name).parent.mkdir(parents=True, exist_ok=True)
+    (place / name).write_text(text + "\n")
+    assert len(list(RULES[rule]())) == count
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_plain_text_is_let_alone(rule: str, place: Path) -> None:
+    name, _, text, _ = PLANTED[rule]
+    (place / name).parent.mkdir(parents=True, exist_ok=True)
+    (place / name).write_text(text + "\n")
+    assert not list(RULES[rule]())
+
+
+def test_the_page_and_its_scripts_are_messages(place: Path) -> None:
+    for name, text in {
+        "pages/a.html": '<p class="told here">No step is {{ x.told }} told</p>',
+        "script/a.js": 'make("p", { class: "told by" }, `what ${told} is told`); told(x, "y");',
+    }.items():
+        (place / "harness/report" / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / "harness/report" / name).write_text(text)
+    assert [o.place for o in RULES["message_words"]()] == [
+        "harness/report/pages/a.html:1",
+        "harness/report/script/a.js:1",
+    ]
+
+
+def test_code_links_and_long_code_blocks_are_no_prose(place: Path) -> None:
+    (place / "README.md").write_text(
+        f"See [the page](told.md) and `is told {LONG}`.\n\n```\ntold {LONG}\n```\n"
+    )
+    for rule in ("prose_words", "prose_sentences", "table_cells"):
+        assert not list(RULES[rule]())
+
+
+TWO = [Offence("docs/a.md", "docs/a.md:1", "told"), Offence("docs/a.md", "docs/a.md:7", "says")]
+
+
+def test_an_offence_beyond_the_list_fails() -> None:
+    assert not faults("prose_words", TWO, {"docs/a.md": 2})
+    for allowed in ({}, {"docs/a.md": 1}):
+        assert faults("prose_words", TWO, allowed) == [
+            "docs/a.md:1: prose_words: told",
+            "docs/a.md:7: prose_words: says",
+        ]
+
+
+def test_an_entry_that_has_become_clean_fails() -> None:
+    (found,) = faults("prose_words", TWO, {"docs/a.md": 2, "docs/b.md": 1})
+    assert "docs/b.md is clean" in found
+
+
+def test_the_lists_only_shrink(tmp_path: Path) -> None:
+    lists = {"prose_words": {"a": 3, "b": 1, "c": 2}}
+    lower = shrunk(lists, {"prose_words": {"a": 5, "c": 1, "d": 9}})
+    assert lower == {"prose_words": {"a": 3, "c": 1}}
+    write(lower, tmp_path / "lists.toml")
+    assert pending(tmp_path / "lists.toml") == lower
+    assert PENDING.is_file()
