@@ -41,7 +41,7 @@ The nearest `pyproject.toml` with this table is read. The search starts in the w
 ends at the root of the repository, which is the first folder with `.git`. Outside a repository,
 only the working folder is searched. A file of another user is ignored with a note.
 
-Paths are relative to the file. For safety, `cache`, `baseline` and `out` must lie in the folder of
+Paths are relative to the file. `cache`, `baseline` and `out` must lie in the folder of
 the file, and `scheduler` is not allowed: a scheduler can run code on your machine.
 
 ## Settings

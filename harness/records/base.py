@@ -36,7 +36,7 @@ class SourceLine(Record, frozen=True, kw_only=True):
     Attributes:
         file: Name or path of the file.
         line: Line number, counted from 1; None for the whole file.
-        span: First byte of the number in the file and the byte after its last; None without a
+        span: First byte of the number and the byte after its last; None without a
             number.
         text: The number as written in the file; empty without a `span`.
     """

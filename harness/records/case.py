@@ -102,10 +102,10 @@ class Verdict(Record, frozen=True, kw_only=True):
         claimed_order: Order that the engine claims.
         rungs: Steps per segment, one number per rung of the extrapolation.
         steps: Number of engine steps taken.
-        map_residual: Largest violation of the coordinate map, relative to the motion; None if it
+        map_residual: Largest violation of the coordinate map, relative to the motion; None if
             cannot be violated.
         map_uncertainty: Uncertainty of `map_residual`.
-        resolution: Resolution used: the requested one, or a coarser one that the engine's precision
+        resolution: Resolution used: the requested one, or what the engine's precision
             allows; None if unknown.
     """
 
@@ -220,7 +220,7 @@ class Stepping(Record, frozen=True, kw_only=True):
         component: The deciding component.
         digits: Largest difference, in units in the last place of the largest component.
         digits_later: The same after ten steps; None if not finite.
-        digits_long: The same after a thousand steps, from a few states; None if not requested or
+        digits_long: The same after a thousand steps, from few states; None if absent or
             not finite.
     """
 

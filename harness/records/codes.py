@@ -328,7 +328,7 @@ a force of 0.49 acts on theta at rest in equilibrium 'hanging', but the equation
         example="""
 the acceleration of theta is -12.31 in the model and -12.28 in the equations at theta = 0.8
 """,
-        remedy="""Fix the terms that are reported beside it first. If there are none, look at
+        remedy="""Fix the terms that are reported beside it first. Otherwise look at
         what is nonlinear: quadratic drag, a joint limit, a center of mass off its axis.""",
     ),
     _code(
@@ -336,7 +336,7 @@ the acceleration of theta is -12.31 in the model and -12.28 in the equations at 
         "extra-degree-of-freedom",
         "An engine coordinate leaves the coordinate map.",
         kinds="audit:freedom",
-        cause="""The sidecar says how the engine's coordinates follow from those of the
+        cause="""The sidecar states how the engine's coordinates follow from those of the
         equations. The engine accelerates one of them differently: a constraint is missing, soft
         or not active.""",
         example="""
@@ -457,7 +457,7 @@ friction hides stiffness and rest forces: it holds what is at rest
         "No motion reaches a joint limit or a contact.",
         kinds="audit:reach",
         cause="""The file has a joint limit, or shapes that can collide. The motions stay clear
-        of them, so the check says nothing about them.""",
+        of them, so the check does not cover them.""",
         example="""
   theta is limited to [-3, 3], and the motions stay between -0.8 and 0.8
 """,
@@ -534,7 +534,7 @@ friction hides stiffness and rest forces: it holds what is at rest
         "recomputed-inertia",
         "The engine replaces masses or inertias of the file.",
         kinds="audit:replaced",
-        cause="""An option tells the engine to change what the file states. MuJoCo has
+        cause="""An option makes the engine change what the file states. MuJoCo has
         `settotalmass`, `boundmass`, `boundinertia` and `balanceinertia`. Newton enlarges
         tensors that break the triangle rule. Another engine reads the file without that.""",
         example="""
@@ -608,7 +608,7 @@ _CAUSES = (
   pendulum.urdf:9  robot/joint[hinge]/axis@xyz is 2 in the file, 1 in the engine
 """,
         remedy="""Write the number in a way that all engines read alike: unit axes, radians,
-        explicit attributes. Report it to the engine if its documentation says otherwise.""",
+        explicit attributes. Report it to the engine if its documentation differs.""",
     ),
     _code(
         "XC205",
@@ -670,7 +670,7 @@ leg.urdf in PyBullet: E = 9.8e-01
         "The zero of a joint is shifted.",
         kinds="cause:zero",
         cause="""The motions agree once a constant is added to this coordinate. The file's
-        reference position is another one than that of the equations.""",
+        reference position differs from that of the equations.""",
         example="""
   zero of theta is 0.1 in the model, 0 in the equations
 """,
@@ -765,9 +765,7 @@ leg.urdf in PyBullet: E = 9.8e-01
         "additional-force",
         "The model has a constant force that the equations lack.",
         kinds="cause:offset force",
-        cause="""The motions agree with one constant force on this coordinate: a shifted rest
-        position of a spring, a bias of an actuator, or gravity where the equations have
-        none.""",
+        cause="""The motions agree with one constant force on this coordinate. Typical sources are a spring's rest position, an actuator's bias, and gravity.""",
         example="""
   <joint name="x" stiffness="10" springref="0.05"/>
 """,
@@ -846,8 +844,7 @@ leg.urdf in PyBullet
         "wrong-order",
         "The engine converges with another order than it claims.",
         kinds="case:UNRESOLVED:wrong order",
-        cause="""Halving the step reduces the error by another factor than the order of the
-        integrator says. The extrapolation is not trusted then. An integrator that treats a part
+        cause="""Halving the step does not reduce the error by the factor that the integrator's order implies. The extrapolation is not trusted then. An integrator that treats a part
         of the forces differently, or a motion that is not smooth, causes it.""",
         example="""
   convergence order is 2.00 but the engine claims 4
@@ -911,8 +908,7 @@ leg.urdf in PyBullet
         "Short segments agree, but a full run does not.",
         kinds="case:UNRESOLVED:full run",
         cause="""Each segment starts from the reference state, and all agree. A run from start
-        to end does not converge to the motion: the engine carries something from step to step,
-        such as a warm start, a delay or a controller state.""",
+        to end does not converge to the motion. The engine carries something from step to step: a warm start, a delay or a controller state.""",
         example="""
   every segment agrees, but a run from start to end does not converge to the motion
 """,
@@ -943,7 +939,7 @@ _FILES = (
         own fails.""",
         example="""
 unclosed.urdf:3: no XML at column 3: mismatched tag; write well-formed XML
-xacro.urdf:6: value of <mass> of link 'rod' is '${m}', where a finite number belongs
+xacro.urdf:6: value of <mass> of link 'rod' is '${m}'; expected a finite number
 mesh.xml: MuJoCo can't load it: Error: Error opening file 'hand.stl'
 """,
         remedy="""Fix the line that the message names. Expand xacro files first: `xacro
@@ -1007,8 +1003,7 @@ triangle.urdf: MuJoCo can't load it: Error: inertia must satisfy A + B >= C;
         "sidecar-error",
         "The sidecar is missing, unreadable or contradicts itself.",
         kinds="case:FAILED:sidecar",
-        cause="""The TOML file beside the model is not valid, has an unknown key, or does not
-        fit the system: coordinates without a partner, or two rules for one setting.""",
+        cause="""The TOML file beside the model is not valid, has an unknown key, or does not fit the system. Examples: a coordinate without a partner, two rules for one setting.""",
         example="""
   [coordinates]
   thetta = "theta"            # the joint is called theta
@@ -1030,7 +1025,7 @@ triangle.urdf: MuJoCo can't load it: Error: inertia must satisfy A + B >= C;
     _code(
         "XC408",
         "not-a-tree",
-        "The robot's file is no tree of bodies that can move.",
+        "The robot's file has no movable tree of bodies.",
         kinds="case:FAILED:robot",
         cause="""The equations need a tree: one root, one parent for each link, and mass behind
         each joint. A closed loop, two roots, an unknown link or a massless end link prevents
@@ -1193,7 +1188,7 @@ _GATE = (
         "scenario-changed",
         "The scenario changed since it was accepted.",
         kinds="gate:changed:scenario",
-        cause="""The duration, an input or the initial state is another one, so the motions are
+        cause="""The duration, an input or the initial state differs, so the motions are
         not comparable as a whole.""",
         example="""
   duration 4 s -> 6 s
@@ -1229,8 +1224,7 @@ _GATE = (
         "outcome-changed",
         "The outcome changed, although the motion did not.",
         kinds="gate:changed:outcome",
-        cause="""The result is near the border between two outcomes, or the time-stepping method
-        is another one.""",
+        cause="""The result is near the border between two outcomes, or the time-stepping method differs.""",
         example="""
   UNRESOLVED where it was AGREES
 """,

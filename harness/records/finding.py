@@ -127,7 +127,7 @@ class CorrectedMotion(Record, frozen=True, kw_only=True):
 
     Attributes:
         causes: The corrected causes.
-        put_into: `file` if the file ran again at its time step, `equations` if these were solved
+        put_into: `file` if the file ran again, `equations` if these were solved
             again.
         scenarios: Motion of each scenario.
     """

@@ -32,7 +32,7 @@ class DiscreteLinearization(Record, frozen=True, kw_only=True):
         step: The model's own time step, seconds.
         a: Matrix A, states in the order of the components.
         b: Matrix B.
-        error: Largest difference from the documented step rule, relative to the largest entry; None
+        error: Largest difference from the documented rule, relative to the largest entry; None
             without a rule.
         bound: Uncertainty of `error`; None without a known rule.
         differs: Whether an entry differs by more than the uncertainty and the resolution.

@@ -76,7 +76,7 @@ class Results(Record, frozen=True, kw_only=True):
 
     Attributes:
         created: Time of the run, UTC, ISO 8601.
-        versions: Versions of this package, Python and each engine; None for an engine that is not
+        versions: Versions of this package, Python and engines; None for an engine that is not
             installed.
         resolution: Requested resolution: the smallest relative difference that counts.
         seconds: Duration of the run, wall-clock seconds.
