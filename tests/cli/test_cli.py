@@ -94,7 +94,7 @@ def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> No
     ("robot.urdf", "</robot>", "", r"robot.urdf:\d+: not XML"),
     ("space.py", "def build():", "def build():\n    oops", r"space.py:\d+: build\(\) fails.*oops"),
     ("system.py", "k * x.q**2 / 2", "k * y.q**2 / 2", r"system.py:\d+: NameError: name 'y'"),
-    ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2, where"),
+    ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2; expected"),
 ])  # fmt: skip
 def test_a_bad_file_exits_3_and_is_named_with_its_place(
     folder: Path, tmp_path: Path, name: str, old: str, new: str, sentence: str
@@ -125,7 +125,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["run", "nowhere"], "nowhere: no such folder; the built-in systems are anchored_pair"),
-    (["run", "--engine", "havok"], "no engine 'havok' is known; known are dart, drake, idyntree"),
+    (["run", "--engine", "havok"], "unknown engine 'havok'; known engines: dart, drake, idyntree"),
     (["run", "--resolution", "0"], "must be a number between 1e-13 and 1e-2, not 0"),
     (["run", "--jobs", "0"], "must be a whole number above 0, not 0"),
     (["report", "nothing.json"], "nothing.json: can't be read"),

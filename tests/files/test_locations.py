@@ -182,10 +182,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.xml", MJCF, "option@gravity[3]", 4, "beyond gravity: it has 3 numbers"),
     ("m.xml", MJCF, "joint[x]@type", 8, "is 'slide'; expected a number"),
     ("m.xml", MJCF, "body[drum]", 7, r"not a number; end the address with an attribute"),
-    (
-        "m.urdf", URDF, "joint[x]/dynamics", 4,
-        "which has no text; its attributes are damping, friction",
-    ),
+    ("m.urdf", URDF, "joint[x]/dynamics", 4, "which has no text; its attributes are damping"),
     ("m.py", PYTHON, "COMPUTED", 8, "not a plain number; write 'COMPUTED = 1.5'"),
     ("m.py", PYTHON, "SOMETIMES", 12, "not a plain number"),
     ("m.py", PYTHON, "SHARED", 15, "not a plain number"),

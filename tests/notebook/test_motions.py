@@ -253,7 +253,7 @@ def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
         simulate(PENDULUM, {"theta": float("nan")}, duration=1)
     with pytest.raises(MotionError, match="the scenario is 3, where a name belongs"):
         simulate(PENDULUM, 3)  # type: ignore[arg-type]
-    with pytest.raises(FolderError, match="no engine 'havok' is known; known are"):
+    with pytest.raises(FolderError, match="unknown engine 'havok'; known engines"):
         simulate(PENDULUM, "free", engine="havok")
     with pytest.raises(MotionError, match=r"is not run in pybullet; .* as mujoco\.xml\.toml"):
         simulate(PENDULUM, "free", engine="pybullet")

@@ -120,10 +120,7 @@ FAULTS = {
         declared(inputs=(dataclasses.replace(F, on={Y: 1}),)),
         "the input f acts on an unknown coordinate",
     ),
-    "an unknown symbol in T": (
-        declared(T=M * X.v**2 * STRAY),
-        "T uses stray, which is not declared",
-    ),
+    "an unknown symbol in T": (declared(T=M * X.v**2 * STRAY), "T uses stray, which is not"),
     "an unknown symbol in V": (declared(V=K * X.q * STRAY), "V uses stray, which is not declared"),
     "an unknown symbol in D": (declared(D=STRAY * X.v**2), "D uses stray, which is not declared"),
     "an unknown symbol in an output": (

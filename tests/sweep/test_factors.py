@@ -23,7 +23,7 @@ def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
         ("k=1:2:lin", "only `:log`"),
         ("k=1:2:3:4", "only `:log`"),
         ("k=a:2", "'a' is no number"),
-        ("k=1,nan", "'nan' is not a finite number"),
+        ("k=1,nan", "'nan' is no finite number"),
         ("k=1,1", "twice"),
         ("k=x1:2", "either all"),
         ("k=xx1:x2", "'x1' is no number"),

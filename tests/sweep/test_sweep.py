@@ -186,7 +186,7 @@ def test_a_literal_that_does_not_follow_is_told_before_anything_is_run(
     sidecar = folder / "mujoco.xml.toml"
     sidecar.write_text(sidecar.read_text().replace('"joint[x]@stiffness" = "k"\n', ""))
     plan_of(folder, options("m=1:2"), workers)
-    with pytest.raises(SweepError, match=r"mujoco\.xml\.toml: no literal .* bound to k.*bind"):
+    with pytest.raises(SweepError, match=r"mujoco\.xml\.toml: no number .* bound to k.*bind"):
         plan_of(folder, options("k=1:2"), workers)
 
 

@@ -182,7 +182,7 @@ def test_a_system_without_inputs_is_described() -> None:
 def test_an_equilibrium_that_is_none_is_refused() -> None:
     system = system_of("simple_pendulum")
     off = Equilibrium("off", {system.coordinates[0]: 1}, False, "none")
-    with pytest.raises(DeclarationError, match="'off': is none"):
+    with pytest.raises(DeclarationError, match="'off': is not an equilibrium"):
         derivation(dataclasses.replace(system, equilibria=(off,)))
 
 

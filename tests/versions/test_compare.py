@@ -61,7 +61,7 @@ def test_a_verdict_that_changes_comes_before_a_limit_that_moves() -> None:
     after = run("2.0", case(), differs, does=measurement(move=1e-3))
     found = between(before, after)
     assert [one.kinds for one in found.cases] == [("verdict", "limit"), ("limit",)]
-    assert found.cases[0].messages[0] == "DIFFERS where it was AGREES"
+    assert found.cases[0].messages[0] == "DIFFERS; was AGREES"
 
 
 def test_a_known_difference_that_stays_is_no_change_and_one_that_is_mended_is() -> None:
