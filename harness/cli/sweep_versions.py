@@ -95,16 +95,12 @@ def _told(name: str, before: Path, after: Path) -> bool:
 
 def _lines(name: str, found: Moved) -> Iterator[str]:
     counts = (
-        (found.verdicts, "changed its verdict", "changed their verdicts"),
-        (found.limits, "changed beyond uncertainty", "changed beyond uncertainty"),
-        (
-            found.errors,
-            f"changed its error at dt by more than {100 * MOVED:.0f} %",
-            f"changed their error at dt by more than {100 * MOVED:.0f} %",
-        ),
+        (found.verdicts, "with another verdict"),
+        (found.limits, "with another result"),
+        (found.errors, f"with an error at dt that changed by over {100 * MOVED:.0f} %"),
     )
-    said = [f"{count} {one if count == 1 else more}" for count, one, more in counts if count]
-    yield f"{name}: {counted(found.cases, 'case')}: {'; '.join(said) or 'none changed'}"
+    parts = [f"{count} {what}" for count, what in counts if count]
+    yield f"{name}: {counted(found.cases, 'case')}: {'; '.join(parts) or 'none changed'}"
     for pair in found.largest:
         for row in (pair.before, pair.after):
             yield from row_lines(row)

@@ -254,7 +254,7 @@ def _versions(
 
 
 def _first(case: Movement) -> tuple[bool, int, float]:
-    """Sorts what moved for the worse first, then by what moved, and how far."""
+    """Return a sort key: worse cases first, then by what changed and by how much."""
     rank = min((KINDS.index(kind) for kind in case.kinds), default=len(KINDS))
     digits = abs((case.digits[1] or 0.0) - (case.digits[0] or 0.0))
     return not case.worse, rank, -digits

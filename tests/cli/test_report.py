@@ -45,11 +45,11 @@ def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
     told = capsys.readouterr().out
     assert "AGREES -> DIFFERS" in told
     assert "11.3 -> 2.0" in told
-    assert "2 cases: 1 of another verdict; 1 for the worse" in told
+    assert "2 cases: 1 with another verdict; 1 worse" in told
     assert told.endswith(f"{new / 'changes.html'}\n")
     assert "x is off" in (new / "changes.html").read_text()
     assert main(["report", str(old), str(old), "--out", str(tmp_path / "same")]) == 0
-    assert "2 cases: nothing moved" in capsys.readouterr().out
+    assert "2 cases: nothing changed" in capsys.readouterr().out
     assert (tmp_path / "same" / "changes.html").exists()
 
 
