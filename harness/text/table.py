@@ -309,9 +309,10 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
 
 
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
-    """Print what changed since it was accepted."""
-    lines = [f"{one.kind:<12}{one.id}: {one.message}" for one in baseline.changes[:MAX_PROBLEMS]]
-    if (left := len(baseline.changes) - MAX_PROBLEMS) > 0:
+    """Print what changed since it was accepted; cases never accepted are in the report alone."""
+    changes = [one for one in baseline.changes if one.kind != "new"]
+    lines = [f"{one.kind:<12}{one.id}: {one.message}" for one in changes[:MAX_PROBLEMS]]
+    if (left := len(changes) - MAX_PROBLEMS) > 0:
         lines.append(f"{counted(left, 'more change')}: see the report")
     _print_list(console, f"changes since {baseline.name}", lines)
 
