@@ -136,8 +136,11 @@ def _tensors(one: Array, other: Array) -> str:
     entries = float(np.abs(one - other).max())
     if miss > max(SAME * large, 1e-3 * entries):
         told_a, told_b = (f"({_digits(m, miss)})" for m in (here, there))
-        return f"principal moments {told_a} in A, {told_b} in B ({miss / large:.2g} of the largest)"
-    return f"the same principal moments about axes turned by {_turn(one, other):.3g} rad"
+        return (
+            f"principal moments of inertia {told_a} in A, {told_b} in B ({miss / large:.2g}"
+            f" of the largest)"
+        )
+    return f"the same principal moments of inertia about axes turned by {_turn(one, other):.3g} rad"
 
 
 def _turn(one: Array, other: Array) -> float:

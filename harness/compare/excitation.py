@@ -187,8 +187,8 @@ def _one(start: Array, names: tuple[str, ...], state: Mapping[str, float]) -> tu
             w[names.index(name[:-4])] = value
         else:
             raise CompareError(
-                f"--start: {name!r} is no joint of the model that the states are taken of, nor"
-                f" one's velocity; its joints are {', '.join(names)}"
+                f"--start: {name!r} is not a joint, or a joint's velocity, of the model; its"
+                f" joints are {', '.join(names)}"
             )
     return z, w
 

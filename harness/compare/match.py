@@ -83,7 +83,7 @@ def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, 
     for part in filter(None, (p.strip() for p in joints.split(","))):
         name, equals, expression = (p.strip() for p in part.partition("="))
         if not equals or not name or not expression:
-            raise CompareError(f"--joints: {part!r} is no pair; one is like hip=joint1 or hip=-j1")
+            raise CompareError(f"--joints: {part!r} is not a pair such as hip=joint1 or hip=-j1")
         forward[name] = expression
     if file is None:
         return forward, {}
@@ -228,7 +228,7 @@ def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Se
             left.remove(near[0])
             pairs.append(f"{name}={near[0]}")
     remedy = (
-        f"say which is which, for instance --joints {','.join(pairs)}"
+        f"name the pairs, for instance --joints {','.join(pairs)}"
         if pairs
         else ("a joint that is locked in one model can't be compared: lock it in both")
     )

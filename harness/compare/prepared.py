@@ -276,7 +276,7 @@ def _left_out(
 ) -> tuple[str, ...]:
     """What is said of contacts and the like."""
     if as_shipped:
-        return ("as shipped: with contacts, limits, dry friction and couplings as the files say",)
+        return ("as shipped: with contacts, limits, dry friction and couplings of the files",)
     told = [_told(*pair) for pair in ((a, one), (b, other))]
     if a.sidecar.model.resolve() == b.sidecar.model.resolve() or told[0] == told[1]:
         return (f"{NOT_COMPARED}: {told[0]}",) if told[0] else ()

@@ -141,7 +141,7 @@ def _told(asked: Asked) -> str:
 
 def _positive(value: float, what: str) -> float:
     if not is_number(value) or not 0 < value < math.inf:
-        raise MotionError(f"the {what} is {value!r}, where a number of seconds above zero belongs")
+        raise MotionError(f"the {what} is {value!r}, expected a number of seconds above zero")
     return float(value)
 
 
@@ -151,7 +151,7 @@ def _times(given: ArrayLike | None, duration: float) -> Array:
     try:
         times = np.array(given, dtype=float)
     except (TypeError, ValueError):
-        raise MotionError(f"times are {brief(given)}, where ascending numbers belong") from None
+        raise MotionError(f"times are {brief(given)}, expected ascending numbers") from None
     ascending = times.ndim == 1 and len(times) and np.all(np.diff(times) > 0)
     if not (ascending and np.all(np.isfinite(times))):
         raise MotionError("times are numbers in a row, ascending")

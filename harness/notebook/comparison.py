@@ -275,7 +275,7 @@ def _check_joints(joints: object) -> None:
         isinstance(one, str) for pair in pairs.items() for one in pair
     ):
         raise TypeError(
-            f"joints is {brief(joints)}, where joints of A by those of B belong, such as"
+            f"joints is {brief(joints)}, expected joints of A by those of B, such as"
             ' {"hip": "j1", "knee": "-j2"}'
         )
 
@@ -283,13 +283,13 @@ def _check_joints(joints: object) -> None:
 def _check_starts(starts: object) -> None:
     if not isinstance(starts, Sequence) or not all(isinstance(one, Mapping) for one in starts):
         raise TypeError(
-            f"starts is {brief(starts)}, where a list of states belongs, such as"
+            f"starts is {brief(starts)}, expected a list of states, such as"
             ' [{"hip": 1.0, "hip_dot": 0.0}]'
         )
     for start in starts:
         for name, value in start.items():
             if not is_number(value) or not math.isfinite(value):
-                raise CompareError(f"{name} starts at {value!r}, where a finite number belongs")
+                raise CompareError(f"{name} starts at {value!r}, expected a finite number")
 
 
 def _path(name: Name) -> Path:

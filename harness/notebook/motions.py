@@ -198,7 +198,7 @@ def _own(
                 f"{place}: a start has no {name!r}; {declaration.name} has {', '.join(known)}"
             )
     if duration is None:
-        raise MotionError(f"{place}: say for how many seconds, as in duration=10")
+        raise MotionError(f"{place}: set a duration in seconds, such as duration=10")
     return Scenario(
         told(start),
         "a start of its own",
@@ -249,9 +249,9 @@ def start_from(given: Mapping[str, float]) -> Start:
     """
     if not isinstance(given, Mapping):
         raise MotionError(
-            f'the scenario is {given!r}, where a name belongs, or a start, such as {{"theta": 0.1}}'
+            f'the scenario is {given!r}, expected a name, or a start such as {{"theta": 0.1}}'
         )
     for name, value in given.items():
         if not is_number(value) or not math.isfinite(value):
-            raise MotionError(f"{name} starts at {value!r}, where a finite number belongs")
+            raise MotionError(f"{name} starts at {value!r}, expected a finite number")
     return tuple((str(name), float(value)) for name, value in given.items())

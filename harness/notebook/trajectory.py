@@ -92,7 +92,7 @@ class Trajectory:
         place = self._index(name)
         if self.uncertainty is None:
             raise ValueError(
-                f"no error bound is known of {self.origin}; hold it against solve(...)"
+                f"no error bound is known of {self.origin}; compare it with solve(...)"
             )
         return self.uncertainty[:, place]
 

@@ -62,7 +62,7 @@ class CauseId(Record, frozen=True, kw_only=True, order=True):
 
     Attributes:
         kind: Type of the cause.
-        subject: Affected numbers, constants, joint, coordinate or axis, or a behavior of the engine.
+        subject: Affected numbers, constants, joint, coordinate or axis; or an engine's behavior.
     """
 
     kind: CauseKind
@@ -79,7 +79,7 @@ class Cause(Record, frozen=True, kw_only=True):
     Attributes:
         kind: Type of the cause.
         code: Message code of the kind; empty without one.
-        subject: Affected numbers, constants, joint, coordinate or axis, or a behavior of the engine.
+        subject: Affected numbers, constants, joint, coordinate or axis; or an engine's behavior.
         nominal: Value in the file or in the equations.
         estimate: Value that explains the motion.
         standard_error: Standard error of the estimate.

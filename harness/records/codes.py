@@ -765,7 +765,8 @@ leg.urdf in PyBullet: E = 9.8e-01
         "additional-force",
         "The model has a constant force that the equations lack.",
         kinds="cause:offset force",
-        cause="""The motions agree with one constant force on this coordinate. Typical sources are a spring's rest position, an actuator's bias, and gravity.""",
+        cause="""The motions agree with one constant force on this coordinate. Typical sources are
+        a spring's rest position, an actuator's bias, and gravity.""",
         example="""
   <joint name="x" stiffness="10" springref="0.05"/>
 """,
@@ -844,7 +845,8 @@ leg.urdf in PyBullet
         "wrong-order",
         "The engine converges with another order than it claims.",
         kinds="case:UNRESOLVED:wrong order",
-        cause="""Halving the step does not reduce the error by the factor that the integrator's order implies. The extrapolation is not trusted then. An integrator that treats a part
+        cause="""Halving the step does not reduce the error by the factor that the integrator's
+        order implies. The extrapolation is not trusted then. An integrator that treats a part
         of the forces differently, or a motion that is not smooth, causes it.""",
         example="""
   convergence order is 2.00 but the engine claims 4
@@ -908,7 +910,8 @@ leg.urdf in PyBullet
         "Short segments agree, but a full run does not.",
         kinds="case:UNRESOLVED:full run",
         cause="""Each segment starts from the reference state, and all agree. A run from start
-        to end does not converge to the motion. The engine carries something from step to step: a warm start, a delay or a controller state.""",
+        to end does not converge to the motion. The engine carries something from step to step: a
+        warm start, a delay or a controller state.""",
         example="""
   every segment agrees, but a run from start to end does not converge to the motion
 """,
@@ -1003,7 +1006,8 @@ triangle.urdf: MuJoCo can't load it: Error: inertia must satisfy A + B >= C;
         "sidecar-error",
         "The sidecar is missing, unreadable or contradicts itself.",
         kinds="case:FAILED:sidecar",
-        cause="""The TOML file beside the model is not valid, has an unknown key, or does not fit the system. Examples: a coordinate without a partner, two rules for one setting.""",
+        cause="""The TOML file beside the model is not valid, has an unknown key, or does not fit
+        the system. Examples: a coordinate without a partner, two rules for one setting.""",
         example="""
   [coordinates]
   thetta = "theta"            # the joint is called theta
@@ -1224,7 +1228,8 @@ _GATE = (
         "outcome-changed",
         "The outcome changed, although the motion did not.",
         kinds="gate:changed:outcome",
-        cause="""The result is near the border between two outcomes, or the time-stepping method differs.""",
+        cause="""The result is near the border between two outcomes, or the time-stepping method
+        differs.""",
         example="""
   UNRESOLVED where it was AGREES
 """,

@@ -119,8 +119,8 @@ def draws(factors: Sequence[Factor], design: Design, count: int | None, seed: in
         for one in factors:
             if not one.values:
                 raise SweepError(
-                    f"--vary {one.name}: a range has no end of values; say --draws N, or list"
-                    f" values as in {one.name}={one.low:g},{one.high:g}"
+                    f"--vary {one.name}: a range has infinitely many values; add --draws N, or"
+                    f" list values as in {one.name}={one.low:g},{one.high:g}"
                 )
         every = math.prod(len(one.values) for one in factors)
         return Draws(factors=tuple(factors), design=Design.ALL, count=every, seed=seed)

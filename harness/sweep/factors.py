@@ -81,7 +81,7 @@ def factor(text: str) -> Factor:
     name, sign, given = text.rpartition("=")
     name, given = name.strip(), given.strip()
     if not (sign and name and given):
-        raise SweepError(f"--vary {text}: say NAME=LOW:HIGH, NAME=LOW:HIGH:log or NAME=V1,V2")
+        raise SweepError(f"--vary {text}: write NAME=LOW:HIGH, NAME=LOW:HIGH:log or NAME=V1,V2")
     if ":" not in given:
         values, relative = _numbers(given.split(","), text)
         if len(set(values)) < len(values):
@@ -95,7 +95,7 @@ def factor(text: str) -> Factor:
         raise SweepError(f"--vary {text}: after LOW:HIGH only `:log` may follow")
     (low, high), relative = _numbers(parts[:2], text)
     if not low < high:
-        raise SweepError(f"--vary {text}: {low:g} is not below {high:g}, so this is no range")
+        raise SweepError(f"--vary {text}: {low:g} is not below {high:g}, so the range is empty")
     if log and low <= 0:
         raise SweepError(f"--vary {text}: a logarithm needs values above zero; leave out `:log`")
     return Factor(name=name, low=low, high=high, log=log, relative=relative)
@@ -142,7 +142,7 @@ def _number(part: str, text: str) -> float:
     try:
         value = float(part)
     except ValueError:
-        raise SweepError(f"--vary {text}: {part!r} is no number") from None
+        raise SweepError(f"--vary {text}: {part!r} is not a number") from None
     if not math.isfinite(value):
-        raise SweepError(f"--vary {text}: {part!r} is no finite number")
+        raise SweepError(f"--vary {text}: {part!r} is not a finite number")
     return value

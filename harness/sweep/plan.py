@@ -217,7 +217,7 @@ def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
     for name in options.scenarios:
         if name not in scenarios:
             known = ", ".join(scenarios)
-            raise SweepError(f"--scenario {name}: there is none; there are {known}")
+            raise SweepError(f"--scenario {name}: unknown scenario; scenarios are {known}")
     integrators = dict.fromkeys(name for one in surveys for name in one.known_integrators)
     for name in options.integrators:
         if name.casefold() not in {known.casefold() for known in integrators}:

@@ -68,7 +68,9 @@ def read_plan(out: Path) -> SweepPlan | None:
     except FileNotFoundError:
         return None
     except (OSError, msgspec.MsgspecError) as error:
-        raise SweepError(f"{path}: is no plan of a sweep ({error}); choose another --out") from None
+        raise SweepError(
+            f"{path}: is not a plan of a sweep ({error}); choose another --out"
+        ) from None
 
 
 def begin(out: Path, plan: SweepPlan) -> None:

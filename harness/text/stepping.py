@@ -40,7 +40,7 @@ def _apart(one: Stepping) -> str:
     if one.outcome is Outcome.UNRESOLVED:
         return f"is too uncertain to compare with {one.rule} ({one.uncertainty or 0.0:.1e})"
     why = f"; also acting: {one.besides}" if one.besides else (
-        "; the integrator is another one, or something acts at this step only"
+        "; the integrator differs, or something acts at this step only"
     )  # fmt: skip
     off = "without bound" if one.discrepancy is None else f"by {one.discrepancy:.1e}"
     return (

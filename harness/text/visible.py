@@ -17,7 +17,7 @@ def odd_name(name: str) -> str | None:
             case "Cc" | "Zl" | "Zp":
                 return f"a control character ({c!a})"
             case "Cs":
-                return "bytes that are no UTF-8"
+                return "bytes that are not UTF-8"
     return None
 
 

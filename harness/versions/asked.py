@@ -57,7 +57,7 @@ def _version(word: str, option: str) -> AskedVersion:
     number, equals, place = word.partition("=")
     if not _VERSION.fullmatch(number):
         raise FolderError(
-            f"{option}: {visible(word)} is no version; folders and files come before {option}"
+            f"{option}: {visible(word)} is not a version; folders and files come before {option}"
         )
     if not equals:
         return AskedVersion(number)

@@ -276,5 +276,5 @@ def _next_state(was: Case, now: Case) -> str:
     then, present = (None if s is None else s.outcome for s in (one, other))
     if then is present:
         return ""
-    said = [o or "not told" for o in (then, present)]
+    said = [o or "unknown" for o in (then, present)]
     return f"the very next state, by the engine's own rule on the equations: {said[0]} -> {said[1]}"

@@ -123,8 +123,9 @@ def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, 
         python = interpreter(asked.place).absolute()
         if not python.exists():
             raise EnvironmentError_(
-                f"{engine} {asked.version}: {visible(str(asked.place))} is no environment: it has"
-                f" no {python.relative_to(asked.place.absolute())}; `python -m venv` makes one"
+                f"{engine} {asked.version}: {visible(str(asked.place))} is not an environment:"
+                f" it has no {python.relative_to(asked.place.absolute())};"
+                " `python -m venv` makes one"
             )
         return str(python)
     known = engines()[engine]

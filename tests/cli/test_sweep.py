@@ -90,7 +90,7 @@ def test_the_page_shows_each_row_and_asks_for_nothing(words: list[str]) -> None:
         (["--seed", "1"], "another plan (seed: 0, now 1); choose another --out"),
         (["--vary", "k=9:8"], "9 is not below 8"),
         (["--integrator", "BDF"], "--integrator BDF: no model has it; they have"),
-        (["--scenario", "fast"], "--scenario fast: there is none; there are free"),
+        (["--scenario", "fast"], "--scenario fast: unknown scenario; scenarios are free"),
     ],
 )
 def test_what_makes_no_sense_ends_with_2_and_a_remedy(

@@ -21,7 +21,8 @@ FAULTS = (
     ("mass_spring_damper", "space.py", "DAMPING = 0.9", "DAMPING = 0.9000009",
      ("damping of mass.x:", "(+1.0e-06)"), "DAMPING"),
     ("drum_pendulum", "mujoco.xml", '"0.024 0.024 0.0001"', '"0.024 0.024000024 0.0001"',
-     ("link rod: principal moments (0.0001, 0.024, 0.024) in A, (0.0001, 0.024, 0.024000024)",),
+     (("link rod: principal moments of inertia (0.0001, 0.024, 0.024) in A, (0.0001, 0.024,"
+      " 0.024000024)"),),
      "body[rod]/inertial@diaginertia[1]"),
     ("drum_pendulum", "mujoco.xml", '"0 0 -0.3"', '"0 0 -0.3000003"',
      ("link rod: centre of mass 3e-07 m apart: (0, 0, 0.7) in A, (0, 0, 0.6999997) in B",),

@@ -24,7 +24,7 @@ def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(
     with pytest.raises(CompareError) as error:
         compared(model("drum_pendulum", "space.py"), other)
     assert "no match for joint" in str(error.value)
-    assert "say which is which, for instance --joints" in str(error.value)
+    assert "name the pairs, for instance --joints" in str(error.value)
     assert "none was found by name, order or geometry, and none can be held" in str(error.value)
 
 

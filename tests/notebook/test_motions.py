@@ -231,7 +231,7 @@ PENDULUM = "simple_pendulum/mujoco.xml"
     [
         ((PENDULUM, "fre"), "has no scenario 'fre'; it has free, driven, large, chirp; or give"),
         ((PENDULUM, {"phi": 1.0}), "a start has no 'phi'; simple_pendulum has theta, theta_dot"),
-        ((PENDULUM, {"theta": 1.0}), "say for how many seconds, as in duration=10"),
+        ((PENDULUM, {"theta": 1.0}), "set a duration in seconds, such as duration=10"),
         ((PENDULUM, "free", 20.0), r"mujoco.xml: dt = 20 s is too long for a motion of 18 s"),
         ((PENDULUM, "free", 1e-8), "takes 1.8e\\+09 steps"),
     ],
@@ -294,7 +294,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
 
 def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None:
     anything: Any = "ab"
-    with pytest.raises(MotionError, match="times are 'ab', where ascending numbers belong"):
+    with pytest.raises(MotionError, match="times are 'ab', expected ascending numbers"):
         solve("simple_pendulum", "free", times=anything)
     for times in ([0.0, float("nan")], [None]):
         anything = times

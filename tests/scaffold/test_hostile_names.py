@@ -146,7 +146,7 @@ def test_the_name_of_a_file_is_a_string_and_nothing_else(tmp_path: Path) -> None
 def test_a_name_that_is_no_text_is_refused(tmp_path: Path) -> None:
     model = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe.urdf"))
     model.write_text(URDF.format(name="joint", comment=""))
-    with pytest.raises(NewError, match="bytes that are no UTF-8; rename it"):
+    with pytest.raises(NewError, match="bytes that are not UTF-8; rename it"):
         from_model(model, tmp_path / "made")
 
 

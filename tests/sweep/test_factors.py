@@ -16,17 +16,17 @@ def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("k", "say NAME=LOW:HIGH"),
-        ("k=", "say NAME=LOW:HIGH"),
+        ("k", "write NAME=LOW:HIGH"),
+        ("k=", "write NAME=LOW:HIGH"),
         ("k=3:2", "3 is not below 2"),
         ("k=0:2:log", "values above zero"),
         ("k=1:2:lin", "only `:log`"),
         ("k=1:2:3:4", "only `:log`"),
-        ("k=a:2", "'a' is no number"),
-        ("k=1,nan", "'nan' is no finite number"),
+        ("k=a:2", "'a' is not a number"),
+        ("k=1,nan", "'nan' is not a finite number"),
         ("k=1,1", "twice"),
         ("k=x1:2", "either all"),
-        ("k=xx1:x2", "'x1' is no number"),
+        ("k=xx1:x2", "'x1' is not a number"),
     ],
 )
 def test_what_is_no_range_is_refused_with_what_it_should_be(text: str, said: str) -> None:

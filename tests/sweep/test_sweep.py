@@ -168,7 +168,10 @@ def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path:
     [
         (options("kk=1:2"), "--vary kk: no system of these has such a constant; they have m, c, k"),
         (options("k=-1:2"), r"k=-1:2: .*system\.py declares k positive"),
-        (SweepOptions(scenarios=("fast",)), "--scenario fast: there is none; there are free"),
+        (
+            SweepOptions(scenarios=("fast",)),
+            "--scenario fast: unknown scenario; scenarios are free",
+        ),
         (SweepOptions(integrators=("BDF",)), "--integrator BDF: no model has it; they have"),
     ],
 )

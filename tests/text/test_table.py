@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from physics_crosscheck.harness.records.case import Case
@@ -133,18 +134,19 @@ def test_where_no_cause_explains_it_the_audit_findings_take_its_place() -> None:
 
 def test_many_problems_and_changes_are_counted() -> None:
     change = BaselineChange(
-        system="disc", model="m", scenario="s", engine="e", kind="new", message="it is new"
+        system="disc", model="m", scenario="s", engine="e", kind="missing", message="it is gone"
     )
     many = (change,) * (MAX_PROBLEMS + 1)
+    new = replace(change, kind="new")  # never accepted: no change
     text = printed(
         results(
             *(case(Outcome.DIFFERS, model=f"{i}.xml") for i in range(MAX_PROBLEMS + 2)),
-            baseline=BaselineChanges(name="reports/baseline", changes=many),
+            baseline=BaselineChanges(name="reports/baseline", changes=(new, *many)),
         )
     )
     assert "2 more problems: see the report" in text
     assert "changes since reports/baseline" in text
-    assert text.count("  new         disc/m/s [e]: it is new") == MAX_PROBLEMS
+    assert text.count("  missing     disc/m/s [e]: it is gone") == MAX_PROBLEMS
     assert "1 more change: see the report" in text
 
 

@@ -26,7 +26,10 @@ def test_versions_are_read_in_their_order_and_environments_of_ones_own(tmp_path:
         (["pymunk"], "name two versions of it or more"),
         (["pymunk", "7.0", "7.0"], "7.0 is asked for twice"),
         (["nobody", "1", "2"], "no engine 'nobody' is known"),
-        (["pymunk", "7.0", "7.1", "my/folder"], "my/folder is no version; folders and files come"),
+        (
+            ["pymunk", "7.0", "7.1", "my/folder"],
+            "my/folder is not a version; folders and files come",
+        ),
         (["pymunk", "7.0", "--pre"], "--pre is no version"),
         (["pymunk", "7.0", "7.1=nowhere/at/all"], "there is no such environment"),
     ],
