@@ -127,7 +127,7 @@ def test_an_armature_that_should_be_is_a_note(look: Look) -> None:
 def test_friction_is_told_from_damping_and_inertia(look: Look) -> None:
     change = ('name="x" type="slide"', 'name="x" type="slide" frictionloss="0.3"')
     found = look("mass_spring_damper", "mujoco.xml", "mujoco", change)
-    assert "frictionloss of x holds it with 0.3" in said(found, "dry friction")
+    assert "frictionloss of x is 0.3; dry friction is not smooth" in said(found, "dry friction")
     assert "a friction of 0.3" in said(found, "friction")
     assert {f.kind for f in grave(found)} <= {"dry friction", "friction"}
 
@@ -180,7 +180,7 @@ def test_a_tendon_without_springlength_is_named_where_it_pulls(look: Look) -> No
     ref = ('name="x2" type="slide"', 'name="x2" type="slide" springref="0.1"')
     found = look("free_pair", "mujoco.xml", "mujoco", shifted, ref)
     assert "a force of 3.8" in said(found, "rest")
-    assert "states no springlength: its spring rests at 0.1" in said(found, "default")
+    assert "sets no springlength: its spring rests at 0.1" in said(found, "default")
 
 
 def test_a_spring_that_rests_elsewhere(look: Look) -> None:
@@ -215,7 +215,7 @@ def test_gravity_that_is_tilted(look: Look) -> None:
 def test_geoms_that_touch(look: Look) -> None:
     change = ('contype="0" conaffinity="0" mass="0"', 'mass="0"')
     found = look("drum_pendulum", "mujoco.xml", "mujoco", change)
-    assert "touch along the motions" in said(found, "contact")
+    assert "touch during the motions" in said(found, "contact")
 
 
 def test_a_space_that_damps(look: Look) -> None:

@@ -293,4 +293,4 @@ def test_a_seal_stays_what_it_is() -> None:
     # Were numbers ever written otherwise, every accepted baseline would be refused.
     assert canonical(entry().constants["k"]) == b'{"standard_error":1e-9,"value":47.0}'
     assert snapshot_key(SNAPSHOT) == "free@9d8b4c50223e"
-    assert sealed(ENTRY).seal == "35751c9b07730cd6"
+    assert sealed(ENTRY).seal == "f3d097a1f37b7db4"

@@ -161,7 +161,7 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     names = ("nowhere", folder.name, "empty", "pendulum")
     done = crosscheck(command, *names, *only, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
-    assert "nowhere: no such folder; built-in systems are" in done.stderr
+    assert "nowhere: no such folder; the built-in systems are" in done.stderr
     assert (
         "empty: neither it nor any folder in it has a system.py; continuing with the others"
         in done.stderr
@@ -176,7 +176,7 @@ def test_a_folder_that_is_missing_hides_no_failure(folder: Path, tmp_path: Path)
     edit(folder / "mujoco.xml", "<option", "<optoin")
     done = crosscheck("run", folder.name, "nowhere", "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
-    assert "nowhere: no such folder; built-in systems are" in done.stderr
+    assert "nowhere: no such folder; the built-in systems are" in done.stderr
     assert done.stderr.splitlines()[-1].endswith("skipped unknown targets: nowhere")
 
 

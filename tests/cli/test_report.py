@@ -58,8 +58,11 @@ def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
     [
         (("old", "none"), "none: can't be read: No such file or directory"),
         (("old", "empty"), "empty/results.json: can't be read"),
-        (("old", "torn.json"), "torn.json: no JSON"),
-        (("old", "other.json"), "other.json: not results of schema 3; run `crosscheck run` again"),
+        (("old", "torn.json"), "torn.json: not JSON"),
+        (
+            ("old", "other.json"),
+            "other.json: not a results file of schema 3; run `crosscheck run` again",
+        ),
         (("old", "old", "old"), "report takes one run, or two to compare, and not 3"),
     ],
 )

@@ -67,7 +67,7 @@ def test_the_summary_is_told_again_of_the_rows_alone(
     page = (out / "index.html").read_text()
     (out / "index.html").unlink()
     assert main(["sweep", "--summary", str(out)]) == 0
-    assert "8 cases: 8 AGREES" in capsys.readouterr().out
+    assert "8 cases: 8 ok" in capsys.readouterr().out
     assert (out / "index.html").read_text() == page
 
 

@@ -211,7 +211,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
     best = diagnose(problem, uncertainty).fits[0]
     sentence = cause_sentences(explanation(best))[0]
     assert sentence.startswith(
-        "link[beam]/inertial/mass@value (arm.urdf:10) is 1.8 in the file, 1.5"
+        "link[beam]/inertial/mass@value (arm.urdf:10) is 1.8 in the file, but 1.5"
     )
     assert sentence.endswith(" in the engine")
 

@@ -63,7 +63,7 @@ def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
     assert cause.estimate == pytest.approx(1.3, rel=1e-6)
     sentence, left = cause_sentences(first)
     assert sentence.startswith(f"{MASS} (mujoco.xml:{line}) is 1.313; the motion implies 1.3")
-    assert left.startswith("leaves ")
+    assert left.startswith("residual ")
     assert found.corrected is not None
     assert len(found.corrected.causes) == 1
     assert msgspec.json.decode(msgspec.json.encode(found), type=Diagnosis) == found

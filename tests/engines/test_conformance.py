@@ -323,4 +323,4 @@ def test_the_command_ends_with_one_where_a_check_fails(monkeypatch: pytest.Monke
 
 def test_the_command_knows_what_is_installed(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(Namespace(conformance="nothing")) == 2
-    assert "no engine 'nothing' is installed; there is " in capsys.readouterr().err
+    assert "engine 'nothing' is not installed. Installed: " in capsys.readouterr().err

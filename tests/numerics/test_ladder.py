@@ -60,7 +60,7 @@ def test_the_sums_of_the_weights_that_the_rungs_are_described_by_are_theirs() ->
 
 def test_the_decision_for_the_rungs_quotes_the_sums_of_their_weights() -> None:
     text = " ".join((DECISIONS / "0002-prime-rungs.md").read_text().split())
-    ((below, consecutive),) = re.findall(r"below (\d+)\..* 1 to 8 .* add up to (\d+)\.", text)
+    ((consecutive, below),) = re.findall(r"of 1 to 8 add up to (\d+) .* stay below (\d+)\.", text)
     ours, plain = (
         float(sum(map(abs, exact_weights(rungs, 1, 1)))) for rungs in (RUNGS, tuple(range(1, 9)))
     )

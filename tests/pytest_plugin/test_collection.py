@@ -151,7 +151,7 @@ def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project: 
     done.assert_outcomes(failed=6)
     done.stdout.fnmatch_lines(
         [
-            "*/bare: it has no model file with a sidecar*",
+            "*/bare: no model file has a sidecar, so nothing ran; add one*",
             "*/broken/system.py:*NameError: name 'y' is not defined",
             "*/ends/system.py:*: SystemExit: 3",
             "*/lonely/mujoco.xml: this model file has no sidecar*",

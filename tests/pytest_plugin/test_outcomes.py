@@ -85,7 +85,7 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
             "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",
             cause,
             f"Fix: change models/msd/mujoco.xml:{line} from 47.000047 to 47",
-            "DIFFERS: x_dot ends the segment at t = * of its movement off; *",
+            "DIFFERS: x_dot is off by * of its displacement at the end of the segment at t = *",
             "  discrepancy *e-06, uncertainty *",
             "*_ mass_spring_damper/mujoco.xml/audit [[]mujoco] _*",
             f"Fix: change models/msd/mujoco.xml:{line} from 47.000047 to 47.0",

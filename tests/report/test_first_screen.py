@@ -152,7 +152,7 @@ def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> Non
     (trouble,) = report(unexplained).troubles
     assert trouble.outcome == "DIFFERS"
     assert len(trouble.remedy.fixes) == 2
-    assert trouble.sentence.startswith("No one or two causes explain the motions")
+    assert trouble.sentence.startswith("No single cause or pair of causes explains the motions")
 
 
 def test_half_of_a_cause_is_no_patch() -> None:

@@ -284,7 +284,7 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
     assert view is not None
     assert view.audit_first
     assert view.sentence == (
-        "No one or two causes explain the motions; begin with what the audit finds wrong:"
+        "No single cause or pair of causes explains the motions; start with the audit findings:"
         " mass is 9 where m = 0.9, and 1 more."
     )
     assert marked(view) == [("mujoco.xml", 21)]
