@@ -55,9 +55,9 @@ def test_a_row_has_the_command_that_runs_it_alone(
     assert program == "crosscheck"
     assert main(again) == 0
     told = capsys.readouterr().out
-    assert f"AGREES #{row.index} {row.name}, {row.integrator}" in told
+    assert f"ok  #{row.index} {row.name}, {row.integrator}" in told
     assert f"k = {row.constants['k']:.6g}" in told
-    assert f"error at the step {row.global_error:.1e}" in told
+    assert f"error at dt {row.global_error:.1e}" in told
 
 
 def test_the_summary_is_told_again_of_the_rows_alone(

@@ -46,7 +46,7 @@ def test_a_joint_that_the_other_model_has_locked_is_refused_where_it_cannot_be_h
 
 
 @pytest.mark.parametrize(("joints", "sentence"), [
-    ("theta", "'theta' is no pair; one is like"),
+    ("theta", "'theta' is not a pair such as"),
     ("hip=theta", "the map names 'hip'; the joints of A are x, theta"),
     ("theta=hip", "hip is neither a coordinate nor a constant; the joints of B are x, theta"),
     ("theta=2+", "can't read '2\\+'"),
@@ -85,7 +85,7 @@ def test_a_name_that_has_a_partner_is_not_matched_again() -> None:
 
 def test_a_state_of_a_joint_that_is_not_there_is_refused() -> None:
     path = model("simple_pendulum", "mujoco.xml")
-    with pytest.raises(CompareError, match=r"--start: 'phi' is no joint .* are theta"):
+    with pytest.raises(CompareError, match=r"--start: 'phi' is not a joint, .* are theta"):
         compared(path, path, starts=({"phi": 1.0},))
 
 

@@ -62,7 +62,7 @@ def test_a_number_is_caught_and_named_or_has_no_say(folder: Path) -> None:
     assert named.first_caught < 1e-6
     height = mutated_tree(faults["body[arm]@pos[2]", "5 %"])
     assert (height.verdict, height.first_caught) == (FaultVerdict.UNTESTED, None)
-    assert any("caught from" in line for line in mutation_lines([named, height]))
+    assert any("detected from" in line for line in mutation_lines([named, height]))
 
 
 def test_a_folder_that_is_not_sound_is_told(folder: Path) -> None:

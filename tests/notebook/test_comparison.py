@@ -133,9 +133,9 @@ def test_what_can_not_be_compared_is_refused_in_the_words_of_python(tmp_path: Pa
 @pytest.mark.parametrize(("given", "told"), [
     ({"b": None}, "b must be a path, not None"),
     ({"engine": ["mujoco"]}, r"engine must be a string, not \['mujoco'\]"),
-    ({"joints": 5}, "joints is 5, where joints of A by those of B belong"),
-    ({"joints": {"theta": 5}}, "joints is .* where joints of A by those of B belong"),
-    ({"starts": {"theta": 1.0}}, "starts is .* where a list of states belongs"),
+    ({"joints": 5}, "joints is 5, expected joints of A by those of B"),
+    ({"joints": {"theta": 5}}, "joints is .* expected joints of A by those of B"),
+    ({"starts": {"theta": 1.0}}, "starts is .* expected a list of states"),
     ({"limit": "long"}, "limit must be a number of seconds, not 'long'"),
 ])  # fmt: skip
 def test_an_argument_of_another_type_is_refused_with_what_belongs_there(

@@ -245,13 +245,13 @@ def test_what_a_worker_finds_wrong_is_told_with_what_there_is(
 
 def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
     for step in (-1, 0, np.inf, "slow"):
-        with pytest.raises(MotionError, match=r"the step is .*, where a number of seconds above"):
+        with pytest.raises(MotionError, match=r"the step is .*, expected a number of sec"):
             simulate(PENDULUM, "free", step)  # type: ignore[arg-type]
     with pytest.raises(MotionError, match="the duration is -1"):
         solve("simple_pendulum", "free", duration=-1)
     with pytest.raises(MotionError, match="theta starts at nan"):
         simulate(PENDULUM, {"theta": float("nan")}, duration=1)
-    with pytest.raises(MotionError, match="the scenario is 3, where a name belongs"):
+    with pytest.raises(MotionError, match="the scenario is 3, expected a name"):
         simulate(PENDULUM, 3)  # type: ignore[arg-type]
     with pytest.raises(FolderError, match="unknown engine 'havok'; known engines"):
         simulate(PENDULUM, "free", engine="havok")
@@ -305,7 +305,7 @@ def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None
         solve(anything, "free")
     with pytest.raises(TypeError, match="model must be a path, not None"):
         simulate(anything, "free")
-    with pytest.raises(MotionError, match="the step is True, where a number of seconds"):
+    with pytest.raises(MotionError, match="the step is True, expected a number of seconds"):
         simulate("simple_pendulum/mujoco.xml", "free", True)
     anything = ["mujoco"]
     with pytest.raises(TypeError, match="engine must be a string"):

@@ -96,7 +96,7 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     shown = done.stdout.str()
     message = shown.split("/free [mujoco] ___")[1].splitlines()[1:]
     top = [text for one in message for text in (textwrap.wrap(one, 80) or [""])][:8]
-    assert f"mujoco.xml:{line}) is 47.000047, the motion wants 47" in " ".join(top)
+    assert f"mujoco.xml:{line}) is 47.000047; the motion implies 47" in " ".join(top)
     assert any(one.startswith("Fix: change ") for one in top)
     assert "Traceback" not in shown
     assert not re.search(r"collect\.py|runner\.py|Error\b", shown)

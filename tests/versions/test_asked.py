@@ -30,7 +30,7 @@ def test_versions_are_read_in_their_order_and_environments_of_ones_own(tmp_path:
             ["pymunk", "7.0", "7.1", "my/folder"],
             "my/folder is not a version; folders and files come",
         ),
-        (["pymunk", "7.0", "--pre"], "--pre is no version"),
+        (["pymunk", "7.0", "--pre"], "--pre is not a version"),
         (["pymunk", "7.0", "7.1=nowhere/at/all"], "there is no such environment"),
     ],
 )
