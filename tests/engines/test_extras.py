@@ -118,9 +118,9 @@ def test_the_line_is_told_once_where_a_run_ends(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder.parent)
-    assert main(["run", str(folder), "--resolution", "1e-6"]) == 0
+    assert main(["run", str(folder), "--resolution", "1e-6", "-v"]) == 0
     told = capsys.readouterr()
-    assert told.err.count("crosscheck: pinocchio: not installed; pip install") == 1
+    assert told.err.count("crosscheck: not installed: pinocchio") == 1
     assert "[pinocchio]" not in told.out
 
 

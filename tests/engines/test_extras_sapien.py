@@ -161,7 +161,7 @@ def test_what_moves_nothing_does_not_keep_it_from_loading(beside: str, tmp_path:
 
 def test_what_it_can_t_load_is_refused_by_the_file(tmp_path: Path) -> None:
     flat = BODY.replace('izz="0.01"', 'izz="0"')
-    with pytest.raises(EngineError, match=r"sapien\.urdf: SAPIEN ends in .*invalid moment"):
+    with pytest.raises(EngineError, match=r"sapien\.urdf: SAPIEN .*invalid moment"):
         load("sapien", urdf(body=flat), tmp_path)
     with pytest.raises(EngineError, match="solver is 'XPBD'; expected one of PGS, TGS"):
         load("sapien", urdf(), tmp_path, settings={"solver": "XPBD"})

@@ -191,7 +191,7 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
     with pytest.raises(EngineError, match="floating contradicts the file"):
         engine.load(ModelSpec(path, settings={"floating": True}))
     path.write_text(text())
-    with pytest.raises(EngineError, match="must set step: the file states none"):
+    with pytest.raises(EngineError, match="must set step: the file does not"):
         engine.load(ModelSpec(path))
 
 
@@ -320,5 +320,5 @@ def test_one_model_of_a_world_is_run_by_its_name(name: str, tmp_path: Path) -> N
     assert load(name, whole.format(other), tmp_path, model="n").coordinates[0] == "free:x"
     with pytest.raises(EngineError, match="it has no model 'g' that moves"):
         load(name, whole.format(other), tmp_path, model="g")
-    with pytest.raises(EngineError, match="model is 3, where a name belongs"):
+    with pytest.raises(EngineError, match="model is 3; expected a name"):
         load(name, whole.format(other), tmp_path, model=3)
