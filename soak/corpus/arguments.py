@@ -11,7 +11,6 @@ from soak.corpus.systems import FILE as SYSTEM_FILE
 _OUT = ("--out", "@out", "--baseline", "@baseline")
 
 WRONG: dict[str, tuple[str, ...]] = {
-    "no command": (),
     "an unknown command": ("frobnicate",),
     "an empty command": ("",),
     "a command that is a module": ("exit_codes",),

@@ -54,7 +54,7 @@ def test_each_robot_has_a_line_and_each_refusal_its_reason(tmp_path: Path) -> No
     assert "URDF: 2 files, 2 robots that move" in told
     assert "1  part of another file" in told
     assert "1  verdict: AGREES or DIFFERS in one engine at least   50.0%" in told
-    assert "1  URDF: joint * moves nothing with inertia, so it has no" in told
+    assert "1  URDF: joint * moves nothing with inertia, so its acceleration is undefined" in told
     assert "1  MJCF: MuJoCo can't load it: XML Error: Error opening file *" in told
 
 

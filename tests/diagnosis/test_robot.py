@@ -184,8 +184,8 @@ def test_what_an_engine_reads_over_is_told_with_all_its_lines() -> None:
     told = cause_sentences(found.explanations[0])[0]
     assert told == (
         "moments of link[panda_link8]/inertial/inertia, moments of"
-        " link[panda_grasptarget]/inertial/inertia (panda.urdf:222, panda.urdf:329) in the file,"
-        " 0 in the engine"
+        " link[panda_grasptarget]/inertial/inertia (panda.urdf:222, panda.urdf:329): in the file,"
+        " but 0 in the engine"
     )
 
 

@@ -84,7 +84,7 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     ("a rest position", "mujoco.xml", 'springref="0"', 'springref="0.01"', CHANGED, {"model"}, ""),
     # What no motion shows, and the audit does.
     ("a bound literal without effect", "mujoco.xml", 'diaginertia="0.0195', 'diaginertia="0.02',
-     CHANGED, {"audit"}, "body[mass]/inertial@diaginertia[0] is 0.02 where"),
+     CHANGED, {"audit"}, "body[mass]/inertial@diaginertia[0] is 0.02, but"),
     ("a mirrored axis", "mujoco.xml", 'axis="1 0 0"', 'axis="-1 0 0"',
      CHANGED, {"audit"}, "an axis is flipped"),
     # What changes the numbers alone.

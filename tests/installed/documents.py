@@ -64,8 +64,8 @@ def commands(text: str) -> tuple[list[Command], list[Command]]:
 
 
 def check_shown(command: Command, stdout: str) -> None:
-    """Hold each line that a document quotes against what its command printed."""
-    came = "\n".join(map(plain, stdout.splitlines()))
+    """Check that a command printed each line that a document quotes, wrapped at any width."""
+    came = plain(stdout)
     for line in command.shown:
         assert plain(line) in came, f"{command.text} does not say {line!r}:\n{stdout}"
 

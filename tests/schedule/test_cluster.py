@@ -349,5 +349,5 @@ def test_more_than_a_run_may_send_is_refused(
 ) -> None:
     (tmp_path / "big.bin").write_bytes(bytes(3000))
     monkeypatch.setattr(parcel, "MOST_SENT", 2000)
-    with pytest.raises(parcel.ParcelError, match=r"more than .* with .*big\.bin; ask for fewer"):
+    with pytest.raises(parcel.ParcelError, match=r"exceed .* with .*big\.bin, too much to send"):
         parcel.luggage([tmp_path])
