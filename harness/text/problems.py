@@ -342,7 +342,10 @@ def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
             continue
         if one.kind in SAME_FAULT:
             return True
-        causes = diagnosis.explanations[0].causes
+        best = diagnosis.explanations[0]
+        if any(set(one.subject) & set(tied.subject) for tied in best.tied_with):
+            return True
+        causes = best.causes
         if any(_is_same(one, cause) or one in _massless(cause, model) for cause in causes):
             return True
     return False
