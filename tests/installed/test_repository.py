@@ -71,7 +71,7 @@ def _the_workflow_fails_and_tells(installed: Installed, place: Path, tools: Path
     job = run_job(steps_of(WORKFLOW, "gate"), installed, place, tools)
     assert not job.passes
     assert "::error file=models/cart_pole/mujoco.xml" in job.stdout
-    assert "## crosscheck gate: fails" in job.summary
+    assert "## crosscheck gate: FAIL" in job.summary
     install, comment = job.called
     assert install.startswith("pip install --constraint constraints.txt physics-crosscheck[")
     body = "reports/gate/summary.md"
