@@ -41,8 +41,8 @@ INDENT = 8
 MASSLESS = "massless"
 """What an audit calls a link with inertia and without mass, in the finding's subject."""
 
-SAME_FAULT = ("inertia", "stiffness", "damping", "acceleration", "linearization", "pose")
-"""Kinds of findings about terms and poses, which follow from the number that a cause names."""
+SAME_FAULT = ("inertia", "stiffness", "damping", "acceleration", "linearization")
+"""Kinds of findings without a line, about terms that the motions depend on."""
 
 Note = tuple[str, str]
 """A label such as `cause`, or none, and its text."""
@@ -340,7 +340,7 @@ def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
             if any(one.is_like(known, 0.1) for known in model.unexplained_findings):
                 return True
             continue
-        if one.kind in SAME_FAULT:
+        if one.location is None and one.kind in SAME_FAULT:
             return True
         best = diagnosis.explanations[0]
         if any(set(one.subject) & set(tied.subject) for tied in best.tied_with):
