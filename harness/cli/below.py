@@ -33,7 +33,7 @@ def models_below(here: Path) -> list[str]:
     if not found:
         raise FolderError(
             "no models below this directory; name a file such as robot.urdf or a system folder,"
-            " set paths in [tool.crosscheck] of pyproject.toml, or try `crosscheck demo`"
+            " set folders in [tool.crosscheck] of pyproject.toml, or try `crosscheck demo`"
         )
     return sorted(found)
 

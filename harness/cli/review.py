@@ -16,8 +16,7 @@ from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.review import Decisions, Review
 from physics_crosscheck.harness.gate.text import accepted_lines, change_lines
 from physics_crosscheck.harness.text.github import in_ci
-from physics_crosscheck.harness.text.terminal import terminal
-from physics_crosscheck.harness.text.versions import wrapped
+from physics_crosscheck.harness.text.terminal import terminal, wrapped
 from physics_crosscheck.harness.text.visible import visible
 
 

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.text.causes import cause_sentences
 from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.versions import wrapped, wrapped_command
+from physics_crosscheck.harness.text.terminal import wrapped, wrapped_command
 from physics_crosscheck.harness.text.visible import visible_lines
 
 QUIET = (Status.SAME,)

@@ -9,7 +9,7 @@ from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.versions import wrapped
+from physics_crosscheck.harness.text.terminal import wrapped
 
 MARKS = {
     FaultVerdict.NAMED: "named",

@@ -22,6 +22,7 @@ from physics_crosscheck.harness.report.text import (
     sci,
     shown,
 )
+from physics_crosscheck.harness.text.models_table import CHAOTIC, is_chaotic
 
 SYMBOLS = {
     Outcome.AGREES: "✓",
@@ -44,7 +45,7 @@ class CaseView:
         outcome, symbol: what became of it.
         model, engine, scenario: its name.
         judged: whether it ran to an end with a discrepancy.
-        sensitive: whether it agrees, and no step could follow its whole motion: what is a hair
+        chaotic: whether it agrees, and no step could follow its whole motion: what is a hair
             apart at the start is far apart at the end, which is no fault.
         digits: that agree in every component.
         discrepancy, uncertainty: of the component that decides.
@@ -67,7 +68,7 @@ class CaseView:
     engine: str
     scenario: str
     judged: bool
-    sensitive: bool
+    chaotic: bool
     digits: str
     discrepancy: str
     uncertainty: str
@@ -100,7 +101,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
     """
     verdict, full_run = case.verdict, case.full_run
     judged = is_judged(case)
-    sensitive = is_sensitive(case)
+    chaotic = is_chaotic(case)
     facts = (
         ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
         ("At dt", () if full_run is None else _at_shipped_step(full_run)),
@@ -118,16 +119,16 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
         engine=shown(case.engine),
         scenario=shown(case.scenario),
         judged=judged,
-        sensitive=sensitive,
+        chaotic=chaotic,
         digits=digits_of(case),
         discrepancy=sci(None if verdict is None else verdict.discrepancy),
         uncertainty=sci(None if verdict is None else verdict.uncertainty),
-        global_error=SENSITIVE if sensitive else _global_error(full_run),
+        global_error=CHAOTIC if chaotic else _global_error(full_run),
         reason=shown(case.reason),
         stdout=shown(case.stdout),
         accepted=shown(case.accepted),
         facts=tuple((title, rows) for title, rows in facts if rows),
-        cost=_cost(full_run, case.outcome, sensitive) if full_run and judged else "",
+        cost=_cost(full_run, case.outcome, chaotic) if full_run and judged else "",
         steps=() if full_run is None else _steps_for(full_run),
         step=quantity(None if full_run is None else full_run.time_step, "s", 3),
         pack=pack,
@@ -139,26 +140,6 @@ def is_judged(case: Case) -> bool:
     """Whether a case ran to an end with a discrepancy."""
     known = case.verdict is not None and case.verdict.discrepancy is not None
     return known and case.outcome is not Outcome.FAILED
-
-
-SENSITIVE = "chaotic"
-"""What stands in place of a global error that says nothing of the model or the step."""
-
-TENTH = 0.001
-"""The global error of which no step is told, of a motion that is too sensitive."""
-
-
-LARGE = 0.1
-"""From this share of the amplitude on, a global error reads like a fault."""
-
-
-def is_sensitive(case: Case) -> bool:
-    """Whether a motion that agrees is far off at its end, and too sensitive for a step to mend."""
-    if case.outcome is not Outcome.AGREES or case.full_run is None:
-        return False
-    if (case.full_run.global_error or 0.0) < LARGE:
-        return False
-    return any(one.target == TENTH and one.step is None for one in case.full_run.steps_for)
 
 
 def _global_error(full_run: FullRun | None) -> str:
@@ -184,12 +165,12 @@ def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> t
     return tuple("" if value is None else f"{value:.6g}" for value in columns)
 
 
-def _cost(full_run: FullRun, outcome: Outcome, sensitive: bool) -> str:
+def _cost(full_run: FullRun, outcome: Outcome, chaotic: bool) -> str:
     """What the step costs, and where the cost goes."""
     if full_run.global_error is None:
         return ""
     step, error = quantity(full_run.time_step, "s", 3), percent(full_run.global_error)
-    if sensitive:
+    if chaotic:
         until = quantity(full_run.resolved_until, "s", 3)
         followed = f", here until {until}" if full_run.resolved_until else ""
         return (

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.report.cases import (
-    SENSITIVE,
     SYMBOLS,
     CaseView,
     digits_of,
     severity,
 )
 from physics_crosscheck.harness.report.text import NOTHING, percent, shown
+from physics_crosscheck.harness.text.models_table import CHAOTIC
 
 Pair = tuple[Case, CaseView]
 
@@ -191,11 +191,11 @@ def _largest_error(pairs: Sequence[Pair]) -> str:
     errors = [
         case.full_run.global_error
         for case, view in pairs
-        if view.judged and not view.sensitive and case.full_run is not None
+        if view.judged and not view.chaotic and case.full_run is not None
     ]
     known = [error for error in errors if error is not None]
-    if not known and any(view.sensitive for _, view in pairs):
-        return SENSITIVE
+    if not known and any(view.chaotic for _, view in pairs):
+        return CHAOTIC
     return percent(max(known, default=None))
 
 

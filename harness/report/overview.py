@@ -327,7 +327,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
             name=_name(weakest),
         )
     ]
-    told = [pair for pair in agreeing if not pair[1].sensitive]
+    told = [pair for pair in agreeing if not pair[1].chaotic]
     if told:
         dearest = max(told, key=lambda pair: float(pair[1].sorts[3] or 0.0))[1]
         found.append(
@@ -338,7 +338,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
                 name=_name(dearest),
             )
         )
-    if left := [view for _, view in agreeing if view.sensitive]:
+    if left := [view for _, view in agreeing if view.chaotic]:
         found.append(
             Standing(
                 id=left[0].id,

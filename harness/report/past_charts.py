@@ -8,10 +8,9 @@ from datetime import UTC, datetime
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.history import Past
-from physics_crosscheck.harness.report.cases import is_sensitive
 from physics_crosscheck.harness.report.packs import Chart, Curve, Pack
 from physics_crosscheck.harness.report.text import percent, shown
-from physics_crosscheck.harness.text.models_table import known
+from physics_crosscheck.harness.text.models_table import is_chaotic, known
 from physics_crosscheck.harness.text.status import counted
 
 HISTORY = "Over time"
@@ -84,7 +83,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
     if len(whole) < 2:
         return ()
     start = min(whole)
-    sensitive = {case.id for case in cases if is_sensitive(case)}
+    chaotic = {case.id for case in cases if is_chaotic(case)}
     engines = list(dict.fromkeys(case.engine for case in cases))[:MOST]
 
     def rows(worst: Callable[[Iterable[float]], float], name: str) -> dict[str, Rows]:
@@ -95,7 +94,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
                 values: list[Number] = [
                     getattr(one, name)
                     for one in past
-                    if one.engine == engine and (name == "digits" or one.id not in sensitive)
+                    if one.engine == engine and (name == "digits" or one.id not in chaotic)
                 ]
                 if there := known(values):
                     points.append((_milliseconds(when), worst(there)))

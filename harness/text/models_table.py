@@ -42,6 +42,7 @@ MAX_ROWS = 12
 GAP = "  "
 
 CHAOTIC = "chaotic"
+"""Shown in place of an error at dt that does not depend on the model or the time step."""
 
 
 @dataclass(frozen=True, kw_only=True)

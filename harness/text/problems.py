@@ -300,13 +300,13 @@ def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
 
 
 def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | None:
-    wanted: dict[object, tuple[AuditFinding, list[Model]]] = {}
+    wanted: dict[tuple[object, ...], tuple[AuditFinding, list[Model]]] = {}
     for model in models:
         for one in model.findings:
             if details or not _is_explained(one, models):
                 key = one.kind, one.subject, one.location
                 wanted.setdefault(key, (one, []))[1].append(model)
-    if not wanted:
+    if not wanted or (not details and _poses_follow(wanted, models)):
         return None
     lines = [entry for entry in wanted.values() if entry[0].location is not None]
     rest = [entry for entry in wanted.values() if entry[0].location is None]
@@ -330,6 +330,20 @@ def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | Non
     )
 
 
+def _poses_follow(wanted: Iterable[tuple[object, ...]], models: Sequence[Model]) -> bool:
+    """Return whether only poses are left, and the fixes of causes correct every number."""
+    if any(kind != "pose" for kind, *_ in wanted):
+        return False
+    fixes = {note for model in models for note in _fixes(model, model.findings)}
+    of_causes = {
+        note
+        for model in models
+        if model.diagnosis is not None and model.diagnosis.explained
+        for note in _cause_fixes(model, model.diagnosis.explanations[0].causes)
+    }
+    return bool(fixes) and fixes <= of_causes
+
+
 def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
     """Return whether another problem states the same fault already: a cause, or a difference."""
     for model in models:
@@ -340,12 +354,10 @@ def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
             if any(one.is_like(known, 0.1) for known in model.unexplained_findings):
                 return True
             continue
-        if one.location is None and one.kind in SAME_FAULT:
+        # A default is a finding only beside a wrong term, and that follows from the cause.
+        if one.kind == "default" or (one.location is None and one.kind in SAME_FAULT):
             return True
-        best = diagnosis.explanations[0]
-        if any(set(one.subject) & set(tied.subject) for tied in best.tied_with):
-            return True
-        causes = best.causes
+        causes = diagnosis.explanations[0].causes
         if any(_is_same(one, cause) or one in _massless(cause, model) for cause in causes):
             return True
     return False

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.text.comparison import WORDS
 from physics_crosscheck.harness.text.markup import escape
 from physics_crosscheck.harness.text.status import counted
 from physics_crosscheck.harness.text.styles import STYLES
-from physics_crosscheck.harness.text.versions import wrapped
+from physics_crosscheck.harness.text.terminal import wrapped
 from physics_crosscheck.harness.text.visible import visible
 
 MOST = 12

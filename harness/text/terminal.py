@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import textwrap
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.text import Text
@@ -52,3 +53,40 @@ def print_wrapped(
         for row, part in enumerate(wrapped or [""]):
             shown = Text(before, style) + Text(part[len(before) :]) if row == 0 else Text(part)
             console.print(shown, soft_wrap=True)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Return the lines of a text of at most `width` columns, unless a word is wider.
+
+    What does not fit goes below, two columns to the right of where the text begins.
+
+    Args:
+        text: one line; its indentation is kept.
+        width: columns.
+    """
+    begin = " " * (len(text) - len(text.lstrip()))
+    return textwrap.wrap(
+        text.strip(),
+        width,
+        initial_indent=begin,
+        subsequent_indent=f"{begin}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    ) or [""]
+
+
+def wrapped_command(words: Sequence[str], width: int) -> list[str]:
+    """Return a shell command on as many lines as it needs, each but the last ending in a backslash.
+
+    Args:
+        words: of the command, each quoted already where it must be.
+        width: columns.
+    """
+    lines = [f"  {words[0]}"]
+    for word in words[1:]:
+        if len(lines[-1]) + len(word) + 3 > width and lines[-1].strip():
+            lines[-1] += " \\"
+            lines.append(f"    {word}")
+        else:
+            lines[-1] += f" {word}"
+    return lines

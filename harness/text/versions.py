@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 
 from rich.console import Console
@@ -15,6 +14,7 @@ from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, Ve
 from physics_crosscheck.harness.text.markup import escape
 from physics_crosscheck.harness.text.status import counted
 from physics_crosscheck.harness.text.styles import STYLES
+from physics_crosscheck.harness.text.terminal import wrapped
 
 MOST_TOLD = 40
 
@@ -174,40 +174,3 @@ def say(console: Console, text: str, style: str = "") -> None:
     """Print a text, wrapped at the width of the console; no word is cut."""
     for line in wrapped(text, console.width):
         console.print(f"[{style}]{escape(line)}[/]" if style else escape(line), soft_wrap=True)
-
-
-def wrapped(text: str, width: int) -> list[str]:
-    """Return the lines of a text of at most `width` columns, unless a word is wider.
-
-    What does not fit goes below, two columns to the right of where the text begins.
-
-    Args:
-        text: one line; its indentation is kept.
-        width: columns.
-    """
-    begin = " " * (len(text) - len(text.lstrip()))
-    return textwrap.wrap(
-        text.strip(),
-        width,
-        initial_indent=begin,
-        subsequent_indent=f"{begin}  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    ) or [""]
-
-
-def wrapped_command(words: Sequence[str], width: int) -> list[str]:
-    """Return a shell command on as many lines as it needs, each but the last ending in a backslash.
-
-    Args:
-        words: of the command, each quoted already where it must be.
-        width: columns.
-    """
-    lines = [f"  {words[0]}"]
-    for word in words[1:]:
-        if len(lines[-1]) + len(word) + 3 > width and lines[-1].strip():
-            lines[-1] += " \\"
-            lines.append(f"    {word}")
-        else:
-            lines[-1] += f" {word}"
-    return lines
