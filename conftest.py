@@ -10,7 +10,7 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from physics_crosscheck.harness.schedule.environment import claim_defaults
+from physics_crosscheck.harness.jobs.environment import claim_defaults
 
 if TYPE_CHECKING:
     from physics_crosscheck.harness.records.case import Case, FullRun, Verdict

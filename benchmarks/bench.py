@@ -38,12 +38,12 @@ from benchmarks.lasting import keep, this_version
 from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, compare
 from physics_crosscheck.harness.compare.executor import at_once
-from physics_crosscheck.harness.files.folders import system_folders
+from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.system import System
-from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.run import Options, run
 from tests.report.chromium import CHROMIUM, running
 

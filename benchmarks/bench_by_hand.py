@@ -15,9 +15,9 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from benchmarks.bench_segments import sidecar_of
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.prepare import prepare
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 

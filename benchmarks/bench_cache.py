@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.read import read_results
 
 TIMES = 3

@@ -16,16 +16,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
-from physics_crosscheck.harness.collected import Collected
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.options import Options
-from physics_crosscheck.harness.plan import Plan
-from physics_crosscheck.harness.schedule import parcel
-from physics_crosscheck.harness.schedule.chosen import executor
-from physics_crosscheck.harness.schedule.clock import processor_seconds
-from physics_crosscheck.harness.schedule.executor import Executor
-from physics_crosscheck.harness.schedule.jobs import Job, Task, work
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.jobs import payload
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.clock import processor_seconds
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.planning.plan import Plan
+from physics_crosscheck.harness.planning.result_builder import Collected
 from tests.schedule.clusters import Loopback, below
 
 FOLDER = builtin() / "drum_pendulum"
@@ -40,7 +40,7 @@ def size(folder: Path) -> dict[str, tuple[int, int]]:
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)
         count, most = found.get(job.task.function.__name__, (0, 0))
-        sent = len(parcel.packed(task, places=frozenset([str(folder)])))
+        sent = len(payload.packed(task, places=frozenset([str(folder)])))
         found[job.task.function.__name__] = count + 1, max(most, sent)
     return found
 

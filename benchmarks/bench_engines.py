@@ -18,13 +18,13 @@ import pybullet_data
 from rich.console import Console
 from rich.table import Table
 
-from physics_crosscheck.harness.cases.robot import prepare_robot
-from physics_crosscheck.harness.cases.robot_task import load_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot
+from physics_crosscheck.harness.checks.robot_task import load_robot
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 STEPS, STATES, REPEATS = 2000, 400, 7
 ARM = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"

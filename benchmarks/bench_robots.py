@@ -21,7 +21,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.engines.registry import readers
 from physics_crosscheck.harness.scaffold.from_model import from_model
 

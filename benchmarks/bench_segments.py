@@ -14,20 +14,20 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin, system_folders
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin, system_folders
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import FullRun, full_run
 from physics_crosscheck.harness.numerics.ladder import weights
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
-from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.solving.motion import Motion
 
 REPEATS = 5
 Rollout = tuple[float, int, list[list[float]], list[list[float]], Array | None]

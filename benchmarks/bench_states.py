@@ -15,17 +15,17 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.cases.robot import SEED
-from physics_crosscheck.harness.cases.robot_record import settings_of
-from physics_crosscheck.harness.robots.numerals import NUDGE
-from physics_crosscheck.harness.robots.read import read_robot, robot_numbers
-from physics_crosscheck.harness.robots.robot import Robot, home_of
-from physics_crosscheck.harness.robots.system import robot_system
-from physics_crosscheck.reference.excitation import telling
-from physics_crosscheck.reference.multibody.coupled import Coupled
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.samples import candidates
-from physics_crosscheck.reference.trees import TreeEquations
+from physics_crosscheck.harness.checks.robot_case import SEED
+from physics_crosscheck.harness.checks.robot_record import settings_of
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
+from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
+from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.excitation import telling
+from physics_crosscheck.reference.solving.samples import candidates
 
 TOLD_APART = 1e-6
 """Of the largest singular value: directions with less are those of numbers that are one."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.report.cases import digits_of
+from physics_crosscheck.harness.render.html.cases import digits_of
 
 
 def cell(cases: Sequence[Case]) -> str:

@@ -17,10 +17,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from physics_crosscheck.harness.extras.sweep.store import done, read_plan, read_rows
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
-from physics_crosscheck.harness.sweep.store import done, read_plan, read_rows
-from physics_crosscheck.harness.text.sweep import row_lines
+from physics_crosscheck.harness.render.terminal.sweep import row_lines
 
 VARY = (
     "M=1.2:4.8:log", "m=0.4:1.6:log", "l=0.3:1.2", "k=30:130:log", "g=9.6:10",

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.baseline.snapshot import ends, segments_of, snapshot_of
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,
     reference_ends,
@@ -27,20 +27,20 @@ from physics_crosscheck.harness.diagnosis.samples import (
 )
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import at_constants, with_constants
-from physics_crosscheck.harness.files.folders import system_folders
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.bindings import at_constants, with_constants
+from physics_crosscheck.harness.modelfiles.folders import system_folders
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 
 Pairing = tuple[Path, Sidecar, str]
 """A folder, a model of it, and an engine."""

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from campaigns.random_draws import pairings
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
 from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.files.bindings import bindings, with_literals
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.mutation.survey import survey
 from physics_crosscheck.harness.records.cause import CauseId
 

@@ -20,7 +20,7 @@ from rich.terminal_theme import DEFAULT_TERMINAL_THEME, DIMMED_MONOKAI
 from rich.text import Text
 
 from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.text.table import print_results
+from physics_crosscheck.harness.render.terminal.table import print_results
 
 _FACES = re.compile(r"@font-face \{\{.*?\}\}", re.DOTALL)
 

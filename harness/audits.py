@@ -12,24 +12,28 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.cached import Cache
-from physics_crosscheck.harness.cases.not_run import hurdle
-from physics_crosscheck.harness.collected import Collected
+from physics_crosscheck.harness.checks.not_run import hurdle
 from physics_crosscheck.harness.engines.registry import engines as registered
-from physics_crosscheck.harness.files.choice import Choice
-from physics_crosscheck.harness.files.model_files import UnreadModel, chosen_engines, model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
-from physics_crosscheck.harness.options import Options, Selection
-from physics_crosscheck.harness.plan_bodies import BodiesModel
-from physics_crosscheck.harness.plan_energies import EnergiesModel
-from physics_crosscheck.harness.plan_folder import FolderWork
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import Job, work
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+)
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.planning.bodies_plan import BodiesModel
+from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.planning.energies_plan import EnergiesModel
+from physics_crosscheck.harness.planning.folder_plan import FolderWork
+from physics_crosscheck.harness.planning.options import Options, Selection
+from physics_crosscheck.harness.planning.result_builder import Collected
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.schedule.chosen import executor
-from physics_crosscheck.harness.schedule.failure import Failure
-from physics_crosscheck.harness.schedule.jobs import Job, work
-from physics_crosscheck.harness.schedule.limits import Limits
 
 AUDIT_ONLY = Selection(models=None)
 """Selects no derivation and no diagnosis."""

@@ -20,18 +20,18 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.baseline.audits import mark_models
 from physics_crosscheck.harness.baseline.inputs import versions
 from physics_crosscheck.harness.baseline.known import Accepted, accepted, changes_since, mark_known
-from physics_crosscheck.harness.collected import Collected, Interruption, Progress
-from physics_crosscheck.harness.files.luggage import luggage
-from physics_crosscheck.harness.options import Options, Selection
-from physics_crosscheck.harness.plan import Plan
-from physics_crosscheck.harness.plan_robots import RobotPlan
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import work
+from physics_crosscheck.harness.jobs.stop import Stop
+from physics_crosscheck.harness.modelfiles.input_files import luggage
+from physics_crosscheck.harness.planning.options import Options, Selection
+from physics_crosscheck.harness.planning.plan import Plan
+from physics_crosscheck.harness.planning.result_builder import Collected, Interruption, Progress
+from physics_crosscheck.harness.planning.robot_plan import RobotPlan
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.schedule.chosen import executor
-from physics_crosscheck.harness.schedule.failure import Failure
-from physics_crosscheck.harness.schedule.jobs import work
-from physics_crosscheck.harness.schedule.stop import Stop
 
 __all__ = ["Interruption", "Options", "Progress", "Run", "Selection", "run"]
 

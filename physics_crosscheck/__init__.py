@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from physics_crosscheck.harness.api import Results, check
     from physics_crosscheck.harness.compare.candidate import CompareError
-    from physics_crosscheck.harness.notebook.ask import simulate, solve
-    from physics_crosscheck.harness.notebook.comparison import Comparison, compare
-    from physics_crosscheck.harness.notebook.trajectory import MotionError, Trajectory
+    from physics_crosscheck.harness.extras.notebook.ask import simulate, solve
+    from physics_crosscheck.harness.extras.notebook.comparison import Comparison, compare
+    from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
+    from physics_crosscheck.harness.interfaces.api import Results, check
     from physics_crosscheck.reference import (
         CablePath,
         Constant,
@@ -46,21 +46,21 @@ if TYPE_CHECKING:
         System,
         t,
     )
-    from physics_crosscheck.reference.kinematics import Frame, ground, rotation
+    from physics_crosscheck.reference.mechanism.kinematics import Frame, ground, rotation
 
 _FROM = {
-    "physics_crosscheck.harness.api": ("Results", "check"),
+    "physics_crosscheck.harness.interfaces.api": ("Results", "check"),
     "physics_crosscheck.harness.compare.candidate": ("CompareError",),
-    "physics_crosscheck.harness.notebook.ask": ("simulate", "solve"),
-    "physics_crosscheck.harness.notebook.comparison": ("Comparison", "compare"),
-    "physics_crosscheck.harness.notebook.trajectory": ("MotionError", "Trajectory"),
+    "physics_crosscheck.harness.extras.notebook.ask": ("simulate", "solve"),
+    "physics_crosscheck.harness.extras.notebook.comparison": ("Comparison", "compare"),
+    "physics_crosscheck.harness.extras.notebook.trajectory": ("MotionError", "Trajectory"),
     "physics_crosscheck.reference": (
         "Constant", "Coordinate", "CablePath", "Coupling", "DeclarationError",
         "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Fluid",
         "MultibodySystem", "Output", "Pose", "PublishedEquation", "ForceElement", "Quantity",
         "RigidBody", "Scenario", "Site", "System", "t",
     ),
-    "physics_crosscheck.reference.kinematics": ("Frame", "ground", "rotation"),
+    "physics_crosscheck.reference.mechanism.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 
 __all__ = [

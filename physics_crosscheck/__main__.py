@@ -2,7 +2,7 @@
 
 import sys
 
-from physics_crosscheck.harness.cli.main import program
+from physics_crosscheck.harness.interfaces.cli.main import program
 
 if __name__ == "__main__":
     sys.exit(program())

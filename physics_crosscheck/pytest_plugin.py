@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from physics_crosscheck.harness.pytest_plugin.fixture import Checker
+    from physics_crosscheck.harness.interfaces.pytest_plugin.fixture import Checker
     from physics_crosscheck.harness.records.case import Case
 
 
@@ -97,7 +97,7 @@ def crosscheck(request: pytest.FixtureRequest) -> Checker:
     resolution, limits and baseline are those of the command line, paths are from the root folder.
     The test is skipped where no engine of the models is installed, but under --require-engines.
     """
-    from physics_crosscheck.harness.pytest_plugin.fixture import Checker
+    from physics_crosscheck.harness.interfaces.pytest_plugin.fixture import Checker
 
     return Checker(request.config)
 
@@ -117,6 +117,6 @@ def pytest_configure(config: pytest.Config) -> None:
         # pytest joins what stands there to its folder, whatever it is.
         told = f"{config.inipath}: crosscheck_paths must be a list of paths: {error}"
         raise pytest.UsageError(told) from None
-    from physics_crosscheck.harness.pytest_plugin.session import CrosscheckSession
+    from physics_crosscheck.harness.interfaces.pytest_plugin.session import CrosscheckSession
 
     config.pluginmanager.register(CrosscheckSession(config), "crosscheck-session")

@@ -1,6 +1,6 @@
 """Reference equations: declared, derived, linearized and solved; no engine is known here."""
 
-from physics_crosscheck.reference.declaration import (
+from physics_crosscheck.reference.mechanism.declaration import (
     Constant,
     Coordinate,
     DeclarationError,
@@ -12,18 +12,18 @@ from physics_crosscheck.reference.declaration import (
     Scenario,
     t,
 )
-from physics_crosscheck.reference.pose import Pose
-from physics_crosscheck.reference.multibody.bodies import (
+from physics_crosscheck.reference.mechanism.pose import Pose
+from physics_crosscheck.reference.mechanism.bodies import (
     Coupling,
     Joint,
     ForceElement,
     RigidBody,
     Site,
 )
-from physics_crosscheck.reference.multibody.tree import Fluid
-from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce
-from physics_crosscheck.reference.system import System
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.tree import Fluid
+from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 __all__ = [
     "CablePath",

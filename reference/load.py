@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from physics_crosscheck.reference.declaration import DeclarationError, LocatedError
-from physics_crosscheck.reference.multibody.tree import TreeError
-from physics_crosscheck.reference.system import System
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError, LocatedError
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
 def load_system(folder: Path) -> System:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.main import main
 from tests.faults.known_folder import KNOWN_ANSWER
 
 

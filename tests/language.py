@@ -100,7 +100,7 @@ class Text(NamedTuple):
 
 
 def room(path: Path) -> str:
-    """Return the folder that a file of code is counted in, such as `harness/files`."""
+    """Return the folder that a file of code is counted in, such as `harness/modelfiles`."""
     return "/".join(path.relative_to(ROOT).parts[:-1][:2])
 
 
@@ -237,7 +237,7 @@ def _strings() -> Iterator[Text]:
 
 def _templates() -> Iterator[Text]:
     """Yield the lines of the report's pages and scripts, without tags and code."""
-    report = ROOT / "harness" / "report"
+    report = ROOT / "harness" / "render" / "html"
     for path in sorted([*report.glob("pages/*.html"), *report.glob("script/*.js")]):
         for number, line in enumerate(path.read_text().splitlines(), 1):
             shown = re.sub(r"\{%.*?%\}|<[^>]*>|\bclass: \"[^\"]*\"", " ", line)

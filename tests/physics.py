@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.modelfiles.folders import builtin
 
 
 @cache

@@ -35,7 +35,7 @@ PLANTED = {
     ),
     "message_sentences": ("reference/a.py", f"f({LONG!r})", f"f({LONG[:40]!r})", 1),
     "option_help": (
-        "harness/cli/a.py",
+        "harness/interfaces/cli/a.py",
         f"add('--x', help={LONG!r})",
         "add('--x', help='write results to DIR (reports, or what the settings name, or any "
         "other folder that there is)')",
@@ -97,11 +97,11 @@ def test_the_page_and_its_scripts_are_messages(place: Path) -> None:
         "pages/a.html": '<p class="told here">No step is {{ x.told }} told</p>',
         "script/a.js": 'make("p", { class: "told by" }, `what ${told} is told`); told(x, "y");',
     }.items():
-        (place / "harness/report" / name).parent.mkdir(parents=True, exist_ok=True)
-        (place / "harness/report" / name).write_text(text)
+        (place / "harness/render/html" / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / "harness/render/html" / name).write_text(text)
     assert [o.place for o in RULES["message_words"]()] == [
-        "harness/report/pages/a.html:1",
-        "harness/report/script/a.js:1",
+        "harness/render/html/pages/a.html:1",
+        "harness/render/html/script/a.js:1",
     ]
 
 

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from physics_crosscheck.harness import tasks
-from physics_crosscheck.harness.cached import KINDS
-from physics_crosscheck.harness.prepared import task_function
+from physics_crosscheck.harness.planning import tasks
+from physics_crosscheck.harness.planning.cache import KINDS
+from physics_crosscheck.harness.planning.prepared import task_function
 
 
 @pytest.mark.parametrize("kind", KINDS)

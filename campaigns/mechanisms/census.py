@@ -15,8 +15,8 @@ from campaigns.mechanisms.faults import plant
 from campaigns.mechanisms.mechanism import Mechanism
 from campaigns.mechanisms.results import Result
 from campaigns.mechanisms.trial import Judged, Posed, examine, pose, undone
+from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.schedule.workers import Failure, Limits, Workers
 
 RESOLUTION = 1e-9
 

@@ -9,7 +9,7 @@ import sympy as sp
 
 from campaigns.mechanisms.mechanism import Drive
 from campaigns.mechanisms.written import joint_name
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference import (
     Constant,
@@ -20,8 +20,8 @@ from physics_crosscheck.reference import (
     Scenario,
     System,
 )
-from physics_crosscheck.reference.declaration import t
-from physics_crosscheck.reference.signal import Inputs, Piece, numeric_inputs
+from physics_crosscheck.reference.mechanism.declaration import t
+from physics_crosscheck.reference.mechanism.signal import Inputs, Piece, numeric_inputs
 
 
 def inputs(drives: tuple[Drive, ...], duration: float) -> Inputs:

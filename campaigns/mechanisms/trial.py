@@ -18,16 +18,16 @@ from campaigns.mechanisms.joints import identity, inputs
 from campaigns.mechanisms.mechanism import Mechanism
 from campaigns.mechanisms.truth import Ends, TruthError, ends
 from campaigns.mechanisms.written import joint_name, sidecar
-from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.batch import Batch, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
-from physics_crosscheck.reference.motion import Motion, Span
+from physics_crosscheck.reference.solving.motion import Motion, Span
 
 SEGMENTS_A_PERIOD = 20
-"""As `reference.solve` cuts its motions."""
+"""As `reference.solving.solve` cuts its motions."""
 
 SLOWEST = 1.0
 """Least rate for which segments are made short, rad/s."""

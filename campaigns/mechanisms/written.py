@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from campaigns.mechanisms.mechanism import MJCF, Link, Mechanism
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 
 def sidecar(mechanism: Mechanism, folder: Path, more: Mapping[str, object]) -> Sidecar:

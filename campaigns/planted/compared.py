@@ -15,8 +15,8 @@ from physics_crosscheck.harness.compare.candidate import CompareError, candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
 from physics_crosscheck.harness.compare.execute import FailureError
 from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.modelfiles.numbers import Numeral
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.numerals import Numeral
 
 MOST = 0.99
 """Share of the discrepancy that the difference which is named must explain where it is resolved."""

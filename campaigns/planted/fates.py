@@ -13,18 +13,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.cases.robot import PreparedRobot, judge_robot, prepare_robot
-from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.checks.robot_case import PreparedRobot, judge_robot, prepare_robot
+from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, Numeral
+from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.copies import copied
-from physics_crosscheck.harness.robots.numerals import SMALL, Numeral
-from physics_crosscheck.harness.robots.read import Numbers, robot_numbers
-from physics_crosscheck.reference.flows import Flow
-from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.solving.flows import Flow
+from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 RESOLUTION = 1e-9
 

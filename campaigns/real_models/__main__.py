@@ -18,8 +18,8 @@ from campaigns.real_models.entry import Entry, keep, kept
 from campaigns.real_models.files import included, robot_files
 from campaigns.real_models.packages import FOLDERS, folder_of
 from campaigns.real_models.summary import line, summary
-from physics_crosscheck.harness.schedule.jobs import work
-from physics_crosscheck.harness.schedule.workers import Limits, Workers
+from physics_crosscheck.harness.jobs.graph import work
+from physics_crosscheck.harness.jobs.workers import Limits, Workers
 
 
 def folders_of(names: list[str]) -> list[Path]:

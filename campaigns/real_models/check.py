@@ -12,19 +12,19 @@ from typing import Any
 from msgspec import structs
 
 from campaigns.real_models.entry import STILL, Came, Entry
-from physics_crosscheck.harness.cases.not_run import absent
-from physics_crosscheck.harness.cases.robot import PreparedRobot, prepare_robot, run_robot
-from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.checks.not_run import absent
+from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import Job, Task
+from physics_crosscheck.harness.modelfiles.inertias import impossible
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.inertias import impossible
-from physics_crosscheck.harness.robots.read import read_robot
-from physics_crosscheck.harness.schedule.failure import Failure
-from physics_crosscheck.harness.schedule.jobs import Job, Task
-from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.harness.results.causes import cause_sentences
 
 Jobs = Iterator[Job[Any]]
 

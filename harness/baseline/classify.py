@@ -14,10 +14,10 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     dependencies,
     with_reads,
 )
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.schedule.workers import Failure
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.registry import model_formats
-from physics_crosscheck.harness.files.parts import included, named_files
-from physics_crosscheck.harness.files.sidecar import SidecarError, left_to_others, read_sidecar
-from physics_crosscheck.harness.files.states import (
+from physics_crosscheck.harness.modelfiles.parts import included, named_files
+from physics_crosscheck.harness.modelfiles.path_states import (
     digest,
     digest_of,
     is_content,
     states_now,
     without_content,
 )
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, left_to_others, read_sidecar
 from physics_crosscheck.harness.numerics.version import VERSION
 
 BESIDE = "(beside)"

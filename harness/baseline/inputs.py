@@ -17,7 +17,7 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     folder_files,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.states import UNREADABLE, digest_of
+from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, digest_of
 from physics_crosscheck.harness.records.case import ModelKey
 
 

@@ -21,12 +21,12 @@ from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_
 from physics_crosscheck.harness.baseline.stale import match, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import absent_extras, engines
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges
-from physics_crosscheck.harness.schedule.workers import Failure
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.status import counted
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
 """What was measured, or why it was not, by folder and case."""

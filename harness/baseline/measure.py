@@ -21,12 +21,12 @@ from physics_crosscheck.harness.baseline.snapshot import (
     segments_of,
     snapshot_of,
 )
-from physics_crosscheck.harness.cases.case import CaseTask, load
-from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.checks.case import CaseTask, load
+from physics_crosscheck.harness.checks.prepare import Prepared
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED
-from physics_crosscheck.harness.files.reads import recorded
-from physics_crosscheck.harness.files.sidecar import Sidecar
-from physics_crosscheck.harness.files.states import merged
+from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.path_states import merged
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import rows
 from physics_crosscheck.harness.records.baseline import (
     Identified,
@@ -34,11 +34,11 @@ from physics_crosscheck.harness.records.baseline import (
     OnAccepted,
     Snapshot,
 )
-from physics_crosscheck.reference.integrate import ReferenceError
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.system import System
-from physics_crosscheck.reference.variants import Variants
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.variants import Variants
 
 TIED = 1e-6
 """A constant that may change by this share of a unit change without moving any segment by more than

@@ -14,15 +14,16 @@ import numpy as np
 
 from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
 from physics_crosscheck.harness.baseline.snapshot import PICKED, ends, segments_of
-from physics_crosscheck.harness.cases.robot_task import RobotTask, load_robot, order_of
-from physics_crosscheck.harness.cases.verdict import filled
-from physics_crosscheck.harness.files.reads import recorded
-from physics_crosscheck.harness.files.states import merged
+from physics_crosscheck.harness.checks.robot_task import RobotTask, load_robot, order_of
+from physics_crosscheck.harness.checks.verdict import filled
+from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.records.base import rows
 from physics_crosscheck.harness.records.baseline import Measurement, OnAccepted, Snapshot
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.samples import ends_of
-from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.samples import ends_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,9 +18,9 @@ from physics_crosscheck.harness.numerics.batch import Batch, Rows, spread
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.baseline import Snapshot
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.motion import Motion
 
 PICKED = 16
 """Segments a snapshot: even over the motion, at least two of each span between breaks."""

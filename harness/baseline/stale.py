@@ -14,8 +14,8 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     as_now,
     dependencies,
 )
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.states import UNREADABLE
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE
 from physics_crosscheck.harness.records.baseline import AcceptedCase
 from physics_crosscheck.harness.records.case import CaseId
 

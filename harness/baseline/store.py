@@ -20,8 +20,8 @@ from physics_crosscheck.harness.baseline.file import (
     read_file,
     read_folder,
 )
-from physics_crosscheck.harness.files.reading import MOST_MODEL, read_regular
-from physics_crosscheck.harness.files.states import digest_of
+from physics_crosscheck.harness.modelfiles.path_states import digest_of
+from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
 
 T = TypeVar("T")
 

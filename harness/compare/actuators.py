@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.compare.property import Property, told
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
-from physics_crosscheck.harness.robots.compiled_tree import SPREAD, held_controls
+from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.harness.compare.placed import Placed
-from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
-from physics_crosscheck.reference.multibody.lump import HERE, Place
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
+from physics_crosscheck.reference.mechanism.spatial_inertia import HERE, Place
 
 SAME = 1e-9
 """Angles in radians, and lengths in sizes of the mechanism, that differ by less are the same."""

@@ -19,10 +19,10 @@ from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.trials import Trial, TrialTask, attribute_difference, tried
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.locations import LocationError
-from physics_crosscheck.harness.files.locations.outline import MARKUP, outline
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.locations import LocationError
+from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
 from physics_crosscheck.harness.numerics.evenly import evenly
-from physics_crosscheck.harness.schedule.workers import Failure
 
 MOST_TRIED = 24
 """Differences of the files that are tried one by one, the largest first; beyond, they are only

@@ -11,8 +11,8 @@ from physics_crosscheck.harness.compare.alignment import SAME, Aligned
 from physics_crosscheck.harness.compare.property import Property, shown, told
 from physics_crosscheck.harness.compare.side import Side
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.modelfiles.robot import Part
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.robots.robot import Part
 
 ROUNDING = 1e-13
 """Of m r^2, in a tensor that was brought from one frame to another."""

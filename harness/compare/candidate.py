@@ -11,16 +11,16 @@ import numpy as np
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines, missing, readers
-from physics_crosscheck.harness.files.folders import FORMATS
-from physics_crosscheck.harness.files.locations.xml import no_xml
-from physics_crosscheck.harness.files.model_files import check_springs
-from physics_crosscheck.harness.files.parts import PartError, check_parts
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.robots.compiled import compiler, read_compiled_robot
-from physics_crosscheck.harness.robots.named import xacro_remedy
-from physics_crosscheck.harness.robots.read import read_robot
-from physics_crosscheck.harness.robots.robot import LeftOut, Robot
-from physics_crosscheck.harness.robots.system import names_of
+from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.model_files import check_springs
+from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot import LeftOut, Robot
+from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 
 
 class CompareError(ValueError):

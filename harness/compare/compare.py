@@ -33,12 +33,12 @@ from physics_crosscheck.harness.compare.slack import taut_starts
 from physics_crosscheck.harness.compare.terms import Frame, Term, terms
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.inertias import impossible
 from physics_crosscheck.harness.numerics.evenly import evenly
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.inertias import impossible
-from physics_crosscheck.harness.schedule.workers import Failure
-from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.reference.multibody.tree import WORLD
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.mechanism.tree import WORLD
 
 TURNED = 1e-4
 """From so large a discrepancy on, joints that turn the other way are looked for."""

@@ -10,9 +10,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.files.locations import Location, LocationError, find
-from physics_crosscheck.harness.files.locations.outline import MARKUP, Element, Value, outline
-from physics_crosscheck.harness.files.splice import spliced
+from physics_crosscheck.harness.modelfiles.edits import spliced
+from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find
+from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
 from physics_crosscheck.harness.records.base import SourceLine
 
 
@@ -21,7 +21,7 @@ class Edit:
     """One difference between the files of A and B.
 
     Attributes:
-        label: what differs, as an address of `harness.files.locations` where it has one.
+        label: what differs, as an address of `harness.modelfiles.locations` where it has one.
         where_a, where_b: lines of the files.
         old, new: as A and B have it.
         changes: replacements of bytes in A's model file, (first, after the last, new bytes).

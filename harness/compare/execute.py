@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
 from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
-from physics_crosscheck.harness.schedule.workers import Failure
+from physics_crosscheck.harness.jobs.workers import Failure
 
 T = TypeVar("T")
 V = TypeVar("V")

@@ -7,7 +7,7 @@ from typing import Generic
 
 from physics_crosscheck.harness.compare.candidate import CompareError
 from physics_crosscheck.harness.compare.execute import Execute, T, V
-from physics_crosscheck.harness.schedule.workers import Failure, Workers
+from physics_crosscheck.harness.jobs.workers import Failure, Workers
 
 
 def in_workers(workers: Workers) -> Execute:

@@ -14,9 +14,9 @@ from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.side import Side
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.evenly import evenly
-from physics_crosscheck.reference.collocation import ReferenceError, collocate
-from physics_crosscheck.reference.multibody.algebra import DOUBLES
-from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES
+from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
 
 SOME = 24
 """Runs over which equations are solved."""

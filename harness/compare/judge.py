@@ -16,7 +16,7 @@ from physics_crosscheck.harness.numerics import judgement
 from physics_crosscheck.harness.numerics.judgement import Obstacle, obstacle
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.status import counted
 
 ALIKE = 1e-6
 """Differences by so much, relative, are one: of legs that are copies of each other."""

@@ -13,15 +13,15 @@ import sympy as sp
 from physics_crosscheck.harness.compare.candidate import CompareError
 from physics_crosscheck.harness.compare.partners import Partners
 from physics_crosscheck.harness.compare.partners import partners as found_partners
-from physics_crosscheck.harness.files.expressions import parse
-from physics_crosscheck.harness.files.reading import (
+from physics_crosscheck.harness.modelfiles.expressions import parse
+from physics_crosscheck.harness.modelfiles.reading import (
     MOST_SIDECAR,
     TomlError,
     read_regular,
     toml_document,
 )
-from physics_crosscheck.harness.files.sidecar import SidecarError
-from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 
 
 @dataclass(frozen=True, kw_only=True)

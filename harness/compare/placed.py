@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.robots.robot import Robot
-from physics_crosscheck.harness.robots.system import names_of
-from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
-from physics_crosscheck.reference.multibody.chart import Chart, coordinate_names
-from physics_crosscheck.reference.multibody.lump import Lump, Place
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import WORLD, Immersed, Kind, Link, Pull, Tree
-from physics_crosscheck.reference.multibody.ways import JointForce, Mark
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.chart import Chart, coordinate_names
+from physics_crosscheck.reference.mechanism.force_paths import JointForce, Mark
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
+from physics_crosscheck.reference.mechanism.spatial_inertia import Lump, Place
+from physics_crosscheck.reference.mechanism.tree import WORLD, Immersed, Kind, Link, Pull, Tree
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,9 +19,9 @@ from physics_crosscheck.harness.compare.match import Match, match, spoken_for
 from physics_crosscheck.harness.compare.partners import Partners, partners
 from physics_crosscheck.harness.compare.placed import Placed, placed, positions, tree_of
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.robots.robot import LeftOut
-from physics_crosscheck.harness.robots.system import names_of
-from physics_crosscheck.reference.multibody.tree import WORLD
+from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.reference.mechanism.tree import WORLD
 
 Maps = tuple[Mapping[str, str], Mapping[str, str]]
 

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.compare.property import Property, shown, told
 from physics_crosscheck.harness.compare.side import Pair, Side
 from physics_crosscheck.harness.compare.terms import apart
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.robots.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot import LeftOut
 
 
 @dataclass(frozen=True, kw_only=True)

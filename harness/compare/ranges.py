@@ -12,10 +12,10 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.placed import tree_of
 from physics_crosscheck.harness.compare.side import pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.reference.multibody.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
 
 FAR = np.pi
-"""Limits further from home than this stand for none, as in `reference.samples`: rad or m."""
+"""Limits further from home are ignored, as in `reference.solving.samples`: rad or m."""
 
 FAR_TURNED = 2.0
 """Coordinates of a rotation, 4 tan(angle / 4), of a body that is turned far: by 106 degrees."""
@@ -67,7 +67,7 @@ def _upright(source: Facts) -> Array:
 
 
 def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
-    """As `reference.samples.within`, with reaches of the engine's own."""
+    """As `reference.solving.samples.within`, with reaches of the engine's own."""
     low, high = limits.T
     half = (source.reach[:, 1] - source.reach[:, 0]) / 2
     half = np.where(np.isinf(limits).all(axis=1), half, np.minimum(half, FAR))

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.compare.property import Property
 from physics_crosscheck.harness.compare.terms import Term
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.base import number, numbers
 from physics_crosscheck.harness.records.comparison import (
     Compared,
@@ -25,7 +26,6 @@ from physics_crosscheck.harness.records.comparison import (
     FileEdit,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.schedule.workers import Failure
 
 
 def comparison_record(found: Findings, created: datetime.datetime) -> Comparison:

@@ -12,9 +12,9 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.placed import Placed, held, placed, positions, tree_of
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.robots.robot import Part
-from physics_crosscheck.harness.robots.system import names_of
-from physics_crosscheck.reference.multibody.tree import WORLD, Tree
+from physics_crosscheck.harness.modelfiles.robot import Part
+from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

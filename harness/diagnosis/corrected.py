@@ -21,9 +21,9 @@ from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.variants import Variants
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.variants import Variants
 
 SAMPLES = 240
 TOLERANCE = 1e-10

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.diagnosis.fit import (
     refine_each,
 )
 from physics_crosscheck.harness.diagnosis.pairs import ALIKE, pairs
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 NAMED = 3e-3
 """A cause is named when it leaves at most this share of the discrepancy, or the uncertainty."""

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.diagnosis.fit import (
     refine_each,
 )
 from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 ALIKE = 1e-6
 """1 - |cosine| of two sensitivities below which no data of these scenarios tell them apart."""

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.cases.followers import Followers
-from physics_crosscheck.harness.cases.robot import Followed, follow_robot, scale_of
-from physics_crosscheck.harness.cases.robot_task import RobotTask
-from physics_crosscheck.harness.cases.verdict import filled
+from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.robot_case import Followed, follow_robot, scale_of
+from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.verdict import filled
 from physics_crosscheck.harness.diagnosis.samples import RUNGS_USED
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.reference.multibody.coupled import Coupled
-from physics_crosscheck.reference.multibody.tree import Tree
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.samples import Samples
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.samples import Samples
 
 TRIES = 4
 """Runs from where joints seem to follow: each is as much nearer as they are uncertain."""

@@ -14,12 +14,12 @@ import numpy as np
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import REFUSED
 from physics_crosscheck.harness.diagnosis.robot_followers import Following
-from physics_crosscheck.harness.robots.numerals import NUDGE
-from physics_crosscheck.harness.robots.read import Numbers
-from physics_crosscheck.reference.flows import Flow
-from physics_crosscheck.reference.integrate import ReferenceError
-from physics_crosscheck.reference.multibody.tree import Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE
+from physics_crosscheck.harness.modelfiles.readers import Numbers
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.flows import Flow
+from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 NOTHING = 1e-13
 """A change of the ends by less, relative to their movement, is that of rounding."""

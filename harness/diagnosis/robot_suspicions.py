@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import rank
 from physics_crosscheck.harness.diagnosis.robot_problem import Suspicion
+from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.harness.robots.numerals import Numeral
-from physics_crosscheck.harness.robots.read import Numbers
 
 LISTED = 4
 """Elements that are named where all that they say is dropped."""

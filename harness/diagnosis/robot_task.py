@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.cases.robot_record import place_of
-from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.checks.robot_record import place_of
+from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.robot_followers import (
@@ -22,15 +22,15 @@ from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
 from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.robots.read import Numbers, robot_numbers
-from physics_crosscheck.harness.robots.system import RobotError
-from physics_crosscheck.reference.flows import Flow
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.samples import Samples
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.flows import Flow
+from physics_crosscheck.reference.solving.samples import Samples
 
 STATES = 24
 """Segments that a diagnosis stands on: each number has a say in nearly all of them."""

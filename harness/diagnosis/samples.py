@@ -13,10 +13,10 @@ from physics_crosscheck.harness.numerics.batch import Batch, over, spread
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate, limits_alone
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.signal import Inputs
-from physics_crosscheck.reference.variants import Variants
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.signal import Inputs
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.variants import Variants
 
 SEGMENTS_PICKED = 16
 """Segments a scenario: enough to tell some forty causes apart, few enough to move each literal."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.prepare import Prepared
 from physics_crosscheck.harness.diagnosis.corrected import causes, correct_motion
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
@@ -23,15 +23,15 @@ from physics_crosscheck.harness.diagnosis.samples import (
     sample_segments,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.system import System
-from physics_crosscheck.reference.variants import Variants
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.variants import Variants
 
 RECORDED = 8
 """Explanations recorded: the ranking's tail says nothing."""

@@ -23,7 +23,7 @@ class Remark:
         subject: what it is about, where its message has numbers that are computed rather than of
             the file: two remarks of one subject are the same; empty where the message says it all.
         fault: whether it is wrong in itself.
-        address: the number or element that it is about, as `harness.files.locations` spells them:
+        address: the number or element, as `harness.modelfiles.locations` spells them:
             `body/joint[x]@damping`, `option@gravity`, `robot/link[rod]`, in Python `MASS`,
             `PinJoint()` for a call, `Space().damping` for an attribute of what it makes. With
             `sidecar:settings.` before it, a setting of the sidecar. Where nothing in the file is

@@ -17,14 +17,14 @@ from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.baseline.stale import location
 from physics_crosscheck.harness.baseline.store import write_baseline
-from physics_crosscheck.harness.files.folders import FolderError
-from physics_crosscheck.harness.files.states import digest_of
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Declared
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.status import counted
 
 _UNMOVED = (Status.SAME, Status.WITHIN, Status.KNOWN)
 

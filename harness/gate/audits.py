@@ -12,7 +12,7 @@ from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.status import counted
 
 MOST_TOLD = 5
 """Findings told of a case."""

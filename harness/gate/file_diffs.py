@@ -11,9 +11,9 @@ from pathlib import Path
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
 from physics_crosscheck.harness.baseline.store import accepted_text
-from physics_crosscheck.harness.files.locations import Location, LocationError, find_in
-from physics_crosscheck.harness.files.sidecar import SidecarError, read_sidecar
-from physics_crosscheck.harness.files.states import ABSENT
+from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find_in
+from physics_crosscheck.harness.modelfiles.path_states import ABSENT
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 
 MOST_LINES = 12
 """Changed lines told of a file: beyond, a diff serves better."""

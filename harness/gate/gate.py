@@ -17,7 +17,6 @@ from physics_crosscheck.harness.baseline.classify import Change, classify
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
 from physics_crosscheck.harness.baseline.store import named_folders
-from physics_crosscheck.harness.files.folders import builtin
 from physics_crosscheck.harness.gate.audits import with_audits
 from physics_crosscheck.harness.gate.file_diffs import file_diffs
 from physics_crosscheck.harness.gate.options import GateOptions
@@ -29,6 +28,7 @@ from physics_crosscheck.harness.gate.survey import (
     survey,
     was_left_alone,
 )
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.outcome import Outcome

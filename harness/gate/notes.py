@@ -10,8 +10,8 @@ from physics_crosscheck.harness.gate.file_diffs import ChangedLine
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import sentences
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.github import Annotation, case_note
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.github import Annotation, case_note
+from physics_crosscheck.harness.results.status import counted
 
 _QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
 """Cases that nobody needs to look at."""

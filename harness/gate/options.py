@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.registry import absent_extras
-from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.jobs.limits import Limits
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import change_lines, diff_lines
 from physics_crosscheck.harness.records.case import CaseId
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.status import counted
 
 ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
 """Of what a person is asked each by each."""

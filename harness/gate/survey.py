@@ -11,8 +11,8 @@ from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_
 from physics_crosscheck.harness.baseline.stale import location, match, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import FolderError
 from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.results import Results
 

@@ -13,10 +13,10 @@ from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.text.causes import cause_sentences
-from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.terminal import wrapped, wrapped_command
-from physics_crosscheck.harness.text.visible import visible_lines
+from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
+from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.visible import visible_lines
 
 QUIET = (Status.SAME,)
 """Cases of which a log says nothing but their number."""

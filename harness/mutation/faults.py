@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from physics_crosscheck.harness.files.bindings import Binding
+from physics_crosscheck.harness.modelfiles.bindings import Binding
 from physics_crosscheck.harness.mutation.mistakes import Edit, Mistake, literal_causes
 from physics_crosscheck.harness.records.cause import CauseId
 

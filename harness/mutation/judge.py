@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, trial_model
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.files.bindings import bindings
-from physics_crosscheck.harness.files.brief import original_paths
+from physics_crosscheck.harness.modelfiles.bindings import bindings
+from physics_crosscheck.harness.modelfiles.quote import original_paths
 from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.mutation.mistakes import Mistake
 from physics_crosscheck.harness.mutation.survey import Survey
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.numerics.segments import BlownUpError
-from physics_crosscheck.harness.poses.check import check_poses
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 RESOLUTION = 1e-9
 """A model whose motions are known no better than this does not agree,"""

@@ -14,20 +14,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from physics_crosscheck.harness.cases.multibody import PreparedTree, prepare_folder
-from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
+from physics_crosscheck.harness.checks.prepare import Prepared
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.model_files import UnreadModel, chosen_engines, model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS, Limits
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+)
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.mutation.judge import RESOLUTION, MutationTask, mutated, refused
 from physics_crosscheck.harness.mutation.survey import MutationError, Survey, survey
 from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from physics_crosscheck.harness.records.mutation import Mutation
-from physics_crosscheck.harness.schedule.chosen import executor
-from physics_crosscheck.harness.schedule.failure import Failure
-from physics_crosscheck.harness.schedule.jobs import Job, Task, work
-from physics_crosscheck.harness.schedule.limits import FAULT_SECONDS, Limits
 
 Progress = Callable[[int, int, Mutation | None], None]
 """Called with (faults done, faults in all or 0 while that is unknown, the one just done)."""

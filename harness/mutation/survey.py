@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, trial_model
-from physics_crosscheck.harness.files.bindings import bindings
+from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.mutation.faults import literal_faults
 from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject, known_mistakes
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class MutationError(ValueError):

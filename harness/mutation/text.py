@@ -8,8 +8,8 @@ from itertools import groupby
 from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
-from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.terminal import wrapped
+from physics_crosscheck.harness.render.terminal.console import wrapped
+from physics_crosscheck.harness.results.status import counted
 
 MARKS = {
     FaultVerdict.NAMED: "named",

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from physics_crosscheck.harness.cases.robot import run_robot
-from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.checks.robot_case import run_robot
+from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
 from physics_crosscheck.harness.diagnosis.robot_task import (
     RobotDiagnosisTask,
@@ -22,7 +22,10 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     some_of,
 )
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.files.brief import original_paths
+from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, Numeral
+from physics_crosscheck.harness.modelfiles.quote import original_paths
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.mutation.faults import SIZES
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -31,10 +34,7 @@ from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.copies import copied
-from physics_crosscheck.harness.robots.numerals import SMALL, Numeral
-from physics_crosscheck.harness.robots.read import robot_numbers
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 SHOWN = 2.0
 """A fault whose effect is larger than what is uncertain by so many times has to be caught."""

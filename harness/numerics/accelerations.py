@@ -20,7 +20,7 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import RUNGS, weights
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 STEPS = range(4, 9)
 """Steps whose velocity changes are compared: a layer damped out step by step is over by then. The

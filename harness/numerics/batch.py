@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.reference.motion import Motion, Span
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.signal import Inputs
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.signal import Inputs
+from physics_crosscheck.reference.solving.motion import Motion, Span
 
 Rows = NDArray[np.intp]
 StepInputs = Callable[[Rows, int], Array]

@@ -23,8 +23,8 @@ from physics_crosscheck.harness.numerics.full_run import SampledRun, follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON, weights
 from physics_crosscheck.harness.numerics.rounding import NEAR, without_companions
 from physics_crosscheck.harness.numerics.segments import run_rung
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.motion import Motion
 
 SMALL = 0.05
 """Errors up to this share of the amplitude count as small: the expansion in h still leads there."""

@@ -15,10 +15,10 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.engines.protocol import Force, StateForce
-from physics_crosscheck.harness.files.expressions import parse
-from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
-from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.harness.modelfiles.expressions import parse
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.mechanism.system import System
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from physics_crosscheck.harness.numerics.accelerations import Estimate
 from physics_crosscheck.harness.numerics.ladder import weights
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 SIZES = (1.0, 0.5, 0.25)
 """Perturbations, in units of the largest; their even powers are extrapolated away."""

@@ -18,8 +18,8 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import moved, slopes
 from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, Steps, steps_alike
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.stepping import Stepped
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.next_state import Stepped
 
 LARGEST = 0.02
 """Perturbations, as a share of the motions' sizes."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.solving.motion import Motion
 
 
 @dataclass(frozen=True)

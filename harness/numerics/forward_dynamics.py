@@ -25,7 +25,7 @@ from physics_crosscheck.harness.numerics.evenly import evenly
 from physics_crosscheck.harness.numerics.judgement import Judgement, judge
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, is_linear
-from physics_crosscheck.reference.stepping import Stepped
+from physics_crosscheck.reference.solving.next_state import Stepped
 
 TURNS = 5
 """How often velocities and inputs go round among the positions: five times the states."""

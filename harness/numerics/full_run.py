@@ -12,9 +12,9 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.energy import EnergyBalance, energy_balance
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array, NumericFunction
-from physics_crosscheck.reference.signal import Inputs
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.signal import Inputs
+from physics_crosscheck.reference.solving.motion import Motion
 
 SAMPLES = 1000
 """Of a run at least, where it has so many steps; at most twice as many."""

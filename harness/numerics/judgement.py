@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class Obstacle(Enum):

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
 """Step counts of the rungs. Distinct primes: non-smooth motion whose rungs share a grid can fool a

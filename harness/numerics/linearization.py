@@ -20,7 +20,7 @@ from physics_crosscheck.harness.numerics.differences import moved, slopes
 from physics_crosscheck.harness.numerics.discrete import LARGEST
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 RUNGS_USED = RUNGS[:8]
 

@@ -12,7 +12,7 @@ from physics_crosscheck.harness.numerics.batch import Batch, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit, limits
 from physics_crosscheck.harness.numerics.rounding import Starts
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 FINEST = 3
 """Rungs, the finest, whose own values bound what is left of the coordinate map."""

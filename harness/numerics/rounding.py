@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 PAIRS = 24
 """Starts with companions, at most: they cost a quarter more steps where there are 200 segments."""

@@ -33,7 +33,7 @@ from physics_crosscheck.harness.numerics.rounding import (
     with_companions,
     without_companions,
 )
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class BlownUpError(RuntimeError):

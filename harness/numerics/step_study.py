@@ -29,8 +29,8 @@ from physics_crosscheck.harness.numerics.full_run import (
     follows,
     full_run,
 )
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.solving.motion import Motion
 
 TARGETS = (0.01, 0.001, 0.0001)
 """Errors of positions and velocities, relative to their amplitudes, for which a step is given."""

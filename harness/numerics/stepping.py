@@ -26,7 +26,7 @@ from physics_crosscheck.harness.numerics.rounding import (
     with_companions,
     without_companions,
 )
-from physics_crosscheck.reference.stepping import Stepped, next_states
+from physics_crosscheck.reference.solving.next_state import Stepped, next_states
 
 LATER, LONG = 10, 1000
 """Steps after which the difference is told once more."""

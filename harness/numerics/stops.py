@@ -6,7 +6,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 def stopped(

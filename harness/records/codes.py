@@ -5,7 +5,7 @@ or is unresolved, XC4xx a file that is refused or not read, XC5xx a change since
 XC6xx a run that failed. A record's code follows from its kind, by this table.
 
 `docs/messages/` has a page for each code, written by
-`python -m physics_crosscheck.harness.text.messages docs/messages`.
+`python -m physics_crosscheck.harness.results.messages docs/messages`.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from physics_crosscheck.harness.files.locations.location import LocationError, Source
-from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
-from physics_crosscheck.harness.files.reading import read_regular
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.modelfiles.reading import read_regular
 from physics_crosscheck.harness.scaffold.folder import NewError
 
 MEANT = (".py", ".pyc", ".toml")

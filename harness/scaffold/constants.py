@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from physics_crosscheck.harness.files.locations import Location, LocationError, find_in
+from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find_in
 from physics_crosscheck.harness.scaffold.folder import NewError
 
 _TAKEN = {

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.files.folders import template
+from physics_crosscheck.harness.modelfiles.folders import template
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _PLACEHOLDER = b"my_model"

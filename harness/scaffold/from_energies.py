@@ -18,7 +18,7 @@ from physics_crosscheck.harness.scaffold.mjcf import read_mjcf
 from physics_crosscheck.harness.scaffold.scenarios import Plan, plan, provisional
 from physics_crosscheck.harness.scaffold.text import sidecar_text, system_text
 from physics_crosscheck.harness.scaffold.urdf import read_urdf
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.system import System
 
 GRAVITY = 9.81
 STEP = 0.002

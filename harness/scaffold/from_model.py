@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.files.folders import FORMATS
-from physics_crosscheck.harness.files.reading import read_regular
-from physics_crosscheck.harness.robots.named import xacro_remedy
-from physics_crosscheck.harness.robots.read import read_robot
-from physics_crosscheck.harness.robots.robot import Robot
+from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.reading import read_regular
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.visible import odd_name, visible
 from physics_crosscheck.harness.scaffold.folder import NewError, write_folder
 from physics_crosscheck.harness.scaffold.from_energies import STEP, Energies, format_settings
 from physics_crosscheck.harness.scaffold.from_tree import from_tree
 from physics_crosscheck.harness.scaffold.text import plain
-from physics_crosscheck.harness.text.status import counted
-from physics_crosscheck.harness.text.visible import odd_name, visible
-from physics_crosscheck.reference.declaration import DeclarationError
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 
 MOST_JOINTS = 3
 """Beyond, formulas take minutes: they are not even begun."""

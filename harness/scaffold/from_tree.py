@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.cases.multibody import case_of, states_of
-from physics_crosscheck.harness.cases.robot import run_robot
-from physics_crosscheck.harness.cases.robot_record import settings_of, told
+from physics_crosscheck.harness.checks.multibody import case_of, states_of
+from physics_crosscheck.harness.checks.robot_case import run_robot
+from physics_crosscheck.harness.checks.robot_record import settings_of, told
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import standing
-from physics_crosscheck.harness.files.brief import brief
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.jobs.workers import Failure, Workers
+from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot import Robot, Told
+from physics_crosscheck.harness.modelfiles.robot_system import summary
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.read import read_robot
-from physics_crosscheck.harness.robots.robot import Robot, Told
-from physics_crosscheck.harness.robots.system import summary
 from physics_crosscheck.harness.scaffold.folder import NewError, write_folder
 from physics_crosscheck.harness.scaffold.parts import besides, called, contents, included
 from physics_crosscheck.harness.scaffold.places import places
 from physics_crosscheck.harness.scaffold.tree_text import tree_sidecar, tree_text
-from physics_crosscheck.harness.schedule.workers import Failure, Workers
-from physics_crosscheck.reference.integrate import ReferenceError
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 CHECKED = 8
 """States at which engines are held against what was written: each number has a say in most."""

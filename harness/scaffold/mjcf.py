@@ -14,8 +14,8 @@ import numpy as np
 from physics_crosscheck.harness.engines.compiled import CompiledBody, CompiledJoint
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import readers
-from physics_crosscheck.harness.files.locations.location import LocationError, Source
-from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn

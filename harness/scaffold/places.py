@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.files.locations.xml import RawElement
-from physics_crosscheck.harness.robots.document import Document, DocumentError
+from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 
 Key = tuple[str, ...]
 """What it is, its name, and which part: `("body", "rod")`, `("body", "rod", "mass")`."""

@@ -12,8 +12,8 @@ import sympy as sp
 from physics_crosscheck.harness.scaffold.constants import quarter
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import Joint
-from physics_crosscheck.reference.numeric import Array, compile_function
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
+from physics_crosscheck.reference.mechanism.system import System
 
 ROOM = 0.02
 """Share of a joint's range that a motion stays away from its ends."""

@@ -13,12 +13,12 @@ import sympy as sp
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import Joint
 from physics_crosscheck.harness.scaffold.rest import ROOM, clipped, named_position, rest_position
-from physics_crosscheck.reference.declaration import Scenario, t
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.integrate import ReferenceError, trajectory
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.signal import pieces
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.mechanism.declaration import Scenario, t
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.signal import pieces
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
 
 PERIODS = 10
 SHORTEST, LONGEST = 2.0, 15.0

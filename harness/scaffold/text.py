@@ -11,7 +11,7 @@ from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.scaffold.constants import Ledger, Row
 from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 from physics_crosscheck.harness.scaffold.scenarios import Plan
-from physics_crosscheck.reference.pose import WORLD
+from physics_crosscheck.reference.mechanism.pose import WORLD
 
 _WIDTH = 100
 _STRING_OR_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|#.*')

@@ -10,11 +10,11 @@ from types import MappingProxyType
 from typing import Any
 
 from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.robots.robot import Told
+from physics_crosscheck.harness.modelfiles.robot import Told
 from physics_crosscheck.harness.scaffold.places import Key
 from physics_crosscheck.harness.scaffold.text import comment, literal, plain, quoted
-from physics_crosscheck.reference.multibody.bodies import Coupling, ForceElement, Joint, RigidBody
-from physics_crosscheck.reference.multibody.ways import JointForce
+from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, Joint, RigidBody
+from physics_crosscheck.reference.mechanism.force_paths import JointForce
 
 _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "position": ("m", ()),

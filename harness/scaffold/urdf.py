@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.registry import readers
-from physics_crosscheck.harness.files.locations.location import LocationError, Source
-from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger, finite, quarter
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn

@@ -25,8 +25,8 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.cli.run import exit_code
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results

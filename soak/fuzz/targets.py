@@ -18,16 +18,20 @@ from physics_crosscheck.harness.compare.candidate import CompareError
 from physics_crosscheck.harness.compare.match import declared
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.urdf import joint_springs, mimics, read_urdf
-from physics_crosscheck.harness.files.bindings import bindings
-from physics_crosscheck.harness.files.folders import builtin, template
-from physics_crosscheck.harness.files.locations import LocationError, find_in
-from physics_crosscheck.harness.files.locations.attributes import Attribute, with_attributes
-from physics_crosscheck.harness.files.locations.location import Source
-from physics_crosscheck.harness.files.locations.outline import outline
-from physics_crosscheck.harness.files.locations.python import python_numbers, python_offset
-from physics_crosscheck.harness.files.locations.toml import toml_offset
-from physics_crosscheck.harness.files.locations.xml import read_elements, xml_numbers, xml_offset
-from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import bindings
+from physics_crosscheck.harness.modelfiles.folders import builtin, template
+from physics_crosscheck.harness.modelfiles.locations import LocationError, find_in
+from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
+from physics_crosscheck.harness.modelfiles.locations.location import Source
+from physics_crosscheck.harness.modelfiles.locations.outline import outline
+from physics_crosscheck.harness.modelfiles.locations.python import python_numbers, python_offset
+from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
+from physics_crosscheck.harness.modelfiles.locations.xml import (
+    read_elements,
+    xml_numbers,
+    xml_offset,
+)
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.harness.records.baseline import BaselineFile
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
@@ -36,10 +40,10 @@ from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.from_energies import _read, _with_symbols
 from physics_crosscheck.harness.scaffold.scenarios import provisional
 from physics_crosscheck.harness.scaffold.text import system_text
-from physics_crosscheck.reference.declaration import DeclarationError, PublishedEquation
+from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.notation import readings
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
+from physics_crosscheck.reference.mechanism.system import System
 from soak.fuzz.target import BrokenError, Target
 from tests.baseline.samples import baseline
 from tests.records.examples import example

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
 from tests.audit.models import MODELS, Look, audit
 from tests.physics import physics as prepared

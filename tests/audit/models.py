@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from physics_crosscheck.harness.audit.run import run_audit
-from physics_crosscheck.harness.audit.task import audit_task
-from physics_crosscheck.harness.cases.prepare import Prepared
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.checks.audit import run_audit
+from physics_crosscheck.harness.checks.audit_task import audit_task
+from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -10,21 +10,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.audit.finding import source_line
-from physics_crosscheck.harness.audit.literals import declared_bindings
-from physics_crosscheck.harness.audit.run import run_audit
-from physics_crosscheck.harness.audit.task import audit_task
-from physics_crosscheck.harness.audit.terms import Compiled
+from physics_crosscheck.harness.checks.audit import run_audit
+from physics_crosscheck.harness.checks.audit_finding import source_line
+from physics_crosscheck.harness.checks.audit_task import audit_task
+from physics_crosscheck.harness.checks.compiled_terms import Compiled
+from physics_crosscheck.harness.checks.literals import declared_bindings
 from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
 from physics_crosscheck.harness.engines.registry import absent_extras
-from physics_crosscheck.harness.files.bindings import bindings, with_literals
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
-from physics_crosscheck.harness.text.findings import audit_lines
+from physics_crosscheck.harness.results.findings import audit_lines
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.audit.models import MODELS, Look, audit, grave, said
 from tests.physics import physics as prepared
 

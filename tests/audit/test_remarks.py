@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.audit.remarks import where
+from physics_crosscheck.harness.checks.remarks import where
 from physics_crosscheck.harness.engines.mujoco import MujocoModel
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.base import SourceLine
 from tests.audit.models import MODELS, Look, said
 

@@ -14,6 +14,7 @@ from physics_crosscheck.harness.baseline.costs import GLOBAL
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
 from physics_crosscheck.harness.baseline.movement import of_model
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Identified,
@@ -22,7 +23,6 @@ from physics_crosscheck.harness.records.baseline import (
 )
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.schedule.workers import Failure
 from tests.baseline.samples import (
     ENDS,
     ENTRY,

@@ -12,11 +12,11 @@ from physics_crosscheck.harness.baseline import known
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
 from physics_crosscheck.harness.baseline.known import Accepted, changes_since, mark_known
 from physics_crosscheck.harness.baseline.store import write_baseline
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange
-from physics_crosscheck.harness.schedule.workers import Failure
 from tests.baseline.samples import (
     ENTRY,
     FILES,

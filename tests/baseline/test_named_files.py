@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
-from physics_crosscheck.harness.cached import piece_of_robot
-from physics_crosscheck.harness.files.parts import named_files
+from physics_crosscheck.harness.modelfiles.parts import named_files
+from physics_crosscheck.harness.planning.cache import piece_of_robot
 
 SIDECAR = 'engines = ["mujoco"]\n'
 

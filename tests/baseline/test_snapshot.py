@@ -14,8 +14,8 @@ from physics_crosscheck.harness.baseline.snapshot import (
     segments_of,
     snapshot_of,
 )
-from physics_crosscheck.harness.cases.prepare import prepare
-from physics_crosscheck.harness.files.folders import system_folders
+from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded

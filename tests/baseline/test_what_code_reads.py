@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-import physics_crosscheck.harness.files.reads
+import physics_crosscheck.harness.modelfiles.code_reads
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
-from physics_crosscheck.harness.cached import Cache, Piece
-from physics_crosscheck.harness.files.reads import recorded
-from physics_crosscheck.harness.files.states import is_content
+from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.path_states import is_content
+from physics_crosscheck.harness.planning.cache import Cache, Piece
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import SYSTEM
@@ -69,7 +69,7 @@ def test_what_a_declaration_reads_is_recorded(folder: Path, code: str, name: str
     "import harness.text.primes\n",
 ])  # fmt: skip
 def test_what_is_written_installed_or_of_the_machine_is_not(folder: Path, code: str) -> None:
-    for name in ("json.tool", "wave", "physics_crosscheck.harness.text.primes"):
+    for name in ("json.tool", "wave", "physics_crosscheck.harness.render.terminal.primes"):
         sys.modules.pop(name, None)
     assert reads(folder, code) == set()
 
@@ -117,9 +117,9 @@ def test_what_programs_keep_in_the_users_cache_is_no_input_of_a_case(
     code = f"open({str(kept / 'step.bin')!r}).close()\n"
     assert reads(folder, code) == {"../cache/kernels/step.bin"}
     monkeypatch.setenv("XDG_CACHE_HOME", str(kept.parent))
-    physics_crosscheck.harness.files.reads._roots.cache_clear()
+    physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
     assert reads(folder, code) == set()
-    physics_crosscheck.harness.files.reads._roots.cache_clear()
+    physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
 
 
 def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_packages_that_another_environment_lends_are_installed_ones(
     lent.mkdir(parents=True)
     (lent / "lent_module.py").write_text("number = 1\n")
     monkeypatch.syspath_prepend(lent)
-    physics_crosscheck.harness.files.reads._roots.cache_clear()
+    physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
     try:
         (folder / "system.py").write_text(f"import lent_module\n{SYSTEM}")
         with recorded(folder) as seen:
@@ -173,7 +173,7 @@ def test_packages_that_another_environment_lends_are_installed_ones(
             assert "lent_module" in sys.modules, "an installed module is not dropped"
     finally:
         sys.modules.pop("lent_module", None)
-        physics_crosscheck.harness.files.reads._roots.cache_clear()
+        physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
 
 
 def test_a_file_that_the_code_makes_itself_is_no_input_of_a_case(
@@ -347,7 +347,7 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
     code = (
         "at = os.open(SHARED, os.O_RDONLY)\nos.close(os.open('mass.txt', os.O_RDONLY, dir_fd=at))\n"
     )
-    monkeypatch.setattr(physics_crosscheck.harness.files.reads, "_place", lambda *_: None)
+    monkeypatch.setattr(physics_crosscheck.harness.modelfiles.code_reads, "_place", lambda *_: None)
     (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
     with recorded(folder) as found:
         load_system(folder)

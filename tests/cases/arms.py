@@ -9,7 +9,7 @@ from physics_crosscheck.reference import (
     Scenario,
     System,
 )
-from physics_crosscheck.reference.kinematics import ground
+from physics_crosscheck.reference.mechanism.kinematics import ground
 
 
 def _constant(name: str, value: float, unit: str) -> Constant:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.case import linearization_task, run_linearizations
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.case import linearization_task, run_linearizations
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case, CheckedStep
 from tests.records.made import case, full_run, verdict
 

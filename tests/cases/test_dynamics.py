@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.dynamics import with_dynamics
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
-from physics_crosscheck.harness.cases.verdict import Verdict
+from physics_crosscheck.harness.checks.accelerations import with_dynamics
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.verdict import Verdict
 from physics_crosscheck.harness.numerics.forward_dynamics import TERMS, ForwardDynamics
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.dynamics import dynamics_lines
+from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
 from tests.cases.test_robot import SERVO
 
 MOTION = Verdict(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.engines.registry import readers, standing
 from physics_crosscheck.harness.records.outcome import Outcome
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.not_run import failed_case
+from physics_crosscheck.harness.checks.not_run import failed_case
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.case import CaseId
-from physics_crosscheck.harness.schedule.workers import Failure
 
 ONE = CaseId(system="s", model="robot.urdf", scenario="free", engine="mujoco")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.cases.robot import (
+from physics_crosscheck.harness.checks.robot_case import (
     PreparedRobot,
     follow_robot,
     prepare_robot,
@@ -18,11 +18,11 @@ from physics_crosscheck.harness.cases.robot import (
 )
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines, runners, standing
-from physics_crosscheck.harness.files.locations.xml import no_xml
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.robots.system import RobotError
-from physics_crosscheck.harness.schedule.workers import Workers
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.audit import run as audit_run
-from physics_crosscheck.harness.audit.task import audit_task
-from physics_crosscheck.harness.cases import case as case_room
-from physics_crosscheck.harness.cases.case import StepError, case_task, run_case
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
-from physics_crosscheck.harness.cases.verdict import filled
+from physics_crosscheck.harness.checks import audit as audit_run
+from physics_crosscheck.harness.checks import case as case_room
+from physics_crosscheck.harness.checks.audit_task import audit_task
+from physics_crosscheck.harness.checks.case import StepError, case_task, run_case
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.verdict import filled
 from physics_crosscheck.harness.diagnosis import task as diagnosis_room
 from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.case import Case
 from tests.faults.known_folder import KNOWN, SYSTEM, known_folder

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.cases.sketch import sketch_record, tree
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.report.drawing import drawing, evaluate
+from physics_crosscheck.harness.checks.sketch import sketch_record, tree
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.render.html.drawing import drawing, evaluate
 from physics_crosscheck.reference import System
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.sketch import Link
+from physics_crosscheck.reference.mechanism.sketch import Link
 
 NAMES = sorted(path.parent.name for path in builtin().glob("*/system.py"))
 

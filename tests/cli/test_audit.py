@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.commands import crosscheck
 from tests.standing import brief, standing_only
 

@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness import cached
 from physics_crosscheck.harness.audits import audits
 from physics_crosscheck.harness.baseline.inputs import inputs
-from physics_crosscheck.harness.cached import models_inputs
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.planning import cache as caches
+from physics_crosscheck.harness.planning.cache import models_inputs
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import run as run_all
-from physics_crosscheck.harness.schedule.workers import Workers
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.mutation.test_trees import MODEL, SYSTEM
 from tests.robots.files import joint, link
@@ -120,7 +120,7 @@ def test_only_where_nothing_may_be_known_workers_are_begun_before_there_is_a_tas
 ) -> None:
     begun: list[str] = []
     monkeypatch.setattr(Workers, "begin", lambda workers: begun.append("a run or an audit"))
-    for cache in (None, cached.Cache(tmp_path / "kept")):
+    for cache in (None, caches.Cache(tmp_path / "kept")):
         run_all([], Options(cache=cache), lambda *_: None)
         audits([], cache=cache)
     assert len(begun) == 2
@@ -332,16 +332,16 @@ def test_the_source_of_an_adapter_counts(
 ) -> None:
     place = tmp_path / "engine"
     shutil.copytree(KNOWN_ANSWER, place)
-    monkeypatch.setattr(cached, "_engine_file", lambda _: place / "known_answer.py")
-    cached._adapter.cache_clear()
+    monkeypatch.setattr(caches, "_engine_file", lambda _: place / "known_answer.py")
+    caches._adapter.cache_clear()
     before = models_inputs(inputs(folder, 1e-9, None))
-    cached._adapter.cache_clear()
+    caches._adapter.cache_clear()
     assert models_inputs(inputs(folder, 1e-9, None)) == before
     with (place / "known_answer.py").open("a") as file:
         file.write("\n# another\n")
-    cached._adapter.cache_clear()
+    caches._adapter.cache_clear()
     after = models_inputs(inputs(folder, 1e-9, None))
-    cached._adapter.cache_clear()
+    caches._adapter.cache_clear()
     assert before.keys() == after.keys()
     assert all(before[key] != after[key] for key in before)
 

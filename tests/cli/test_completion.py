@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.completion import SHELLS
+from physics_crosscheck.harness.interfaces.cli.completion import SHELLS
 from tests.faults.known_folder import environment
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.help import GROUPS, CommandParser, group
-from physics_crosscheck.harness.cli.main import COMMANDS, build_parser, subparsers
-from physics_crosscheck.harness.cli.reference import main as write_pages
-from physics_crosscheck.harness.cli.settings import SETTINGS
+from physics_crosscheck.harness.interfaces.cli.help import GROUPS, CommandParser, group
+from physics_crosscheck.harness.interfaces.cli.main import COMMANDS, build_parser, subparsers
+from physics_crosscheck.harness.interfaces.cli.reference import main as write_pages
+from physics_crosscheck.harness.interfaces.cli.settings import SETTINGS
 
 PARSER = build_parser(COMMANDS)
 PARSERS = subparsers(PARSER)
@@ -119,7 +119,7 @@ def test_the_committed_pages_are_those_of_the_parsers(
 ) -> None:
     monkeypatch.setenv("CROSSCHECK_SCHEDULER", "tcp://there:8786")
     write_pages(tmp_path)
-    remedy = "python -m physics_crosscheck.harness.cli.reference docs/reference"
+    remedy = "python -m physics_crosscheck.harness.interfaces.cli.reference docs/reference"
     for made in sorted(tmp_path.iterdir()):
         assert made.read_text() == (DOCS / made.name).read_text(), remedy
     assert {made.name for made in tmp_path.iterdir()} == {"command-line.md", "configuration.md"}

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import COMMANDS
-from physics_crosscheck.harness.cli.parsers.sweep import DESIGNS
+from physics_crosscheck.harness.extras.sweep.draws import Design
+from physics_crosscheck.harness.interfaces.cli.main import COMMANDS
+from physics_crosscheck.harness.interfaces.cli.parsers.sweep import DESIGNS
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.sweep.draws import Design
 from tests.commands import crosscheck
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.records.made import case, results, verdict
@@ -32,7 +32,7 @@ def imported(
 ) -> list[str]:
     """What is imported, of some names, after command lines one after the other in one process."""
     script = (
-        "import sys; from physics_crosscheck.harness.cli.main import main\n"
+        "import sys; from physics_crosscheck.harness.interfaces.cli.main import main\n"
         f"for words in {commands!r}:\n"
         "    try:\n        main(words.split())\n"
         "    except SystemExit:\n        pass\n"

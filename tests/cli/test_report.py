@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.cli.keeping import keep_history
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.keeping import keep_history
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.history import append_history, past_of, read_history
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
@@ -118,8 +118,8 @@ def test_a_page_of_somebody_else_is_not_replaced(
 
     page = old / "index.html"
     page.write_text("<html><title>my site</title></html>")
-    monkeypatch.setattr("physics_crosscheck.harness.cli.run.run", started)
-    monkeypatch.setattr("physics_crosscheck.harness.cli.sweep.crew", started)
+    monkeypatch.setattr("physics_crosscheck.harness.interfaces.cli.run.run", started)
+    monkeypatch.setattr("physics_crosscheck.harness.interfaces.cli.sweep.crew", started)
     words = {"run": ["run", "simple_pendulum"], "sweep": ["sweep", "simple_pendulum"]}
     assert main([*words.get(command, ["report", str(old)]), "--out", str(old)]) == 2
     told = capsys.readouterr().err

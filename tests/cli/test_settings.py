@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.parsers import gate, list, run
-from physics_crosscheck.harness.cli.settings import SettingsError, apply
+from physics_crosscheck.harness.interfaces.cli.parsers import gate, list, run
+from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
 
 __all__ = ["place"]

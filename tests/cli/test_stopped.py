@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness import cached
 from physics_crosscheck.harness.baseline.inputs import with_reads_of_system
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.collected import Collected
-from physics_crosscheck.harness.options import Options
-from physics_crosscheck.harness.plan_robots import RobotWork
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.planning import cache as caches
+from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.planning.result_builder import Collected
+from physics_crosscheck.harness.planning.robot_plan import RobotWork
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.journal import NAME, Work, journal
 from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.text.progress import Progress
+from physics_crosscheck.harness.render.terminal.progress import Progress
 from tests.faults.known_folder import KNOWN, KNOWN_ANSWER, SYSTEM, known_folder
 from tests.robots.files import joint, link
 
@@ -226,7 +226,7 @@ def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(
     assert work_of(file, floating=True) != before
     assert work_of(file, resolution=1e-8) != before
     with monkeypatch.context() as patch:
-        patch.setattr(cached, "_surroundings", lambda: "another source or engine")
+        patch.setattr(caches, "_surroundings", lambda: "another source or engine")
         assert work_of(file) != before
     Path("a.stl").write_text("solid")
     assert work_of(file) != before

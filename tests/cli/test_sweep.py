@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.report.sweep import render_sweep
-from physics_crosscheck.harness.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.sweep.summary import summary
+from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
+from physics_crosscheck.harness.extras.sweep.summary import summary
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.render.html.sweep import render_sweep
 from tests.sweep.made import swept_folder
 
 

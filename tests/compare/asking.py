@@ -8,7 +8,7 @@ from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
 from physics_crosscheck.harness.compare.executor import at_once
 from physics_crosscheck.harness.compare.match import declared
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.standing import standing_only
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.records.comparison import Comparison
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
-from physics_crosscheck.harness.schedule.workers import Workers
-from physics_crosscheck.harness.text.comparison import print_comparison
+from physics_crosscheck.harness.render.terminal.comparison import print_comparison
 from tests import commands
 from tests.compare.arm import MJCF
 from tests.compare.asking import changed, model, written

@@ -8,7 +8,7 @@ import pytest
 from physics_crosscheck.harness.compare.candidate import CompareError, NotInstalledError, candidate
 from physics_crosscheck.harness.compare.execute import FailureError
 from physics_crosscheck.harness.compare.match import declared, match
-from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
 

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.audit.task import AuditTask
-from physics_crosscheck.harness.cases.robot import prepare_robot
-from physics_crosscheck.harness.coverage import trials
-from physics_crosscheck.harness.coverage.count import count_numbers
-from physics_crosscheck.harness.coverage.robot import count_robot
-from physics_crosscheck.harness.files.locations import literals
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.checks.audit_task import AuditTask
+from physics_crosscheck.harness.checks.robot_case import prepare_robot
+from physics_crosscheck.harness.diagnosis import coverage_trials as trials
+from physics_crosscheck.harness.diagnosis.coverage import count_numbers
+from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
+from physics_crosscheck.harness.modelfiles.locations import literals
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import FramePose, Poses
-from physics_crosscheck.harness.text.coverage import coverage_line, coverage_lines
+from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines
 from tests.poses.arm import SWING
 
 MJCF = """<mujoco><option timestep="0.002" gravity="0 0 0"/><visual><global fovy="30"/></visual>

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.robot import prepare_robot
-from physics_crosscheck.harness.coverage.robot import count_robot
-from physics_crosscheck.harness.coverage.trials import Say
+from physics_crosscheck.harness.checks.robot_case import prepare_robot
+from physics_crosscheck.harness.diagnosis.coverage_trials import Say
+from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
 from physics_crosscheck.harness.engines.registry import readers
-from physics_crosscheck.harness.robots.compiled_numbers import CompiledNumbers
-from physics_crosscheck.harness.schedule.limits import Limits
-from physics_crosscheck.harness.schedule.workers import Failure, Workers
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Failure, Workers
+from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from tests.robots.files import joint, link
 
 PLACE = '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.diagnosis.task import diagnosis_task
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.mutation.faults import SIZES
 from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
 from physics_crosscheck.harness.mutation.survey import survey

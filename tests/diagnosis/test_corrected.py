@@ -8,13 +8,13 @@ import shutil
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.diagnosis.corrected import correct_motion
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task, trial_model
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import CorrectedMotion
 
 

@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit, Hypothesis
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 N = 400
 RNG = np.random.default_rng(5)

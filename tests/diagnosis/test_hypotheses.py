@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
 from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
 from physics_crosscheck.harness.diagnosis.task import diagnosis_task, trial_model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import read_sidecar
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 Open = Callable[..., AbstractContextManager[tuple[TrialModel, Array]]]
 

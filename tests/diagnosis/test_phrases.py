@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
-from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.variants import variants
+from physics_crosscheck.reference.solving.variants import variants
 
 PHRASES: dict[str, dict[str, list[str]]] = json.loads(
     (Path(__file__).parent / "phrases.json").read_text()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.diagnosis.diagnose import diagnose
 from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
 from physics_crosscheck.harness.diagnosis.robot_task import (
@@ -22,12 +22,12 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
 )
 from physics_crosscheck.harness.diagnosis.task import explanation
 from physics_crosscheck.harness.engines.registry import engines, readers
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.read import robot_numbers
-from physics_crosscheck.harness.text.causes import cause_sentences
-from physics_crosscheck.reference.flows import Flow
+from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.reference.solving.flows import Flow
 
 
 def _data() -> Path:

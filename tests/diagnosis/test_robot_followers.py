@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from physics_crosscheck.harness.engines.registry import standing
+from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.copies import copied
-from physics_crosscheck.harness.robots.read import robot_numbers
 from tests.robots.files import joint, link
 
 MJCF = """<mujoco><compiler angle="radian"/><worldbody>

@@ -8,11 +8,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.mutation.faults import FAULTS
 from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
 from physics_crosscheck.harness.mutation.survey import survey
@@ -20,7 +20,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.mutation import FaultVerdict
-from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.harness.results.causes import cause_sentences
 
 MASS = "body[nut and bolt]/inertial@mass"
 

@@ -13,9 +13,9 @@ from unittest.mock import patch
 import numpy as np
 from sympy import Heaviside, exp, sin
 
-from physics_crosscheck.harness.cases.verdict import component_scale, judge
+from physics_crosscheck.harness.checks.verdict import component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.numerics.segments import extrapolate
@@ -29,8 +29,8 @@ from physics_crosscheck.reference import (
     System,
     t,
 )
-from physics_crosscheck.reference import solve as reference_solve
-from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.solving import solve as reference_solve
 
 PAIRINGS = ("mujoco mjcf", "mujoco urdf", "pybullet urdf", "pymunk python")
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")

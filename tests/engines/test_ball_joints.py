@@ -9,9 +9,9 @@ import pytest
 
 from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.robots.read import read_robot
-from physics_crosscheck.harness.robots.system import robot_system
-from physics_crosscheck.reference.trees import TreeEquations
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 
 
 def link(name: str, origin: str, moments: str) -> str:

@@ -11,16 +11,16 @@ from typing import Any
 import msgspec
 import pytest
 
-import physics_crosscheck.harness.cases.case
-from physics_crosscheck.harness.cases.case import CaseTask, case_task, run_case
-from physics_crosscheck.harness.cases.prepare import prepare
+import physics_crosscheck.harness.checks.case
+from physics_crosscheck.harness.checks.case import CaseTask, case_task, run_case
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.reference.declaration import Constant
+from physics_crosscheck.reference.mechanism.declaration import Constant
 from tests.engines.extras import EXTRAS
 from tests.standing import brief
 
@@ -137,7 +137,7 @@ def test_a_case_with_poisoned_constants_comes_out_the_same(
         plain = run_case(shorter)
         poisoning = Poisoning(engines()[task.engine], task.system.constants)
         monkeypatch.setattr(
-            physics_crosscheck.harness.cases.case,
+            physics_crosscheck.harness.checks.case,
             "engines",
             lambda p=poisoning, e=task.engine: {e: p},
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import physics_crosscheck.harness.cli.engines as command
+import physics_crosscheck.harness.interfaces.cli.engines as command
 from physics_crosscheck.harness.engines.conformance import CHECKS, Check, conform, conform_samples
 from physics_crosscheck.harness.engines.known_answer import KnownEngine, KnownModel
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce

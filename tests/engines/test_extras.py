@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck import check
-from physics_crosscheck.harness.cli.main import main
 from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
 from physics_crosscheck.harness.engines.registry import absent_extras, engines, readers, runners
-from physics_crosscheck.harness.files.folders import FolderError, check_engines
-from physics_crosscheck.harness.files.model_files import absent_lines
-from physics_crosscheck.harness.files.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.modelfiles.model_files import absent_lines
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -12,7 +12,7 @@ from physics_crosscheck import check
 from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED

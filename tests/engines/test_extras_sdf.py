@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.prepare import prepare
-from physics_crosscheck.harness.cases.robot import judge_robot, prepare_robot
+from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.robot_case import judge_robot, prepare_robot
 from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
 from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.locations import find
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.locations import find
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.engines.extras import H, need

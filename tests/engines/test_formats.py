@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.mujoco.urdf import spring_terms
-from physics_crosscheck.harness.files.bindings import bindings, with_literals
-from physics_crosscheck.harness.files.locations import LocationError, find, line_of, numbers
-from physics_crosscheck.harness.files.model_files import UnreadModel, model_files
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
+from physics_crosscheck.harness.modelfiles.locations import LocationError, find, line_of, numbers
+from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from tests.faults.known_folder import known_folder
 
 STIFFNESS = "K[0][0]"

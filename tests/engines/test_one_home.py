@@ -9,7 +9,11 @@ from physics_crosscheck.harness.engines.registry import engines, readers, standi
 ROOT = Path(__file__).parents[2]
 SEARCHED = ("harness", "reference", "physics_crosscheck")
 HOME = ROOT / "harness" / "engines"
-EXAMPLES = ("harness/records/codes.py", "harness/cli/parsers", "harness/cli/reference.py")
+EXAMPLES = (
+    "harness/records/codes.py",
+    "harness/interfaces/cli/parsers",
+    "harness/interfaces/cli/reference.py",
+)
 """Examples for users quote what engines do, and commands with an engine's name."""
 NAMES = re.compile(
     r"(?<!<)mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|\bmjx|known_answer", re.IGNORECASE

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.audit.run import run_audit
-from physics_crosscheck.harness.audit.task import audit_task
-from physics_crosscheck.harness.cases.case import case_task, run_case
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.audit import run_audit
+from physics_crosscheck.harness.checks.audit_task import audit_task
+from physics_crosscheck.harness.checks.case import case_task, run_case
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import with_literals
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import with_literals
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.audit.models import grave, said

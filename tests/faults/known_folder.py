@@ -69,9 +69,9 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from physics_crosscheck.harness.records.write import encoded, write_whole
-from physics_crosscheck.harness.options import Selection
+from physics_crosscheck.harness.planning.options import Selection
 from physics_crosscheck.harness.run import Options, run
-from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.jobs.limits import Limits
 out, limit, alone, *folders = sys.argv[1:]
 selection = Selection(models=None) if alone == "verdicts" else None
 options = Options(jobs=2, limits=Limits(seconds=float(limit)), selection=selection)

@@ -6,8 +6,8 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.files.locations.location import Location
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.locations.location import Location
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 Number = tuple[str, str, str]
 """File, key, and the number as written."""

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.locations import LocationError
-from physics_crosscheck.harness.files.locations.attributes import (
+from physics_crosscheck.harness.modelfiles.locations import LocationError
+from physics_crosscheck.harness.modelfiles.locations.attributes import (
     Attribute,
     elements,
     with_attributes,

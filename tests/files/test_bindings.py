@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import pytest
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import (
+from physics_crosscheck.harness.modelfiles.bindings import (
     at_constants,
     bindings,
     locate,
@@ -21,9 +21,9 @@ from physics_crosscheck.harness.files.bindings import (
     with_constants,
     with_literals,
 )
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.locations import LocationError
-from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.locations import LocationError
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.reference import DeclarationError, System
 from physics_crosscheck.reference.load import load_system
 

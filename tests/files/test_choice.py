@@ -6,8 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.choice import Choice, chosen_models, matching, named_model
-from physics_crosscheck.harness.files.folders import FolderError, builtin
+from physics_crosscheck.harness.modelfiles.choice import (
+    Choice,
+    chosen_models,
+    matching,
+    named_model,
+)
+from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
 from physics_crosscheck.harness.records.case import CaseId
 
 FREE = CaseId(system="arm", model="robot.urdf", scenario="free", engine="mujoco")

@@ -3,8 +3,8 @@
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.files.expressions import parse
-from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.modelfiles.expressions import parse
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 
 m, r, angle, arm = sp.symbols("m r angle arm")
 NAMES = {"m": m, "r": r, "bob.angle": angle, "left arm.x": arm}

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files import reading
-from physics_crosscheck.harness.files.bindings import bindings
-from physics_crosscheck.harness.files.folders import FolderError, builtin, system_folders
-from physics_crosscheck.harness.files.locations import LocationError, find
-from physics_crosscheck.harness.files.model_files import UnreadModel, model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError, read_sidecar
-from physics_crosscheck.harness.plan_model import text_of
+from physics_crosscheck.harness.modelfiles import reading
+from physics_crosscheck.harness.modelfiles.bindings import bindings
+from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
+from physics_crosscheck.harness.modelfiles.locations import LocationError, find
+from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
+from physics_crosscheck.harness.planning.model_plan import text_of
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.system import System
 
 XML = '<mujoco><worldbody><body name="b"><joint name="x"/></body></worldbody></mujoco>'
 SIDECAR = 'engines = ["mujoco"]\n'

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.locations import line_of
+from physics_crosscheck.harness.modelfiles.locations import line_of
 
 MJCF = """<mujoco>
   <!-- <joint name="a" armature="1"/> <option gravity="0 0 -1"/> -->

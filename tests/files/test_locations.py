@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.locations import LocationError, find, numbers
-from physics_crosscheck.harness.files.locations.location import Source
+from physics_crosscheck.harness.modelfiles.locations import LocationError, find, numbers
+from physics_crosscheck.harness.modelfiles.locations.location import Source
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Trägheit: <joint name="x" stiffness="1.0"/> is no joint, nor is mass="2" a mass. -->

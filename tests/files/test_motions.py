@@ -10,26 +10,26 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import (
+from physics_crosscheck.harness.modelfiles.bindings import (
     at_constants,
     bindings,
     with_constants,
     with_literals,
 )
-from physics_crosscheck.harness.files.folders import system_folders
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import system_folders
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference import System
-from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 from tests.engines.extras import EXTRAS, need
 
 SECONDS = 2.0

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.bindings import with_constants
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.redrawn import UnboundError, redrawn
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import with_constants
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.parametric_file import UnboundError, redrawn
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_system
 
 MODELS = ("mujoco.xml", "robot.urdf", "space.py")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 
 GOOD = """
 engines = ["pybullet", "mujoco"]

@@ -12,14 +12,14 @@ import pytest
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.cli import main as cli
-from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from physics_crosscheck.harness.cli.run import exit_code
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
-from physics_crosscheck.harness.files.folders import FolderError
 from physics_crosscheck.harness.gate.accept import AcceptError
 from physics_crosscheck.harness.gate.file_diffs import _lines
 from physics_crosscheck.harness.gate.text import gate_lines
+from physics_crosscheck.harness.interfaces.cli import main as cli
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.interfaces.cli.run import exit_code
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded

@@ -11,10 +11,10 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.cli import main as cli
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import summary
+from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.cause import Cause
@@ -22,7 +22,7 @@ from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis, 
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.github import (
+from physics_crosscheck.harness.results.github import (
     MOST_SUMMARY,
     Annotation,
     case_notes,

@@ -8,15 +8,15 @@ from functools import partial
 
 import pytest
 
-from physics_crosscheck.harness import plan_work
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.cli.exit_codes import DIFFER
-from physics_crosscheck.harness.cli.gate import code
 from physics_crosscheck.harness.gate.accept import AcceptError
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.prepared import task_function
+from physics_crosscheck.harness.interfaces.cli.exit_codes import DIFFER
+from physics_crosscheck.harness.interfaces.cli.gate import code
+from physics_crosscheck.harness.planning import target_plan
+from physics_crosscheck.harness.planning.prepared import task_function
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import SYSTEM, Repository, nothing
@@ -96,7 +96,7 @@ def _with_broken_audit(kind: str, **options: object) -> Callable[..., object]:
 def test_an_audit_that_fails_is_no_pass_and_can_t_be_accepted(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plan_work, "task_function", _with_broken_audit)
+    monkeypatch.setattr(target_plan, "task_function", _with_broken_audit)
     found = repository.gate("pymunk", every=True)
     assert {change.status for change in found.changes} == {Status.NOT_RUN}
     assert "its audit failed: RuntimeError: no audit today" in found.changes[0].messages[0]

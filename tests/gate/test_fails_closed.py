@@ -18,9 +18,9 @@ import pytest
 
 import physics_crosscheck.harness.gate.gate as gating
 from physics_crosscheck.harness.baseline.store import BaselineError, read_baseline
-from physics_crosscheck.harness.cli import main as cli
-from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
+from physics_crosscheck.harness.interfaces.cli import main as cli
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
 from tests.gate.conftest import SYSTEM, Repository
 
 

@@ -13,8 +13,8 @@ import pytest
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
-from physics_crosscheck.harness.files.folders import builtin
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.gate.conftest import SYSTEM, Repository
 from tests.standing import brief, standing_only
 

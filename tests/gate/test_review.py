@@ -11,10 +11,10 @@ from collections.abc import Iterator
 import pytest
 
 from physics_crosscheck.harness.baseline.changes import Status
-from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, USAGE
 from physics_crosscheck.harness.gate.accept import accept_each
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.review import Decisions, Review
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, USAGE
 from tests.faults.known_folder import environment
 from tests.gate.conftest import SYSTEM, Repository
 

@@ -11,15 +11,15 @@ import jsonschema
 import pytest
 from rich.console import Console
 
-from physics_crosscheck.harness.cli.accept import main
-from physics_crosscheck.harness.cli.parsers.accept import add
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.interfaces.cli.accept import main
+from physics_crosscheck.harness.interfaces.cli.parsers.accept import add
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.run import Options, run
-from physics_crosscheck.harness.text.table import print_results
 from tests.gate.conftest import nothing
 from tests.standing import brief, standing_only
 

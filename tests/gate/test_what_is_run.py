@@ -41,7 +41,7 @@ def test_another_version_of_the_numerics_runs_everything_again(
 
 def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Repository) -> None:
     code = (
-        "import sys; from physics_crosscheck.harness.cli.main import main;"
+        "import sys; from physics_crosscheck.harness.interfaces.cli.main import main;"
         "code = main(['gate', '--out', sys.argv[1]]);"
         "names = {'sympy', 'scipy', 'mujoco', 'pybullet', 'pymunk'};"
         "print(code, *sorted(names & set(sys.modules)))"

@@ -25,7 +25,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_checkout_is_not_what_is_installed(installed: Installed, place: Path) -> None:
-    asked = "import physics_crosscheck.harness.files.folders as f; print(f.__file__, f.builtin())"
+    asked = (
+        "import physics_crosscheck.harness.modelfiles.folders as f; print(f.__file__, f.builtin())"
+    )
     done = installed.shell(f'python -P -c "{asked}"', place)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count(str(installed.bin.parent)) == 2

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import bindings
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import bindings
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
 from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject
 from physics_crosscheck.harness.mutation.survey import Survey, survey

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import with_literals
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import with_literals
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.mutation.faults import FAULTS
 from physics_crosscheck.harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
 from physics_crosscheck.harness.mutation.mistakes.axes import axes

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.mutation.faults import FAULTS
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation, Mutations
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.text.progress import Counter
+from physics_crosscheck.harness.render.terminal.progress import Counter
 
 LITERAL, MISTAKE, NONE = FaultKind
 NAMED, CAUGHT, REFUSED, UNSEEN, MISSED, AGREES = FaultVerdict
@@ -129,7 +129,9 @@ def test_the_command_writes_json_whole_and_tells_by_its_exit_code(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("physics_crosscheck.harness.cli.mutate.mutate", lambda *_, **__: list(rows))
+    monkeypatch.setattr(
+        "physics_crosscheck.harness.interfaces.cli.mutate.mutate", lambda *_, **__: list(rows)
+    )
     file = tmp_path / "new" / "mutations.json"
     assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == code
     assert len(json.loads(file.read_text())["rows"]) == len(rows)
@@ -142,7 +144,7 @@ def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(
     def refuse(*_: object, **__: object) -> None:
         raise MutationError("mujoco.xml: it differs already")
 
-    monkeypatch.setattr("physics_crosscheck.harness.cli.mutate.mutate", refuse)
+    monkeypatch.setattr("physics_crosscheck.harness.interfaces.cli.mutate.mutate", refuse)
     file = tmp_path / "mutations.json"
     assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == 3
     told = capsys.readouterr()

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.multibody import PreparedTree, prepare_folder
+from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.mutation.mutate import mutate
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.mutation.text import mutation_lines

@@ -11,8 +11,8 @@ import pytest
 
 from physics_crosscheck import compare
 from physics_crosscheck.harness.compare.candidate import CompareError
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.notebook.comparison import Comparison
+from physics_crosscheck.harness.extras.notebook.comparison import Comparison
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import comparison
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded

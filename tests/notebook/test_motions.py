@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from physics_crosscheck import MotionError, Trajectory, simulate, solve
-from physics_crosscheck.harness.files.folders import FolderError, builtin
-from physics_crosscheck.harness.notebook import ask
+from physics_crosscheck.harness.extras.notebook import ask
+from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
 from tests.standing import standing_only
 
 START = {"theta": 1.5}

@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.notebook.optional import MissingPackageError
-from physics_crosscheck.harness.notebook.trajectory import MotionError, Trajectory
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.harness.extras.notebook.optional import MissingPackageError
+from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 def trajectory(t: Array, values: Array, uncertainty: Array | None = None) -> Trajectory:

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.harness.engines.protocol import Array, Force, Model, StateForce
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference import (
     Constant,
@@ -20,9 +20,9 @@ from physics_crosscheck.reference import (
     Scenario,
     System,
 )
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from physics_crosscheck.harness.baseline.snapshot import ends as snapshot_ends
 from physics_crosscheck.harness.baseline.snapshot import segments_of, snapshot_of
-from physics_crosscheck.harness.cases.verdict import component_scale
+from physics_crosscheck.harness.checks.verdict import component_scale
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.runs import ends as compared_ends
 from physics_crosscheck.harness.diagnosis.samples import (
@@ -20,8 +20,8 @@ from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.reference.linearize import linearize
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, Bench, Coarse, MakeBench
 
 Errors = Callable[[Bench], Array]

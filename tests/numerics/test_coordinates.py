@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.protocol import StateForce
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.system import System
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.case import linearization_task, load, run_linearizations
+from physics_crosscheck.harness.checks.case import linearization_task, load, run_linearizations
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.discrete import DiscreteLinearization, linearize_step
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.text.table import _single_steps
-from physics_crosscheck.reference.stepping import SteppedEquations
+from physics_crosscheck.harness.render.terminal.table import _single_steps
+from physics_crosscheck.reference.solving.next_state import SteppedEquations
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 from tests.numerics.test_stepping import sidecar
 from tests.physics import physics as prepared

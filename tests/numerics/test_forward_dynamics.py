@@ -11,13 +11,13 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cases.robot import prepare_robot
-from physics_crosscheck.harness.cases.robot_task import load_robot, placed
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.robot_case import prepare_robot
+from physics_crosscheck.harness.checks.robot_task import load_robot, placed
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     TERMS,
     TURNS,
@@ -26,7 +26,7 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
     mixed,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.stepping import SteppedBodies, SteppedEquations
+from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 from tests.physics import physics

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.numerics.decomposition import ErrorDecomposition
 from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run
 from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
 from physics_crosscheck.reference import t
-from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.solving.motion import Motion
 from tests.numerics.conftest import (
     DAMPING,
     MASS,

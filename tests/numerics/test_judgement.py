@@ -6,7 +6,7 @@ import pytest
 from physics_crosscheck.harness.numerics.judgement import Obstacle, judge, obstacle
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 def told(uncertainty: float = 1e-11) -> tuple[Array, Array]:

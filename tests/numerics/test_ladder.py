@@ -18,7 +18,7 @@ from physics_crosscheck.harness.numerics.ladder import (
     observed_order,
     weights,
 )
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions"
 

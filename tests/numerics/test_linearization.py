@@ -5,7 +5,7 @@ import pytest
 
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.numerics.linearization import EngineLinearization, linearize_engine
-from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.dynamics.linearize import linearize
 from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.verdict import component_scale
+from physics_crosscheck.harness.checks.verdict import component_scale
 from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sympy import Expr, Heaviside, Rational, sin
 
-from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.ladder import RUNGS

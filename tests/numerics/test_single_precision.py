@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.verdict import component_scale, judge
+from physics_crosscheck.harness.checks.verdict import component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.judgement import resolvable

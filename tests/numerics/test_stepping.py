@@ -11,20 +11,20 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.cases.case import CaseTask, case_task, load, run_case
-from physics_crosscheck.harness.cases.prepare import Prepared
-from physics_crosscheck.harness.cases.robot import PreparedRobot, prepare_robot, run_robot
-from physics_crosscheck.harness.cases.robot_task import load_robot, placed
+from physics_crosscheck.harness.checks.case import CaseTask, case_task, load, run_case
+from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_task import load_robot, placed
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.files.bindings import bindings, with_literals
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.stepping import Stepping, step_engine
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.stepping import SteppedBodies, SteppedEquations
+from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 from tests.physics import physics as prepared

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.files.sidecar import read_sidecar
-from physics_crosscheck.harness.poses.check import PoseCheck, check_poses
-from physics_crosscheck.reference.declaration import (
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.poses import PoseCheck, check_poses
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.reference.mechanism.declaration import (
     Constant,
     Coordinate,
     Equilibrium,
     Output,
     Scenario,
 )
-from physics_crosscheck.reference.kinematics import ground
-from physics_crosscheck.reference.pose import Pose
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.kinematics import ground
+from physics_crosscheck.reference.mechanism.pose import Pose
+from physics_crosscheck.reference.mechanism.system import System
 
 a = Coordinate("a", "rad", "shoulder, about the vertical")
 b = Coordinate("b", "rad", "elbow, toward +x")

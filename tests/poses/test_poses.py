@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from tests.poses.arm import (
     FRAMES,
     LINKS,

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.pytest_plugin import session
-from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.interfaces.pytest_plugin import session
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.poses import Poses

@@ -15,13 +15,13 @@ import pytest
 
 from physics_crosscheck import check
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
-from physics_crosscheck.harness.files.folders import FolderError, builtin
+from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.text.failure import diagnosis_lines
-from physics_crosscheck.harness.text.findings import audit_lines
+from physics_crosscheck.harness.results.failure import diagnosis_lines
+from physics_crosscheck.harness.results.findings import audit_lines
 from tests.standing import brief, standing_only
 
 ROOT = Path(__file__).parents[2]

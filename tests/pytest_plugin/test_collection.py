@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
-from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from tests.pytest_plugin.conftest import Answers, Project
 
 pytest_plugins = ["pytester"]

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness import tasks
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.planning import tasks
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text import status
-from physics_crosscheck.harness.text.status import TestStatus
+from physics_crosscheck.harness.results import status
+from physics_crosscheck.harness.results.status import TestStatus
 from tests.pytest_plugin.conftest import Answers, Project
 from tests.records.made import case, finding, model
 
@@ -160,7 +160,7 @@ def test_all_tests_of_a_system_are_one_xdist_workers(
     (project.path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\n")
     done = pytester.runpytest_subprocess(
         "-p",
-        "physics_crosscheck.harness.pytest_plugin",
+        "physics_crosscheck.harness.interfaces.pytest_plugin",
         "-n",
         "2",
         "--dist",

@@ -13,7 +13,9 @@ import pytest
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
 from physics_crosscheck.harness.engines.remark import RemarkKind
-from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.jobs.failure import failure_of
+from physics_crosscheck.harness.modelfiles.inertias import Kind as InertiaKind
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import GateChange
 from physics_crosscheck.harness.records.case import Case, CaseKind
@@ -22,8 +24,6 @@ from physics_crosscheck.harness.records.codes import CODES, GROUPS
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange
-from physics_crosscheck.harness.robots.inertias import Kind as InertiaKind
-from physics_crosscheck.harness.schedule.failure import failure_of
 from tests.records.made import case, finding
 
 HARNESS = Path(__file__).parents[2] / "harness"
@@ -74,7 +74,7 @@ def words() -> Iterator[str]:
 def test_no_code_is_dead(group: str) -> None:
     found = {*words(), ""}
     # The diagnosis takes the kinds of terms from the equations' variants.
-    reference = "".join(file.read_text() for file in (HARNESS.parent / "reference").glob("*.py"))
+    reference = "".join(file.read_text() for file in (HARNESS.parent / "reference").rglob("*.py"))
     dead = {kind for kind in of(group) if kind not in found and f'"{kind}"' not in reference}
     assert not dead
 

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
 from tests.records.examples import at, example, paths, replaced, required

@@ -16,7 +16,7 @@ from physics_crosscheck.reference import (
     Scenario,
     System,
 )
-from physics_crosscheck.reference.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.load import load_system
 
 MODELS = Path(__file__).parents[2] / "models"

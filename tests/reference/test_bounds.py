@@ -10,18 +10,18 @@ import pytest
 import sympy as sp
 from sympy import Heaviside, cos, exp, sin
 
-import physics_crosscheck.reference.bounds
-import physics_crosscheck.reference.solve
+import physics_crosscheck.reference.solving.bounds
+import physics_crosscheck.reference.solving.solve
 from physics_crosscheck.reference import t
-from physics_crosscheck.reference.closed_form import Segments, augmented
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.integrate import solve_numerically
-from physics_crosscheck.reference.linearize import linearize
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array, compile_function
-from physics_crosscheck.reference.roundoff import running_error
-from physics_crosscheck.reference.signal import pieces
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.dynamics.roundoff import running_error
+from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
+from physics_crosscheck.reference.mechanism.signal import pieces
+from physics_crosscheck.reference.solving.closed_form import Segments, augmented
+from physics_crosscheck.reference.solving.integrate import solve_numerically
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, LINEAR, SCENARIOS, equations_of, oscillator
 from tests.reference.test_closed_form import FREQUENCY, textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved
@@ -77,7 +77,7 @@ def test_without_the_rounding_of_times_a_driven_motion_is_outside_its_bound(
     ) -> Array:
         return np.zeros((*variables[t][0].shape, len(expressions)))
 
-    monkeypatch.setattr(physics_crosscheck.reference.bounds, "running_error", none)
+    monkeypatch.setattr(physics_crosscheck.reference.solving.bounds, "running_error", none)
     equations = equations_of("free_pair")
     motion = solve(equations, equations.system.scenario("driven"))
     assert np.max(off(equations, "driven", motion) / motion.bound) > 1.5
@@ -172,7 +172,7 @@ def test_a_chain_that_is_off_is_told_with_its_size(monkeypatch: pytest.MonkeyPat
         states[100] *= 1 + 1e-9
         return dataclasses.replace(found, start=states)
 
-    monkeypatch.setattr(physics_crosscheck.reference.solve, "solve_numerically", moved)
+    monkeypatch.setattr(physics_crosscheck.reference.solving.solve, "solve_numerically", moved)
     motion = solved(1.1, 0.0, duration=5.0)
     jump = 1e-9 * np.abs(motion.start[100])
     assert np.all(motion.global_bound[100] >= 0.99 * jump)

@@ -15,14 +15,14 @@ import pytest
 import sympy as sp
 from sympy import exp, sin
 
-import physics_crosscheck.reference.closed_form
+import physics_crosscheck.reference.solving.closed_form
 from physics_crosscheck.reference import Equilibrium, Scenario, t
-from physics_crosscheck.reference.closed_form import state_at
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.linearize import linearize
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.signal import pieces
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.mechanism.signal import pieces
+from physics_crosscheck.reference.solving.closed_form import state_at
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, oscillator
 
 REGIMES = {  # m, c, k: dyadic where a regime is a matter of equality
@@ -199,7 +199,7 @@ def test_a_constant_one_epsilon_off_is_told() -> None:
 
 def test_fewer_digits_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """With 15 digits instead of 40 the chain of starts must drift by more than is allowed above."""
-    monkeypatch.setattr(physics_crosscheck.reference.closed_form, "DIGITS", 15)
+    monkeypatch.setattr(physics_crosscheck.reference.solving.closed_form, "DIGITS", 15)
     equations, scenario = made("undamped", "harmonic")
     motion = solve(equations, scenario)
     (span,) = motion.spans

@@ -20,8 +20,8 @@ from physics_crosscheck.reference import (
     System,
     t,
 )
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.sketch import Angle, Body, Link
 from tests.reference.mechanisms import C, F, K, M, X, built_in, constant, declared
 

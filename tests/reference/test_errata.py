@@ -8,10 +8,16 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference import DeclarationError, PublishedEquation, Quantity
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.errata import AGREES, DIFFERS, UP_TO_SIGNS, Erratum, errata
-from physics_crosscheck.reference.linearize import Linearization, linearize
-from physics_crosscheck.reference.simplify import tidy
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.dynamics.errata import (
+    AGREES,
+    DIFFERS,
+    UP_TO_SIGNS,
+    Erratum,
+    errata,
+)
+from physics_crosscheck.reference.dynamics.linearize import Linearization, linearize
+from physics_crosscheck.reference.dynamics.simplify import tidy
 from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
 
 NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.excitation import telling
-from physics_crosscheck.reference.multibody.charted import Charted
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import Coupling, Kind, Link, Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Coupling, Kind, Link, Tree
+from physics_crosscheck.reference.solving.excitation import telling
 from tests.reference.multibody.trees import state, tree
 
 KINDS: tuple[tuple[Kind, ...], ...] = (

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.files.bindings import at_constants
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.family import Family, solve_drawn
+from physics_crosscheck.harness.modelfiles.bindings import at_constants
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.solving.family import Family, solve_drawn
+from physics_crosscheck.reference.solving.solve import solve
 
 CASES = [
     ("mass_spring_damper", "step", {"k": 31.0, "c": 0.4}),

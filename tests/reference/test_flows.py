@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference import flows
-from physics_crosscheck.reference.flows import Flow
-from physics_crosscheck.reference.integrate import ReferenceError
-from physics_crosscheck.reference.multibody.algebra import Scalars
-from physics_crosscheck.reference.multibody.charted import Charted
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.inertial import bodies_apart
-from physics_crosscheck.reference.multibody.tree import Coupling, Fluid, Kind, Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import Scalars
+from physics_crosscheck.reference.mechanism.tree import Coupling, Fluid, Kind, Tree
+from physics_crosscheck.reference.solving import flows
+from physics_crosscheck.reference.solving.flows import Flow
+from physics_crosscheck.reference.solving.integrate import ReferenceError
 from tests.reference.multibody.trees import tree
 
 KINDS: tuple[tuple[Kind, ...], ...] = (

@@ -10,8 +10,8 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference import DeclarationError, Pose, System
-from physics_crosscheck.reference.frames import frame_function
-from physics_crosscheck.reference.kinematics import ground, rotation
+from physics_crosscheck.reference.mechanism.frames import frame_function
+from physics_crosscheck.reference.mechanism.kinematics import ground, rotation
 from tests.poses.arm import SWING, a, l
 
 EYE = sp.eye(3)

@@ -7,23 +7,23 @@ import pytest
 import sympy as sp
 from sympy import sin
 
-import physics_crosscheck.reference.integrate
 from physics_crosscheck.reference import Scenario, System, t
-from physics_crosscheck.reference.closed_form import solve_closed_form
-from physics_crosscheck.reference.collocation import ReferenceError, collocate
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.integrate import (
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.signal import pieces
+from physics_crosscheck.reference.solving import integrate
+from physics_crosscheck.reference.solving.closed_form import solve_closed_form
+from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
+from physics_crosscheck.reference.solving.integrate import (
     AGREEMENT,
     by_runge_kutta,
     field_of,
     solve_numerically,
     trajectory,
 )
-from physics_crosscheck.reference.linearize import linearize
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.signal import pieces
-from physics_crosscheck.reference.solve import solve, tile
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve, tile
 from tests.reference.mechanisms import (
     CART,
     EPS,
@@ -39,7 +39,7 @@ NONLINEAR = [
     *((n, s) for n, s in SCENARIOS if n not in LINEAR),
     (CART.name, "free"),
 ]
-HEYOKA = physics_crosscheck.reference.integrate.heyoka_installed()
+HEYOKA = integrate.heyoka_installed()
 
 
 def scenario_of(name: str, scenario: str) -> tuple[Equations, Scenario]:
@@ -70,7 +70,7 @@ def test_two_integrations_agree_to_1e_12_of_the_motion(
 ) -> None:
     if heyoka and not HEYOKA:
         pytest.skip("heyoka is not installed")
-    monkeypatch.setattr(physics_crosscheck.reference.integrate, "heyoka_installed", lambda: heyoka)
+    monkeypatch.setattr(integrate, "heyoka_installed", lambda: heyoka)
     motion = solve(*scenario_of(name, scenario))
     assert AGREEMENT == 1e-12
     # What is asked is 1e-12; what is found is a hundredth of it, and may not become worse unseen.
@@ -89,7 +89,7 @@ def test_heyoka_and_dop853_end_the_segments_alike(name: str, scenario: str) -> N
         chosen = slice(first, first + span.count)
         first += span.count
         given = motion.t[chosen], motion.start[chosen], span.length
-        series = physics_crosscheck.reference.integrate._taylor_series(equations, piece, *given)
+        series = integrate._taylor_series(equations, piece, *given)
         apart = series - by_runge_kutta(field_of(equations, piece), *given)
         assert np.all(np.max(np.abs(apart), axis=0) <= 1e-14 * sizes(motion))
 
@@ -100,24 +100,22 @@ def test_a_check_that_ends_elsewhere_is_an_error(
     off: float, heyoka: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     equations, scenario = scenario_of("simple_pendulum", "free")
-    monkeypatch.setattr(physics_crosscheck.reference.integrate, "heyoka_installed", lambda: False)
+    monkeypatch.setattr(integrate, "heyoka_installed", lambda: False)
     right = solve(equations, scenario)
     wrong = right.end + np.array([0.0, off * sizes(right)[1]])
-    monkeypatch.setattr(physics_crosscheck.reference.integrate, "heyoka_installed", lambda: heyoka)
+    monkeypatch.setattr(integrate, "heyoka_installed", lambda: heyoka)
     name = "_taylor_series" if heyoka else "by_runge_kutta"
-    monkeypatch.setattr(physics_crosscheck.reference.integrate, name, lambda *_: wrong)
+    monkeypatch.setattr(integrate, name, lambda *_: wrong)
     with pytest.raises(ReferenceError, match="two integrations of component 1 are"):
         solve(equations, scenario)
 
 
 def test_a_check_within_the_agreement_widens_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(physics_crosscheck.reference.integrate, "heyoka_installed", lambda: False)
+    monkeypatch.setattr(integrate, "heyoka_installed", lambda: False)
     equations, scenario = scenario_of("simple_pendulum", "free")
     right = solve(equations, scenario)
     off = 5e-13 * sizes(right)
-    monkeypatch.setattr(
-        physics_crosscheck.reference.integrate, "by_runge_kutta", lambda *_: right.end + off
-    )
+    monkeypatch.setattr(integrate, "by_runge_kutta", lambda *_: right.end + off)
     assert np.all(solve(equations, scenario).bound >= off * (1 - 1e-3))
 
 

@@ -6,9 +6,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-import physics_crosscheck.reference.linearity
-from physics_crosscheck.reference.linearity import AMPLITUDES, LinearityError, linearity
-from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.solving import linearity as linearities
+from physics_crosscheck.reference.solving.linearity import AMPLITUDES, LinearityError, linearity
 from tests.reference.mechanisms import NAMES, built_in, equations_of
 
 
@@ -69,5 +69,5 @@ def test_an_unstable_equilibrium_has_no_such_table(name: str) -> None:
 def test_each_mode_of_the_drum_has_its_own() -> None:
     first, second = errors_of("drum_pendulum")
     assert (first.mode, second.mode) == (0, 1)
-    assert first.amplitudes == AMPLITUDES == physics_crosscheck.reference.linearity.AMPLITUDES
+    assert first.amplitudes == AMPLITUDES == linearities.AMPLITUDES
     assert second.period < first.period

@@ -8,9 +8,14 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference import Coordinate, Equilibrium, Input, Output, System
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.linearize import Linearization, classify, linearize, taylor
-from physics_crosscheck.reference.modes import (
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.dynamics.linearize import (
+    Linearization,
+    classify,
+    linearize,
+    taylor,
+)
+from physics_crosscheck.reference.dynamics.modes import (
     damped_shapes,
     evaluate_transfer,
     modes,

@@ -5,7 +5,7 @@ from time import process_time
 import pytest
 
 from physics_crosscheck.reference import DeclarationError, PublishedEquation
-from physics_crosscheck.reference.notation import MOST_DEGREE, MOST_SIGNS, readings
+from physics_crosscheck.reference.dynamics.notation import MOST_DEGREE, MOST_SIGNS, readings
 from tests.reference.mechanisms import built_in
 
 

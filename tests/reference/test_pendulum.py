@@ -8,10 +8,10 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, pendulum
 
 G, L = 9.81, 0.75

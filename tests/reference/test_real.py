@@ -7,13 +7,13 @@ import pytest
 import sympy as sp
 from sympy import DiracDelta, Heaviside, I, Integral, Piecewise, Rational, exp, log, sin, sqrt, tan
 
-from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.reference import DeclarationError, Equilibrium, Output, Scenario, System, t
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.integrate import ReferenceError
-from physics_crosscheck.reference.linearize import linearize
-from physics_crosscheck.reference.motion import Motion
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import C, F, K, M, X, constant, declared, pendulum
 
 W = constant("w", 2.0, "1/s")

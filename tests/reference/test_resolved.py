@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference import resolved
-from physics_crosscheck.reference.integrate import ReferenceError
-from physics_crosscheck.reference.multibody.tree import Tree
-from physics_crosscheck.reference.resolved import Resolved
-from physics_crosscheck.reference.samples import Samples, samples, solved
-from physics_crosscheck.reference.trees import TreeEquations, TreeSystem, tree_system
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving import resolved
+from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.resolved import Resolved
+from physics_crosscheck.reference.solving.samples import Samples, samples, solved
 from tests.reference.multibody.trees import tree
 
 

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.reference import Coordinate
-from physics_crosscheck.reference.equations import slopes_of
-from physics_crosscheck.reference.integrate import ReferenceError, by_runge_kutta
-from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES, Scalars
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.tree import Kind, Tree
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.samples import APART, FAR, REACH, Samples, samples, within
-from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.reference.dynamics.equations import slopes_of
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scalars
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree
+from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
+from physics_crosscheck.reference.solving.samples import APART, FAR, REACH, Samples, samples, within
 from tests.reference.multibody.trees import tree
 
 KINDS: tuple[Kind, ...] = ("hinge", "slide", "hinge", "hinge")
@@ -79,7 +80,7 @@ def test_what_two_solutions_are_apart_is_in_the_bound_or_refuses_them(
     def beside(*given: Any, **options: Any) -> Array:
         return by_runge_kutta(*given, **options) * (1 + apart)
 
-    monkeypatch.setattr("physics_crosscheck.reference.samples.by_runge_kutta", beside)
+    monkeypatch.setattr("physics_crosscheck.reference.solving.samples.by_runge_kutta", beside)
     if apart > APART:
         with pytest.raises(ReferenceError, match=r"two solutions of \S+ are \S+e-0[567] apart"):
             samples(one, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)

@@ -9,7 +9,13 @@ import sympy as sp
 from sympy import Abs, Heaviside, Max, Piecewise, Rational, cos, cosh, exp, floor, log, sin, sqrt
 
 from physics_crosscheck.reference import DeclarationError, Input, System, t
-from physics_crosscheck.reference.signal import DIGITS, Piece, generator, numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.signal import (
+    DIGITS,
+    Piece,
+    generator,
+    numeric_inputs,
+    pieces,
+)
 from tests.reference.mechanisms import EPS, declared, oscillator
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from physics_crosscheck.reference.multibody.charted import Charted
-from physics_crosscheck.reference.multibody.tree import WORLD, Link, Tree
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.stepping import Scheme, SteppedBodies, next_states
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import WORLD, Link, Tree
+from physics_crosscheck.reference.solving.next_state import Scheme, SteppedBodies, next_states
 
 RNG = np.random.default_rng(4)
 

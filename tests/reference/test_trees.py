@@ -9,12 +9,13 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference import DeclarationError, Scenario, System, t
-from physics_crosscheck.reference.derive import Equations, derive
-from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
-from physics_crosscheck.reference.multibody.tree import Link, Tree
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.solve import solve
-from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
+from physics_crosscheck.reference.mechanism.tree import Link, Tree
+from physics_crosscheck.reference.solving.solve import solve
 from tests.cases.arms import arm
 
 

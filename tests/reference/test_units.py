@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference.units import (
+from physics_crosscheck.reference.mechanism.units import (
     ENERGY,
     FORCE,
     LENGTH,

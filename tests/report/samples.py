@@ -37,7 +37,7 @@ from physics_crosscheck.harness.records.model import (
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
-from physics_crosscheck.harness.report.packs import Array
+from physics_crosscheck.harness.render.html.packs import Array
 from tests.report.sample_system import SCENARIOS, system
 
 SAMPLES = 240

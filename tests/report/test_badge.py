@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.report.badge import message, picture, shields, write_badge
+from physics_crosscheck.harness.render.html.badge import message, picture, shields, write_badge
 from tests.records.made import case, results
 
 DIFFERS = case(Outcome.DIFFERS, scenario="far")

@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.report import render, write_report
-from physics_crosscheck.harness.report.view import report
+from physics_crosscheck.harness.render.html import render, write_report
+from physics_crosscheck.harness.render.html.view import report
 from tests.report.chromium import Browser, Tab
 from tests.report.samples import (
     STIFFNESS,

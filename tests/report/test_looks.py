@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.render.html import write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
     BOTH,

@@ -6,8 +6,8 @@ from xml.etree.ElementTree import Element, fromstring
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.report.maths import ELEMENTS, mathml
-from physics_crosscheck.harness.text.typeset import Latex, latex_name, latex_words
+from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
+from physics_crosscheck.harness.render.terminal.typeset import Latex, latex_name, latex_words
 from tests.cases.arms import arm
 
 HOSTILE = (

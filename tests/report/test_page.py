@@ -16,9 +16,9 @@ from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.report import render, unbroken, write_report
-from physics_crosscheck.harness.report.maths import ELEMENTS, mathml
-from physics_crosscheck.harness.report.scatter import labelled
+from physics_crosscheck.harness.render.html import render, unbroken, write_report
+from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
+from physics_crosscheck.harness.render.html.scatter import labelled
 from tests.report.page import Page
 from tests.report.samples import results
 
@@ -266,7 +266,7 @@ def test_a_report_that_can_not_be_drawn_leaves_the_old_one(
 
     path = tmp_path / "index.html"
     path.write_text("old")
-    monkeypatch.setattr("physics_crosscheck.harness.report._script", refuse)
+    monkeypatch.setattr("physics_crosscheck.harness.render.html._script", refuse)
     with pytest.raises(ValueError, match="not to be drawn"):
         write_report(path, results(1))
     assert path.read_text() == "old"

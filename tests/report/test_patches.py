@@ -11,13 +11,13 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from physics_crosscheck.harness.audit.finding import source_line
-from physics_crosscheck.harness.files.locations import find_in
+from physics_crosscheck.harness.checks.audit_finding import source_line
+from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.report import write_report
-from physics_crosscheck.harness.report.patches import lines_of, unified
-from physics_crosscheck.harness.text.next_steps import Change
+from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.html.patches import lines_of, unified
+from physics_crosscheck.harness.results.next_steps import Change
 from tests.records.made import case, finding, model, results
 
 URDF = """<robot>

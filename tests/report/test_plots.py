@@ -14,7 +14,7 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness import report
+from physics_crosscheck.harness.render import html as report
 from tests.report.chromium import Browser, Tab
 from tests.report.page import Page
 from tests.report.samples import results

@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.report import write_report
-from physics_crosscheck.harness.report.two_runs import render_two_runs, write_two_runs
-from physics_crosscheck.harness.text.two_runs import two_runs
+from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.html.two_runs import render_two_runs, write_two_runs
+from physics_crosscheck.harness.render.terminal.two_runs import two_runs
 from tests.report.chromium import Browser
 from tests.report.page import Page
 from tests.report.samples import judged, results

@@ -9,11 +9,11 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.report import render
-from physics_crosscheck.harness.report.cases import CaseView
-from physics_crosscheck.harness.report.diagnoses import DiagnosisView
-from physics_crosscheck.harness.report.text import agreeing_digits, percent, shown, slug
-from physics_crosscheck.harness.report.view import Report, report
+from physics_crosscheck.harness.render.html import render
+from physics_crosscheck.harness.render.html.cases import CaseView
+from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
+from physics_crosscheck.harness.render.html.text import agreeing_digits, percent, shown, slug
+from physics_crosscheck.harness.render.html.view import Report, report
 from tests.report.samples import changed_case, changed_model, results
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded
 from tests.records.made import case, results, verdict

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from physics_crosscheck.harness.robots.robot import Robot
-from physics_crosscheck.harness.robots.urdf import read_urdf_robot
-from physics_crosscheck.reference.multibody.tree import Link, Tree
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
+from physics_crosscheck.reference.mechanism.tree import Link, Tree
 
 BODY = (
     '<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>'

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from physics_crosscheck.harness.cases.robot import PreparedRobot, prepare_robot, run_robot
-from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from physics_crosscheck.harness.engines.registry import readers
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.diagnosis.test_robot import check_named
 
 
@@ -72,7 +72,7 @@ def checked(folder: Path, text: str, engine: str = "") -> Checked:
 
 def tree_of(file: Path) -> Tree:
     """Its tree."""
-    from physics_crosscheck.harness.robots.compiled import read_compiled_robot
+    from physics_crosscheck.harness.modelfiles.mjcf.read import read_compiled_robot
 
     tree = read_compiled_robot(file).tree
     assert tree is not None

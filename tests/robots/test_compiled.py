@@ -9,13 +9,13 @@ import gymnasium
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.failure import failure_of
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.compiled import compiler, read_compiled_robot
-from physics_crosscheck.harness.robots.system import RobotError, robot_system
-from physics_crosscheck.harness.schedule.failure import failure_of
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 SOUND = {

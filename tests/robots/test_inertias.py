@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.robots.inertias import impossible
-from physics_crosscheck.harness.robots.robot import Part, Robot
+from physics_crosscheck.harness.modelfiles.inertias import impossible
+from physics_crosscheck.harness.modelfiles.robot import Part, Robot
 from tests.robots.files import inertial, joint, link, read, tree_of
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.multibody.chart import Chart
-from physics_crosscheck.reference.multibody.medium import Immersion
-from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.dynamics.fluid import Immersion
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.chart import Chart
 from tests.robots.planted import Checked, checked, tree_of
 
 EEL = """<mujoco model="eel">

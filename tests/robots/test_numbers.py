@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.robots.read import Numbers, read_robot, robot_numbers
-from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.harness.modelfiles.readers import Numbers, read_robot, robot_numbers
+from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.robots.files import joint, link
 
 URDF = "\n".join(

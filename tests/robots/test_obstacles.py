@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.robots.urdf import read_urdf_robot
+from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 from tests.robots.files import (
     BODY,
     in_the_way,

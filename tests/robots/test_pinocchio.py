@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio
 import pytest
 
-from physics_crosscheck.harness.robots.compiled import read_compiled_robot
-from physics_crosscheck.harness.robots.robot import Robot
-from physics_crosscheck.harness.robots.urdf import read_urdf_robot
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.tree import Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.harness.modelfiles.mjcf.read import read_compiled_robot
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Tree
 
 pybullet_data = pytest.importorskip("pybullet_data", reason="comes with PyBullet")
 FOLDER = Path(pybullet_data.getDataPath())

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.robots.named import robot_files
-from physics_crosscheck.harness.robots.read import read_robot, robot_numbers
-from physics_crosscheck.harness.robots.robot import Robot
-from physics_crosscheck.reference.multibody.algebra import from_rpy
-from physics_crosscheck.reference.multibody.lump import Place
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.rotations import from_rpy
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.robots.files import in_the_way, told, tree_of
 
 TENSOR = "<ixx>0.1</ixx><iyy>0.2</iyy><izz>0.15</izz><ixy>0.01</ixy><ixz>0.02</ixz><iyz>0.03</iyz>"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, link, read, read_text, told, tree_of
 
 THREE = [link("base", ""), link("a"), link("b")]

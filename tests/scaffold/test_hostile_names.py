@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.scaffold import scenarios
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.load import load_declaration, load_system
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 CODE = 'open("PWNED","w")'
 NAMES = (

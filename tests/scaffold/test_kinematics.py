@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference import Coordinate
-from physics_crosscheck.reference.kinematics import ground, rotation
+from physics_crosscheck.reference.mechanism.kinematics import ground, rotation
 
 A = Coordinate("a", "rad", "upper")
 B = Coordinate("b", "rad", "lower")

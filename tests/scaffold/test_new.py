@@ -13,21 +13,21 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.cases.case import load
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.files.bindings import bindings, mismatches
-from physics_crosscheck.harness.files.choice import Choice
-from physics_crosscheck.harness.files.folders import template
-from physics_crosscheck.harness.files.model_files import model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.poses.check import check_poses
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.poses import check_poses
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.modelfiles.bindings import bindings, mismatches
+from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.folders import template
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.run import Options, Selection, run
 from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
 from physics_crosscheck.harness.scaffold.from_energies import format_settings as _settings
 from physics_crosscheck.harness.scaffold.from_model import from_model
-from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_declaration, load_system
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
 CRANE = Path(__file__).parent / "crane.xml"

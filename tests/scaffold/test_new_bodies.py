@@ -13,17 +13,17 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.files.model_files import UnreadModel, model_files
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.robots.read import read_robot
 from physics_crosscheck.harness.run import Options, Selection, run
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.from_model import from_model
-from physics_crosscheck.reference.declaration import DeclarationError
 from physics_crosscheck.reference.load import load_declaration, load_system
-from physics_crosscheck.reference.multibody.tree import Link, Tree
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.tree import Link, Tree
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())

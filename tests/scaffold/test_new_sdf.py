@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.multibody import PreparedTree, prepare_folder
-from physics_crosscheck.harness.cases.robot import judge_robot
+from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
+from physics_crosscheck.harness.checks.robot_case import judge_robot
 from physics_crosscheck.harness.engines.registry import engines, standing
-from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from tests.robots.test_sdf import ARM, BASE, WELD, joint
 
 WORLD = "<gravity>0 0 -3.7</gravity><physics><max_step_size>0.004</max_step_size></physics>"

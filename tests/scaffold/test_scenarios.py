@@ -10,10 +10,10 @@ import pytest
 from physics_crosscheck.harness.audits import audits
 from physics_crosscheck.harness.run import Options, Selection, run
 from physics_crosscheck.harness.scaffold.from_model import from_model
-from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.solve import solve
-from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.solve import solve
 
 INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
 

@@ -20,15 +20,15 @@ import msgspec
 import pytest
 from msgspec import structs
 
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.extras.sweep.store import read_rows
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.jobs import payload
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.executor import ClusterError, Executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.records.sweep import SweepRow
-from physics_crosscheck.harness.schedule import parcel
-from physics_crosscheck.harness.schedule.chosen import executor
-from physics_crosscheck.harness.schedule.executor import ClusterError, Executor
-from physics_crosscheck.harness.schedule.failure import Failure
-from physics_crosscheck.harness.schedule.limits import Limits
-from physics_crosscheck.harness.sweep.store import read_rows
 from tests.faults.known_folder import ROOT, environment, one_scenario
 from tests.schedule.clusters import PATIENCE, Loopback, below, loopback
 from tests.standing import standing_only
@@ -273,7 +273,7 @@ def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
-    monkeypatch.setattr("physics_crosscheck.harness.schedule.cluster.ANSWER", 3.0)
+    monkeypatch.setattr("physics_crosscheck.harness.jobs.cluster.ANSWER", 3.0)
     begun = tmp_path / "begun"
     with loopback(tmp_path, "only") as own, executor(scheduler=own.address, engines=ENGINE) as pool:
         pool.submit(nap, str(begun))
@@ -289,7 +289,7 @@ def test_a_new_worker_that_differs_is_told_with_what_differs(
     other = tmp_path / "checkout"
     name = "physics_crosscheck"
     shutil.copytree(ROOT / name, other / name, ignore=shutil.ignore_patterns("__pycache__"))
-    with (other / name / "reference" / "real.py").open("a") as file:
+    with (other / name / "reference" / "mechanism" / "real.py").open("a") as file:
         file.write("# another\n")
     cluster.worker("other", "--no-nanny", PYTHONPATH=str(other))
     try:
@@ -322,7 +322,7 @@ def test_an_address_where_no_scheduler_answers_is_told(
     address: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
-    monkeypatch.setattr("physics_crosscheck.harness.schedule.cluster.ANSWER", 0.5)
+    monkeypatch.setattr("physics_crosscheck.harness.jobs.cluster.ANSWER", 0.5)
     assert main(["run", "simple_pendulum", "--scheduler", address]) == 2
     said = capsys.readouterr().err
     assert f"crosscheck: --scheduler {address}: no scheduler answers there" in said
@@ -333,7 +333,7 @@ def test_without_the_extra_its_name_is_told(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    monkeypatch.delitem(sys.modules, "physics_crosscheck.harness.schedule.cluster", raising=False)
+    monkeypatch.delitem(sys.modules, "physics_crosscheck.harness.jobs.cluster", raising=False)
     assert main(["run", "simple_pendulum", "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "pip install 'physics-crosscheck[cluster]'" in capsys.readouterr().err
 
@@ -348,6 +348,6 @@ def test_more_than_a_run_may_send_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "big.bin").write_bytes(bytes(3000))
-    monkeypatch.setattr(parcel, "MOST_SENT", 2000)
-    with pytest.raises(parcel.ParcelError, match=r"exceed .* with .*big\.bin, too much to send"):
-        parcel.luggage([tmp_path])
+    monkeypatch.setattr(payload, "MOST_SENT", 2000)
+    with pytest.raises(payload.ParcelError, match=r"exceed .* with .*big\.bin, too much to send"):
+        payload.luggage([tmp_path])

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.schedule.environment import DEFAULTS, MAPPED_FROM
+from physics_crosscheck.harness.jobs.environment import DEFAULTS, MAPPED_FROM
 
 BESIDE = Path(__file__).resolve().parents[2]
 
 PROGRAM = """
 import sys
-from physics_crosscheck.harness.cli.main import program
+from physics_crosscheck.harness.interfaces.cli.main import program
 early = "numpy" in sys.modules
 sys.argv = ["crosscheck", "engines"]
 program()
@@ -25,8 +25,8 @@ print(early, found(None))
 """
 
 LIBRARY = """
-from physics_crosscheck.harness.schedule.limits import Limits
-from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Workers
 from tests.schedule.test_environment import found, set_here
 
 with Workers(1, limits=Limits(seconds=60)) as workers:
@@ -80,8 +80,8 @@ IS_MMAPPED = 2
 """Flag of a chunk in glibc's malloc/malloc.c."""
 
 MAPPED = """
-from physics_crosscheck.harness.schedule.limits import Limits
-from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Workers
 from tests.schedule.test_environment import is_mapped
 
 with Workers(1, limits=Limits(seconds=60)) as workers:

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
-from physics_crosscheck.harness.schedule.jobs import Job, Task, work
-from physics_crosscheck.harness.schedule.main_module import without_main
-from physics_crosscheck.harness.schedule.workers import Failure, Limits, Workers
+from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.main_module import without_main
+from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 
 
 @pytest.fixture(scope="module")

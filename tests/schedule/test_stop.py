@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from physics_crosscheck.harness.schedule.stop import SIGNALS, Stopped, asking, raising
+from physics_crosscheck.harness.jobs.stop import SIGNALS, Stopped, asking, raising
 
 
 @pytest.mark.parametrize("number", SIGNALS)

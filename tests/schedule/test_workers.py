@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.schedule.clock import is_waiting, processor_seconds
-from physics_crosscheck.harness.schedule.failure import LONGEST
-from physics_crosscheck.harness.schedule.stop import SIGNALS
-from physics_crosscheck.harness.schedule.workers import Failure, Limits, Workers
+from physics_crosscheck.harness.jobs.clock import is_waiting, processor_seconds
+from physics_crosscheck.harness.jobs.failure import LONGEST
+from physics_crosscheck.harness.jobs.stop import SIGNALS
+from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 
 
 def square(x: int) -> int:
@@ -248,7 +248,7 @@ def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_mu
     workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert workers.outcome(workers.submit(wait_a_little, 0)) == "waited"
-    monkeypatch.setattr("physics_crosscheck.harness.schedule.limits.PATIENCE", 0.5)
+    monkeypatch.setattr("physics_crosscheck.harness.jobs.limits.PATIENCE", 0.5)
     reason = failed(workers.outcome(workers.submit(sleep, 0))).reason
     assert "stopped after 0.5 s by the clock" in reason
     assert "--limit raises it" in reason
@@ -257,7 +257,7 @@ def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_mu
 def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_waits(
     workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("physics_crosscheck.harness.schedule.limits.PATIENCE", 0.1)
+    monkeypatch.setattr("physics_crosscheck.harness.jobs.limits.PATIENCE", 0.1)
     (reason,) = reasons(workers, spin)
     assert "used up its limit of 1 processor seconds" in reason
     assert not is_waiting(1.0, 100.0)
@@ -380,7 +380,7 @@ def test_what_starts_the_workers_hears_no_signal_and_they_do(
 
 BEGUN = """
 import os
-from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.jobs.workers import Workers
 from tests.schedule.test_workers import parent
 def children():
     return open(f"/proc/self/task/{os.getpid()}/children").read().split()
@@ -406,8 +406,8 @@ def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:
 
 ORPHANS = """
 import os, signal
-from physics_crosscheck.harness.schedule.clock import is_waiting, processor_seconds
-from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.jobs.clock import is_waiting, processor_seconds
+from physics_crosscheck.harness.jobs.workers import Workers
 from tests.schedule.test_workers import sleep
 workers = Workers(1)
 workers.submit(sleep, 0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from physics_crosscheck.reference.declaration import DeclarationError, PublishedEquation
+from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.notation import readings
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
 from soak.fuzz.minimize import smallest
 from soak.fuzz.target import Find, SlowError, Target, attack
 from soak.fuzz.targets import TARGETS
@@ -48,7 +48,7 @@ def test_every_seed_is_within_the_contract(name: str) -> None:
 
 
 def test_a_text_that_is_no_equation_is_told_by_its_number() -> None:
-    from physics_crosscheck.harness.files.folders import builtin
+    from physics_crosscheck.harness.modelfiles.folders import builtin
 
     system = load_system(builtin() / "simple_pendulum")
     published = PublishedEquation("3.7", "f''", "motion", of="theta", driven=False, note="")

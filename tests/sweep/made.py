@@ -5,11 +5,11 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from physics_crosscheck.harness.schedule.workers import Workers
-from physics_crosscheck.harness.sweep.draws import Design
-from physics_crosscheck.harness.sweep.factors import factors
-from physics_crosscheck.harness.sweep.plan import Plan, SweepOptions
-from physics_crosscheck.harness.sweep.run import Wanted, planned
+from physics_crosscheck.harness.extras.sweep.draws import Design
+from physics_crosscheck.harness.extras.sweep.factors import factors
+from physics_crosscheck.harness.extras.sweep.plan import Plan, SweepOptions
+from physics_crosscheck.harness.extras.sweep.run import Wanted, planned
+from physics_crosscheck.harness.jobs.workers import Workers
 from tests.faults.known_folder import ROOT, one_scenario
 from tests.standing import standing_only
 

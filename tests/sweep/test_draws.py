@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.sweep.draws import Design, Draws, draws
-from physics_crosscheck.harness.sweep.factors import factors
+from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, draws
+from physics_crosscheck.harness.extras.sweep.factors import factors
 
 TWO = factors(["k=10:1000:log", "m=1:3"])
 DESIGNS = (Design.LATIN, Design.SOBOL, Design.RANDOM)

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from physics_crosscheck.harness.sweep.draws import Design, draws
-from physics_crosscheck.harness.sweep.factors import SweepError, factor, factors, meant
+from physics_crosscheck.harness.extras.sweep.draws import Design, draws
+from physics_crosscheck.harness.extras.sweep.factors import SweepError, factor, factors, meant
 
 
 def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:

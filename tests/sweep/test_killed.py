@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.extras.sweep.store import done, parts, read_plan, read_rows
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.sweep.store import done, parts, read_plan, read_rows
 from tests.faults.known_folder import environment
 from tests.sweep.made import swept_folder
 
 # A part a row, a row a block: so that there is a middle after a few cases.
 SMALL = """
 import sys
-import physics_crosscheck.harness.sweep.plan, physics_crosscheck.harness.sweep.store
-physics_crosscheck.harness.sweep.plan.BLOCK = physics_crosscheck.harness.sweep.store.PART = 1
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.extras.sweep import plan, store
+plan.BLOCK = store.PART = 1
+from physics_crosscheck.harness.interfaces.cli.main import main
 sys.exit(main(sys.argv[1:]))
 """
 

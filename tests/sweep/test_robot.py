@@ -8,22 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.robot import judge_robot, prepare_robot
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.checks.robot_case import judge_robot, prepare_robot
+from physics_crosscheck.harness.extras.sweep import robot as swept_robot
+from physics_crosscheck.harness.extras.sweep.case import run_block, swept
+from physics_crosscheck.harness.extras.sweep.factors import SweepError
+from physics_crosscheck.harness.extras.sweep.plan import Plan
+from physics_crosscheck.harness.extras.sweep.planned import Block
+from physics_crosscheck.harness.extras.sweep.run import sweep
+from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
+from physics_crosscheck.harness.extras.sweep.summary import summary
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
-from physics_crosscheck.harness.report.sweep import render_sweep
-from physics_crosscheck.harness.robots.copies import copied
-from physics_crosscheck.harness.robots.read import robot_numbers
-from physics_crosscheck.harness.schedule.workers import Workers
-from physics_crosscheck.harness.sweep import robot as swept_robot
-from physics_crosscheck.harness.sweep.case import run_block, swept
-from physics_crosscheck.harness.sweep.factors import SweepError
-from physics_crosscheck.harness.sweep.plan import Plan
-from physics_crosscheck.harness.sweep.planned import Block
-from physics_crosscheck.harness.sweep.run import sweep
-from physics_crosscheck.harness.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.sweep.summary import summary
+from physics_crosscheck.harness.render.html.sweep import render_sweep
 from tests.robots.files import joint, link
 from tests.sweep.made import options, plan_of
 

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cases.case import case_task, run_case
-from physics_crosscheck.harness.cases.prepare import prepare
-from physics_crosscheck.harness.files.bindings import with_constants
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.checks.case import case_task, run_case
+from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.extras.sweep.factors import SweepError
+from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
+from physics_crosscheck.harness.extras.sweep.run import alone, sweep
+from physics_crosscheck.harness.extras.sweep.store import parts, read_rows, taken
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.modelfiles.bindings import with_constants
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
-from physics_crosscheck.harness.schedule.workers import Workers
-from physics_crosscheck.harness.sweep.factors import SweepError
-from physics_crosscheck.harness.sweep.plan import SweepOptions
-from physics_crosscheck.harness.sweep.run import alone, sweep
-from physics_crosscheck.harness.sweep.store import parts, read_rows, taken
 from physics_crosscheck.reference.load import load_system
 from tests.sweep.made import options, plan_of, swept_folder
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.extras.sweep.versions import TOLD, moved
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
-from physics_crosscheck.harness.sweep.versions import TOLD, moved
 
 
 def row(index: int = 0, **other: Any) -> SweepRow:

@@ -7,7 +7,7 @@ import pytest
 from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.records.cause import Cause, CauseId, CauseKind
 from physics_crosscheck.harness.records.finding import Explanation
-from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.harness.results.causes import cause_sentences
 
 
 def cause(

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.codes import CODES, Code
-from physics_crosscheck.harness.text.messages import main as write
-from physics_crosscheck.harness.text.messages import pages
+from physics_crosscheck.harness.results.messages import main as write
+from physics_crosscheck.harness.results.messages import pages
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "messages"
 LONGEST = 25
@@ -19,7 +19,9 @@ LONGEST = 25
 
 def test_the_committed_pages_are_those_of_the_table() -> None:
     committed = {path.name: path.read_text() for path in COMMITTED.iterdir()}
-    assert committed == pages(), "python -m physics_crosscheck.harness.text.messages docs/messages"
+    assert committed == pages(), (
+        "python -m physics_crosscheck.harness.results.messages docs/messages"
+    )
 
 
 def test_a_page_of_a_code_that_no_longer_exists_is_removed(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.progress import LOG_SECONDS, Progress
+from physics_crosscheck.harness.render.terminal.progress import LOG_SECONDS, Progress
 from tests.records.made import case
 
 

@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.audit.finding import source_line
-from physics_crosscheck.harness.files.locations import find_in
+from physics_crosscheck.harness.checks.audit_finding import source_line
+from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records import codes
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.codes import CODES
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.github import run_notes
-from physics_crosscheck.harness.text.sarif import sarif
+from physics_crosscheck.harness.results.github import run_notes
+from physics_crosscheck.harness.results.sarif import sarif
 from tests.records.made import case, finding, model, results
 from tests.text.test_troubles import planted
 

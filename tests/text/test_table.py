@@ -17,11 +17,11 @@ from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
-from physics_crosscheck.harness.text.causes import BEGIN_WITH_AUDIT
-from physics_crosscheck.harness.text.problems import MAX_PROBLEMS
-from physics_crosscheck.harness.text.status import duration, percent
-from physics_crosscheck.harness.text.table import case_line, print_results, summary
-from physics_crosscheck.harness.text.terminal import terminal
+from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
+from physics_crosscheck.harness.render.terminal.table import case_line, print_results, summary
+from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
+from physics_crosscheck.harness.results.status import duration, percent
 from tests.records.made import case, finding, model, results, stepping, verdict
 
 

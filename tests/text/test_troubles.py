@@ -16,8 +16,8 @@ from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.text.table import print_results
-from physics_crosscheck.harness.text.troubles import troubles
+from physics_crosscheck.harness.render.terminal.table import print_results
+from physics_crosscheck.harness.results.issues import troubles
 from tests.records.made import case, finding, model, results, verdict
 
 WRONG = Cause(

@@ -12,7 +12,12 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.text.two_runs import Movement, headline, print_two_runs, two_runs
+from physics_crosscheck.harness.render.terminal.two_runs import (
+    Movement,
+    headline,
+    print_two_runs,
+    two_runs,
+)
 from tests.records.made import case, full_run, model, results, verdict
 
 

@@ -3,12 +3,18 @@
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.text.primes import primed
-from physics_crosscheck.harness.text.typeset import Latex, Style, Text, latex_name, latex_number
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.render.terminal.primes import primed
+from physics_crosscheck.harness.render.terminal.typeset import (
+    Latex,
+    Style,
+    Text,
+    latex_name,
+    latex_number,
+)
 from physics_crosscheck.reference import System
+from physics_crosscheck.reference.dynamics.modes import s
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.modes import s
 
 
 def latex_of(system: System) -> Latex:

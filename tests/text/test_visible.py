@@ -11,16 +11,18 @@ from typing import TextIO, cast
 import pytest
 from rich.console import Console
 
-from physics_crosscheck.harness.cli import main as cli
 from physics_crosscheck.harness.gate.text import _cell, _code
+from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.report import write_report
-from physics_crosscheck.harness.text.failure import failure_message
-from physics_crosscheck.harness.text.github import (
+from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.terminal.markup import escape
+from physics_crosscheck.harness.render.terminal.table import print_results
+from physics_crosscheck.harness.results.failure import failure_message
+from physics_crosscheck.harness.results.github import (
     Annotation,
     LogStream,
     commands,
@@ -28,11 +30,9 @@ from physics_crosscheck.harness.text.github import (
     plain_line,
     run_notes,
 )
-from physics_crosscheck.harness.text.markup import escape
-from physics_crosscheck.harness.text.sarif import sarif
-from physics_crosscheck.harness.text.status import Decision, TestStatus
-from physics_crosscheck.harness.text.table import print_results
-from physics_crosscheck.harness.text.visible import odd_name, visible
+from physics_crosscheck.harness.results.sarif import sarif
+from physics_crosscheck.harness.results.status import Decision, TestStatus
+from physics_crosscheck.harness.results.visible import odd_name, visible
 from tests.records.made import case, finding, model, results
 
 

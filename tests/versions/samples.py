@@ -6,13 +6,13 @@ from typing import Any
 
 import msgspec
 
+from physics_crosscheck.harness.extras.versions.compare import upgrade
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, Stepping
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.versions import Measured, Upgrade, VersionRun
-from physics_crosscheck.harness.versions.compare import upgrade
 from tests.baseline.samples import case, measurement
 
 

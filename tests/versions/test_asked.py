@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.files.folders import FolderError
-from physics_crosscheck.harness.versions.asked import AskedVersion, asked_models, asked_versions
+from physics_crosscheck.harness.extras.versions.asked import (
+    AskedVersion,
+    asked_models,
+    asked_versions,
+)
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from tests.faults.known_folder import SYSTEM
 
 

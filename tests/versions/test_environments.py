@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.versions.environments import (
+from physics_crosscheck.harness.extras.versions.environments import (
     READY,
     EnvironmentError_,
     Requirement,

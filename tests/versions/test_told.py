@@ -14,8 +14,8 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import EngineVersion, Upgrade, Versions
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.report.versions import render_versions
-from physics_crosscheck.harness.text.versions import print_versions
+from physics_crosscheck.harness.render.html.versions import render_versions
+from physics_crosscheck.harness.render.terminal.versions import print_versions
 from tests.baseline.samples import case, measurement
 from tests.report.page import Page
 from tests.versions.samples import between, failed, model, remark, run

@@ -19,10 +19,10 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.extras.sweep.store import read_rows
+from physics_crosscheck.harness.extras.versions.environments import interpreter, site_folders
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import Versions
-from physics_crosscheck.harness.sweep.store import read_rows
-from physics_crosscheck.harness.versions.environments import interpreter, site_folders
 from tests.faults.known_folder import ROOT, SYSTEM
 
 PAGE = (ROOT / "docs" / "engines" / "adapter.md").read_text(encoding="utf-8")

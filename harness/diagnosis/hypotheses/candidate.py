@@ -12,14 +12,14 @@ import numpy as np
 
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.files.bindings import Binding, bindings
-from physics_crosscheck.harness.files.locations import Location, LocationError, find, numbers
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
+from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find, numbers
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
-from physics_crosscheck.reference.system import System
-from physics_crosscheck.reference.variants import Variants
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.variants import Variants
 
 _ORDER: tuple[CauseKind, ...] = (
     "default", "axis", "exchange", "literal", "literals", "unbound literal", "gravity", "constant",

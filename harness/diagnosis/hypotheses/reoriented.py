@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class ReorientedModel(Model):

@@ -22,14 +22,14 @@ from physics_crosscheck.harness.diagnosis.samples import (
     variant_ends,
 )
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError, Model
-from physics_crosscheck.harness.files.bindings import locate, with_literals
-from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.bindings import locate, with_literals
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.reference.integrate import ReferenceError
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.variants import Variants
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.variants import Variants
 
 NUDGE = 1e-4
 """Share of a number's size by which it is moved to learn its slope."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 
-from physics_crosscheck.harness.files.locations.attributes import Attribute
-from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.mutation.mistakes.context import Subject
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
 

@@ -11,13 +11,13 @@ import numpy as np
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask
 from physics_crosscheck.harness.engines.protocol import Engine, Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.bindings import Binding
-from physics_crosscheck.harness.files.locations import LocationError, find, numbers
-from physics_crosscheck.harness.files.locations.attributes import elements
-from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.bindings import Binding
+from physics_crosscheck.harness.modelfiles.locations import LocationError, find, numbers
+from physics_crosscheck.harness.modelfiles.locations.attributes import elements
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 XML = (".xml", ".urdf", ".sdf")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
 from physics_crosscheck.harness.mutation.mistakes.context import Subject
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
 from physics_crosscheck.harness.mutation.mistakes.rests import moved_rest, radian

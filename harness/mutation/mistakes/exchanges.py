@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 
-from physics_crosscheck.harness.files.bindings import at_constants, bindings
+from physics_crosscheck.harness.modelfiles.bindings import at_constants, bindings
 from physics_crosscheck.harness.mutation.mistakes.context import Subject
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
 from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.reference.declaration import DeclarationError
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 
 
 def exchanges(subject: Subject) -> Iterator[Mistake]:

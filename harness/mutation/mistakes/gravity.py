@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.files.bindings import SIDECAR
+from physics_crosscheck.harness.modelfiles.bindings import SIDECAR
 from physics_crosscheck.harness.mutation.mistakes.context import Subject
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
 from physics_crosscheck.harness.records.cause import CauseId

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
 from physics_crosscheck.harness.mutation.mistakes.context import Subject, rounded
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
 from physics_crosscheck.harness.records.cause import CauseKind

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import at
-from physics_crosscheck.harness.files.bindings import rewrite, with_literals
-from physics_crosscheck.harness.files.locations.attributes import Attribute, with_attributes
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.bindings import rewrite, with_literals
+from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 
 

@@ -11,20 +11,20 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
-from physics_crosscheck.harness.cases.case import case_task, load, run_case
-from physics_crosscheck.harness.cases.prepare import Prepared, prepare
-from physics_crosscheck.harness.cases.verdict import judge
+from physics_crosscheck.harness.checks.case import case_task, load, run_case
+from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.verdict import judge
 from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.files.folders import builtin
-from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.case import FullRun
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.derive import derive
-from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.solving.solve import solve
 from tests.mutation.mistakes.mistakes import (
     MISTAKES,
     NO_MISTAKES,

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import casadi
 import numpy as np
 
-from physics_crosscheck.reference.multibody.algebra import objects
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import objects
+from physics_crosscheck.reference.mechanism.tree import Tree
 
 casadi.GlobalOptions.setNumpyMode(1)  # arrays of symbols are NumPy's; else it warns
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.reference import DeclarationError
-from physics_crosscheck.reference.multibody.assemble import assembled
-from physics_crosscheck.reference.multibody.bodies import (
+from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.bodies import (
     Coupling,
     ForceElement,
     Joint,
     RigidBody,
     powers,
 )
-from physics_crosscheck.reference.multibody.tree import WORLD, TreeError
-from physics_crosscheck.reference.trees import MultibodySystem
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.tree import WORLD, TreeError
 
 DOWN = (0.0, 0.0, -9.81)
 HINGE = Joint(name="a", kind="hinge", axis=(0, 2, 0))

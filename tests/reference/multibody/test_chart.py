@@ -11,12 +11,12 @@ from physics_crosscheck.harness.engines.attitude import (
     quaternion,
     rate,
 )
-from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES, Scalars, from_quaternion
-from physics_crosscheck.reference.multibody.chart import Chart, coordinate_names
-from physics_crosscheck.reference.multibody.charted import Charted
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import Kind
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.chart import Chart, coordinate_names
+from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scalars, from_quaternion
+from physics_crosscheck.reference.mechanism.tree import Kind
 from tests.reference.multibody.trees import KINDS, tree
 
 TREE = tree(("free", "hinge", "ball", "slide", "free"), 3)

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES
-from physics_crosscheck.reference.multibody.chart import Chart
-from physics_crosscheck.reference.multibody.charted import Charted
-from physics_crosscheck.reference.multibody.coupled import Coupled
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.tree import Coupling, Tree, TreeError
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.chart import Chart
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES
+from physics_crosscheck.reference.mechanism.tree import Coupling, Tree, TreeError
 from tests.reference.multibody.trees import tree
 
 

@@ -10,17 +10,23 @@ import casadi
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.multibody.algebra import (
+from physics_crosscheck.reference.dynamics.path_lengths import Lines
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.force_paths import (
+    CablePath,
+    FrameForce,
+    JointForce,
+    Mark,
+    Way,
+)
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import (
     LONG_DOUBLES,
     quaternion_product,
     rotation_vector,
 )
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.lines import Lines
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import WORLD, Bush, Pull, Tree, TreeError
-from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce, Mark, Way
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import WORLD, Bush, Pull, Tree, TreeError
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 

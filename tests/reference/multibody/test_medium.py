@@ -9,15 +9,16 @@ import casadi
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.bends import unbent
-from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES, from_quaternion
-from physics_crosscheck.reference.multibody.assemble import assembled
-from physics_crosscheck.reference.multibody.bodies import FLAT, Joint, RigidBody
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.tree import Fluid, Immersed, Tree
-from physics_crosscheck.reference.numeric import Array
-from physics_crosscheck.reference.samples import samples
-from physics_crosscheck.reference.trees import TreeEquations, tree_system
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.bodies import FLAT, Joint, RigidBody
+from physics_crosscheck.reference.mechanism.multibody import tree_system
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, from_quaternion
+from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
+from physics_crosscheck.reference.solving.samples import samples
+from physics_crosscheck.reference.solving.switching import unbent
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 

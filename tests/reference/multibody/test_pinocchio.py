@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio
 import pytest
 
-from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.tree import Kind, Link, Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Kind, Link, Tree
 from tests.reference.multibody.trees import KINDS, state, tree
 
 

@@ -10,11 +10,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.multibody.algebra import DOUBLES, LONG_DOUBLES, objects
-from physics_crosscheck.reference.multibody.dynamics import Dynamics, solved
-from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import Kind, Pull, Tree, TreeError
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics, solved
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, objects
+from physics_crosscheck.reference.mechanism.tree import Kind, Pull, Tree, TreeError
 from tests.reference.multibody.trees import KINDS, link, state, tree
 
 casadi.GlobalOptions.setNumpyMode(1)  # arrays of symbols are NumPy's; else it warns

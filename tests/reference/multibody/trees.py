@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.reference.multibody.algebra import from_quaternion
-from physics_crosscheck.reference.multibody.tree import WORLD, Kind, Link, Tree
-from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Link, Tree
 
 KINDS: tuple[Kind, ...] = ("hinge", "slide", "ball", "free")
 

@@ -1,1 +1,0 @@
-"""One case: a folder prepared, a model run in one scenario, and judged."""

@@ -1,0 +1,124 @@
+"""One audit from end to end: literals, compiled terms, poses, what the engine does on its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import replace
+
+import msgspec
+
+from physics_crosscheck.harness.checks.audit_finding import finding
+from physics_crosscheck.harness.checks.audit_task import AuditTask
+from physics_crosscheck.harness.checks.compiled_terms import Compiled
+from physics_crosscheck.harness.checks.literals import declared_bindings, literal_findings
+from physics_crosscheck.harness.checks.poses import check_poses
+from physics_crosscheck.harness.checks.remarks import where
+from physics_crosscheck.harness.checks.robot_record import negative_findings
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.survey import Audit
+
+
+def run_audit(task: AuditTask) -> Audit:
+    """Read a model: literals, compiled terms, poses, then what the engine does on its own.
+
+    Raises:
+        EngineError, SidecarError: naming file, place and remedy.
+    """
+    declared, lost = declared_bindings(task.system, task.sidecar)
+    literals = (*literal_findings(declared), *lost)
+    engine = engines()[task.engine]
+    model = engine.load(task.sidecar.spec(task.engine))
+    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
+    compiled = [
+        _explained(one, rounded) for one in Compiled.of(task, model, coordinates).findings()
+    ]
+    z, w = coordinates.to_engine(task.states)
+    remarks = (*model.remarks(z, w), *engine.file_remarks(task.sidecar.model))
+    compiled = _without_lost_digits(compiled, remarks, task)
+    wrong = _wrong(compiled)
+    defaults = (_default(remark, wrong, task) for remark in remarks)
+    poses, elsewhere = _poses(task, model, coordinates)
+    signs = negative_findings(task.sidecar.model)
+    return Audit(findings=(*literals, *compiled, *elsewhere, *signs, *defaults), poses=poses)
+
+
+def _poses(
+    task: AuditTask, model: Model, coordinates: CoordinateMap
+) -> tuple[Poses, tuple[AuditFinding, ...]]:
+    """Where the bodies are; frames that can't be looked up are a finding too."""
+    reached = task.states[:, : len(task.system.q)]
+    try:
+        checked = check_poses(task.system, task.sidecar, model, coordinates, reached)
+    except SidecarError as error:
+        return Poses(note="[frames] can't be read"), (finding("frames", ("frames",), str(error)),)
+    return checked.record, tuple(
+        finding("pose", one.frames, one.message, expected=0.0, found=one.off)
+        for one in checked.findings
+    )
+
+
+def _wrong(compiled: Sequence[AuditFinding]) -> set[str]:
+    return {one.kind for one in compiled if one.severity == "finding"}
+
+
+def _without_lost_digits(
+    compiled: list[AuditFinding], remarks: Sequence[Remark], task: AuditTask
+) -> list[AuditFinding]:
+    """Notes for the differences that are gone where the engine loses no digits of its own."""
+    wrong = _wrong(compiled)
+    undo = {k: v for r in remarks if wrong & set(r.shows_in) for k, v in r.undone_by.items()}
+    if not undo:
+        return compiled
+    spec = task.sidecar.spec(task.engine)
+    model = engines()[task.engine].load(replace(spec, settings={**spec.settings, **undo}))
+    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    left = list(Compiled.of(task, model, coordinates).findings())
+    shown = {kind for remark in remarks if remark.undone_by for kind in remark.shows_in}
+    return [
+        one
+        if one.kind not in shown or any(_same(one, other) for other in left)
+        else _note(one, "the engine's own rounding explains it")
+        for one in compiled
+    ]
+
+
+def _same(one: AuditFinding, other: AuditFinding) -> bool:
+    """Whether two findings are about one term; accelerations are told at the worst state alone."""
+    return one.kind == other.kind and (one.kind == "acceleration" or one.subject == other.subject)
+
+
+def _note(found: AuditFinding, why: str) -> AuditFinding:
+    message = f"{found.message}; {why}"
+    return msgspec.structs.replace(found, message=message, severity="note")
+
+
+def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
+    """A note for a difference that rounded literals account for; they have notes of their own."""
+    if found.expected is None or found.found is None or found.severity != "finding":
+        return found
+    if abs(found.found - found.expected) > 10 * rounded * abs(found.expected):
+        return found
+    return _note(found, "the rounded numbers of the file explain it")
+
+
+def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
+    """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
+    blamed = remark.fault or wrong & set(remark.shows_in)
+    message = remark.message
+    if remark.beside:
+        message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
+    return finding(
+        remark.kind,
+        remark.subject or (remark.message,),
+        message,
+        location=where(remark, task.sidecar, task.engine),
+        found=remark.value,
+        severity="finding" if blamed else "note",
+    )

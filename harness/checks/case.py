@@ -1,0 +1,299 @@
+"""One case: one model file in one engine in one scenario, from its load to its verdict."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.accelerations import with_dynamics
+from physics_crosscheck.harness.checks.case_record import (
+    dynamics_record,
+    full_run_record,
+    linearization_record,
+    series_record,
+    stepping_record,
+    verdict_record,
+)
+from physics_crosscheck.harness.checks.full_run_check import with_full_runs
+from physics_crosscheck.harness.checks.prepare import Equilibrium, Prepared
+from physics_crosscheck.harness.checks.verdict import judged
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.locations import line_of
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.batch import Batch, over
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.numerics.discrete import LARGEST, linearize_step
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.forward_dynamics import (
+    ForwardDynamics,
+    forward_dynamics,
+    mixed,
+)
+from physics_crosscheck.harness.numerics.full_run import why_no_run
+from physics_crosscheck.harness.numerics.linearization import linearize_engine
+from physics_crosscheck.harness.numerics.segments import BlownUpError, extrapolate
+from physics_crosscheck.harness.numerics.step_study import study_step
+from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.harness.numerics.stops import stopped
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId, Stepping
+from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.next_state import SteppedEquations
+
+STEPPED = 100
+"""States of a motion at most from which one step is taken."""
+
+
+class StepError(ValueError):
+    """A shipped step at which nothing can be run; the message names file, place and remedy."""
+
+    kind = "long step"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseTask:
+    """Everything a worker needs for one case; `folder` is the system's."""
+
+    folder: str
+    system: System
+    sidecar: Sidecar
+    engine: str
+    scenario: str
+    motion: Motion
+    scale: Array
+    amplitude: Array
+    power: NumericFunction
+    stepped: SteppedEquations | None
+    components: tuple[str, ...]
+    resolution: float
+
+    @property
+    def id(self) -> CaseId:
+        """The case's name."""
+        return CaseId(
+            system=self.system.name,
+            model=self.sidecar.model.name,
+            scenario=self.scenario,
+            engine=self.engine,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearizationTask:
+    """Everything a worker needs for the linearizations of one model in one engine."""
+
+    system: System
+    sidecar: Sidecar
+    engine: str
+    equilibria: tuple[Equilibrium, ...]
+    amplitude: Array
+    push: Array
+    stepped: SteppedEquations | None
+    resolution: float
+
+
+def case_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, scenario: str, resolution: float
+) -> CaseTask:
+    """Gather what one case needs of its prepared system."""
+    return CaseTask(
+        folder=str(prepared.folder),
+        system=prepared.system,
+        sidecar=sidecar,
+        engine=engine,
+        scenario=scenario,
+        motion=prepared.motions[scenario],
+        scale=prepared.scales[scenario],
+        amplitude=prepared.amplitude,
+        power=prepared.power,
+        stepped=prepared.stepped,
+        components=prepared.components,
+        resolution=resolution,
+    )
+
+
+def linearization_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float
+) -> LinearizationTask:
+    """Gather what the linearizations of one model in one engine need."""
+    return LinearizationTask(
+        system=prepared.system,
+        sidecar=sidecar,
+        engine=engine,
+        equilibria=prepared.equilibria,
+        amplitude=prepared.amplitude,
+        push=prepared.push,
+        stepped=prepared.stepped,
+        resolution=resolution,
+    )
+
+
+def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:
+    """Load a model file and the map between its coordinates and the system's.
+
+    Raises:
+        EngineError, SidecarError: naming file, place and remedy.
+    """
+    model = engines()[engine].load(sidecar.spec(engine))
+    return model, coordinate_map(system, sidecar, model.coordinates)
+
+
+def run_case(task: CaseTask) -> Case:
+    """Run and judge one case.
+
+    Raises:
+        EngineError, SidecarError, BlownUpError, StepError: the case is FAILED with that message.
+    """
+    began = time.perf_counter()
+    model, coordinates = load(task.system, task.sidecar, task.engine)
+    motion = task.motion
+    if why := why_no_run(motion.duration, model.step):
+        raise StepError(f"{_place_of_step(task.sidecar, task.engine)}: {why}")
+    claimed = model.exponents(motion.varying)[0]
+    batch = Batch.of(motion, task.scale)
+    try:
+        found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+    except BlownUpError as error:
+        raise BlownUpError(_told(str(error), task.sidecar, model)) from None
+    verdict = judged(
+        found,
+        motion,
+        scale=task.scale,
+        components=task.components,
+        coordinates=tuple(model.coordinates),
+        claimed=claimed,
+        resolution=task.resolution,
+    )
+    dynamics = _dynamics(task, model, coordinates)
+    verdict = with_dynamics(verdict, dynamics, tuple(model.coordinates), task.resolution)
+    amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
+    study = study_step(
+        model,
+        coordinates,
+        motion,
+        power=task.power,
+        amplitude=amplitude,
+        claimed=claimed,
+        agrees=verdict.outcome is Outcome.AGREES,
+    )
+    outcome, reason, kind = with_full_runs(verdict, study, motion, claimed)
+    if outcome is Outcome.FAILED:
+        reason = _told(reason, task.sidecar, model)
+    return Case(
+        system=task.system.name,
+        model=task.sidecar.model.name,
+        scenario=task.scenario,
+        engine=task.engine,
+        folder=task.folder,
+        outcome=outcome,
+        reason="; ".join(filter(None, (reason, *model.reservations))),
+        kind=kind,
+        verdict=verdict_record(verdict, found, claimed),
+        full_run=full_run_record(study, model.step, model.integrator),
+        series=series_record(
+            motion,
+            found,
+            study,
+            scale=task.scale,
+            amplitude=amplitude,
+            components=task.components,
+        ),
+        stepping=_stepping(task, model, coordinates),
+        forward_dynamics=dynamics_record(dynamics, tuple(model.coordinates)),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepping | None:
+    """The engine's very next state, at states spread over the motion."""
+    if task.stepped is None:
+        return None
+    at = _passed(task.motion)
+    found = step_engine(
+        model,
+        coordinates,
+        task.stepped,
+        *at,
+        task.resolution,
+        fastest=task.motion.fastest,
+        long=True,
+    )
+    return None if found is None else stepping_record(found, task.components)
+
+
+def _dynamics(task: CaseTask, model: Model, coordinates: CoordinateMap) -> ForwardDynamics | None:
+    """The engine's accelerations, at those states and at others of their positions."""
+    if task.stepped is None:
+        return None
+    states, inputs = mixed(*_passed(task.motion))
+    return forward_dynamics(model, coordinates, task.stepped, states, inputs, task.resolution)
+
+
+def _passed(motion: Motion) -> tuple[Array, Array]:
+    """States spread over a motion, (B, 2n), and its inputs there, (B, m)."""
+    rows = evenly(len(motion.t), STEPPED)
+    return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
+
+
+def _told(reason: str, sidecar: Sidecar, model: Model) -> str:
+    """A reason with the file that it is about, and what the engine warned of: it may know why."""
+    return "; the engine warns: ".join((f"{sidecar.model}: {reason}", *model.warnings))
+
+
+def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
+    """Where a model's step stands: in a line of its sidecar, or else in the file."""
+    if "step" not in sidecar.spec(engine).settings:
+        return SourceLine(file=str(sidecar.model))
+    own = engine in sidecar.engine_settings and "step" in sidecar.engine_settings[engine]
+    file = Path(f"{sidecar.model}.toml")
+    address = f"settings.{engine}.step" if own else "settings.step"
+    return SourceLine(file=str(file), line=line_of(file, address))
+
+
+def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ...]:
+    """The engine's linearization about every equilibrium, beside Taylor's.
+
+    Where a stop acts beside one, as of a spring that holds a joint there, the engine has none.
+    """
+    model, coordinates = load(task.system, task.sidecar, task.engine)
+    moved = 2 * LARGEST * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
+    return tuple(
+        _linearization(task, model, coordinates, e)
+        for e in task.equilibria
+        if not stopped(model, coordinates, e.position, moved)
+    )
+
+
+def _linearization(
+    task: LinearizationTask, model: Model, coordinates: CoordinateMap, about: Equilibrium
+) -> EngineLinearization:
+    """As the step goes to zero, and of one step as it is shipped."""
+    one_step = linearize_step(
+        model,
+        coordinates,
+        task.stepped,
+        position=about.position,
+        taylor=about.matrices,
+        amplitude=task.amplitude,
+        push=task.push,
+        resolution=task.resolution,
+    )
+    found = linearize_engine(
+        model,
+        coordinates,
+        equilibrium=about.name,
+        position=about.position,
+        taylor=about.matrices,
+        amplitude=task.amplitude,
+        push=task.push,
+        resolution=task.resolution,
+    )
+    return linearization_record(found, one_step)

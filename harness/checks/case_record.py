@@ -1,0 +1,254 @@
+"""What a case and a linearization leave in results.json: numbers that a plot or a table shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.accelerations import component
+from physics_crosscheck.harness.checks.verdict import Verdict as Judgement
+from physics_crosscheck.harness.numerics.discrete import DiscreteLinearization as FoundStep
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
+from physics_crosscheck.harness.numerics.linearization import EngineLinearization as Found
+from physics_crosscheck.harness.numerics.segments import Extrapolated
+from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
+from physics_crosscheck.harness.numerics.stepping import Stepping as FoundStepping
+from physics_crosscheck.harness.records.base import Number, Numbers, Rows, number, numbers, rows
+from physics_crosscheck.harness.records.case import (
+    CheckedStep,
+    Convergence,
+    EnergySeries,
+    ErrorDecomposition,
+    ForceTerm,
+    ForwardDynamics,
+    FullRun,
+    Series,
+    StepErrors,
+    Stepping,
+    TargetStep,
+    Verdict,
+)
+from physics_crosscheck.harness.records.model import (
+    DiscreteLinearization,
+    EngineLinearization,
+    EnginePole,
+)
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.motion import Motion
+
+SERIES = 240
+"""Samples of a series in results.json: as many as a plot of ordinary width can show."""
+
+DIGITS = 12
+"""Of the reference motion and its times: about what its own bound leaves. A plot needs fewer."""
+
+
+def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verdict:
+    """The numbers of a verdict."""
+    return Verdict(
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=judged.component,
+        time=number(judged.time),
+        largest_discrepancy=number(judged.largest_discrepancy),
+        largest_uncertainty=number(judged.largest_uncertainty),
+        order=number(judged.order),
+        claimed_order=claimed,
+        rungs=tuple(found.rungs),
+        steps=int(found.steps),
+        map_residual=number(judged.map_residual),
+        map_uncertainty=number(judged.map_uncertainty),
+        resolution=number(judged.resolution),
+    )
+
+
+def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Stepping:
+    """What one step says."""
+    judged = found.judgement
+    return Stepping(
+        rule=found.rule.name,
+        besides=found.rule.besides,
+        step=number(found.step),
+        outcome=judged.outcome,
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=components[judged.component],
+        digits=number(found.digits),
+        digits_later=number(found.later),
+        digits_long=number(found.long),
+    )
+
+
+def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> ForwardDynamics | None:
+    """What accelerations say; names are those of the engine's coordinates."""
+    if found is None:
+        return None
+    judged = found.judgement
+    return ForwardDynamics(
+        outcome=judged.outcome,
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=component(names, judged.component),
+        states=found.states,
+        terms=tuple(
+            ForceTerm(name=name, discrepancy=number(size)) for name, size in found.terms.items()
+        ),
+    )
+
+
+def full_run_record(study: StepStudy, time_step: float, integrator: str) -> FullRun:
+    """What a user lives with."""
+    return FullRun(
+        time_step=number(time_step),
+        integrator=integrator,
+        global_error=number(study.global_error),
+        velocity_error=number(study.velocity_error),
+        order=number(study.witness.order),
+        residual=number(study.witness.residual),
+        resolved_until=number(study.witness.until),
+        decomposition=_decomposition(study),
+        steps_for=tuple(
+            TargetStep(target=target, step=number(step))
+            for target, step in zip(TARGETS, study.steps_for, strict=True)
+        ),
+        checked_step=_checked_step(study),
+        energy_error=number(study.shipped.energy),
+        constraint_drift=number(study.shipped.drift),
+    )
+
+
+def _decomposition(study: StepStudy) -> ErrorDecomposition | None:
+    if study.decomposition is None:
+        return None
+    return ErrorDecomposition(
+        amplitude=number(study.decomposition.amplitude),
+        phase=number(study.decomposition.phase),
+        frequency=number(study.decomposition.frequency),
+        damping=number(study.decomposition.damping),
+        explained=number(study.decomposition.explained),
+    )
+
+
+def _checked_step(study: StepStudy) -> CheckedStep | None:
+    if study.checked is None:
+        return None
+    target, step, measured = study.checked
+    return CheckedStep(target=float(target), step=float(step), measured=number(measured))
+
+
+def series_record(
+    motion: Motion,
+    found: Extrapolated,
+    study: StepStudy,
+    *,
+    scale: Array,
+    amplitude: Array,
+    components: tuple[str, ...],
+) -> Series:
+    """What a plot of a case shows.
+
+    Args:
+        motion: of the equations.
+        found: the extrapolated segments.
+        study: the full runs.
+        scale: what defects are relative to, (2n,).
+        amplitude: what global errors are relative to, (2n,).
+        components: names of the state's components.
+    """
+    shipped, balance = study.shipped, study.shipped.balance
+    picked = evenly(len(shipped.t), SERIES)
+    t = shipped.t[picked]
+    segments = evenly(len(motion.t), SERIES)
+    defect = (found.limit.value - motion.end) / scale
+    uncertainty = (found.limit.uncertainty + motion.bound) / scale
+    raw = np.sqrt(np.mean(((found.raw - motion.end) / scale) ** 2, axis=1))
+    return Series(
+        t=_row(t, DIGITS),
+        components=components,
+        reference=_rows(motion.at(t).T, DIGITS),
+        engine=_rows(shipped.states[picked].T, 6),
+        error=_rows(shipped.error[picked].T, 4),
+        segment_t=_row(motion.t[segments], 6),
+        defect=_rows(defect[segments].T, 3),
+        defect_uncertainty=_rows(uncertainty[segments].T, 3),
+        convergence=Convergence(
+            rungs=tuple(found.rungs),
+            h=_row(float(np.mean(motion.lengths)) / np.array(found.rungs), 6),
+            defect=_row(np.max(raw, axis=1), 4),
+            increments=_row(found.limit.increments, 4),
+        ),
+        full_runs=_step_errors(study, amplitude),
+        energy=EnergySeries(
+            held=_row(balance.held[picked] - balance.held[0], 5),
+            supplied=_row(balance.supplied[picked], 5),
+            dissipated=_row(balance.dissipated[picked], 5),
+        ),
+    )
+
+
+def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
+    runs, n = (study.shipped, *study.beside), len(amplitude) // 2
+    errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
+    return StepErrors(
+        h=numbers(run.h for run in runs),
+        error=tuple(_digits(error, 5) for error in errors),
+        seconds=tuple(_digits(run.seconds, 3) for run in runs),
+    )
+
+
+def linearization_record(found: Found, one_step: FoundStep | None) -> EngineLinearization:
+    """An engine's linearization, beside Taylor's."""
+    return EngineLinearization(
+        equilibrium=found.equilibrium,
+        a=rows(found.a.tolist()),
+        b=rows(found.b.tolist()),
+        a_error=number(found.a_error),
+        b_error=number(found.b_error),
+        poles=tuple(_pole(pole) for pole in found.poles),
+        taylor_poles=tuple(_pole(pole) for pole in found.taylor_poles),
+        transfer_error=number(found.transfer_error),
+        a_bound=number(found.a_bound),
+        b_bound=number(found.b_bound),
+        differs=found.differs,
+        mode_similarity=number(found.shapes),
+        frequencies=_row(found.frequencies, 5),
+        response=tuple(_rows(matrix, 5) for matrix in found.response),
+        taylor_response=tuple(_rows(matrix, 5) for matrix in found.taylor_response),
+        one_step=None if one_step is None else _one_step(one_step),
+    )
+
+
+def _one_step(found: FoundStep) -> DiscreteLinearization:
+    return DiscreteLinearization(
+        step=number(found.step),
+        a=rows(found.a.tolist()),
+        b=rows(found.b.tolist()),
+        error=number(found.error),
+        bound=number(found.bound),
+        differs=found.differs,
+        radius=number(found.radius),
+        exact_radius=number(found.exact_radius),
+    )
+
+
+def _pole(value: complex) -> EnginePole:
+    size = abs(value)
+    return EnginePole(
+        real=number(value.real),
+        imaginary=number(value.imag),
+        frequency=number(size),
+        damping=number(-value.real / size) if size else None,
+    )
+
+
+def _digits(value: float, digits: int) -> Number:
+    """So many significant digits: what a plot can show."""
+    return number(float(f"{value:.{digits}g}"))
+
+
+def _row(values: Array, digits: int) -> Numbers:
+    return tuple(_digits(value, digits) for value in values.tolist())
+
+
+def _rows(values: Array, digits: int) -> Rows:
+    return tuple(_row(row, digits) for row in values)

@@ -1,0 +1,369 @@
+"""What an engine compiled a model file to, term by term, beside the equations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.harness.checks.audit_finding import finding
+from physics_crosscheck.harness.checks.audit_task import AuditTask
+from physics_crosscheck.harness.checks.prepare import Equilibrium
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.stops import stopped
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+
+SEED = 20260101
+DRAWS = 24
+"""Random states whose accelerations are compared."""
+
+MOVED, SLOW, QUICKER = 0.2, 0.3, 0.1
+"""Displacement, speed and change of speed of the states measured, in amplitudes. They need not be
+small: the equations are taken at the same states."""
+
+EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """What the engine compiled, beside the equations.
+
+    Attributes:
+        equations: M, flattened, and the generalized forces, of (q, v, u, (t,)).
+        inertia: the diagonal of M, a scale.
+    """
+
+    task: AuditTask
+    accelerations: Accelerations
+    equations: NumericFunction
+    names: tuple[str, ...]
+    inertia: Array
+
+    @staticmethod
+    def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> Compiled:
+        """The terms of a loaded model, ready to be measured."""
+        equations = derive(task.system)
+        n = len(task.system.q)
+        speed = np.where(task.amplitude[n:] > 0, task.amplitude[n:], 1.0)
+        accelerations = Accelerations(
+            model=model, coordinates=coordinates, speed=speed, fastest=max(task.fastest, 1e-6)
+        )
+        entries: list[sp.Expr] = [*equations.mass, *equations.force]
+        names = tuple(c.name for c in task.system.coordinates)
+        # Any equilibrium's will do for a scale.
+        inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
+        return Compiled(task, accelerations, equations.compile(entries), names, inertia)
+
+    def findings(self) -> Iterator[AuditFinding]:
+        """What differs about each equilibrium, each term once, and accelerations anywhere."""
+        # The same term is often wrong about every equilibrium: said once.
+        seen: dict[tuple[str, tuple[str, ...]], AuditFinding] = {}
+        for equilibrium in self.task.equilibria:
+            for one in self._about(equilibrium):
+                seen.setdefault((one.kind, one.subject), one)
+        yield from seen.values()
+        states, inputs = self._drawn()
+        yield from self._anywhere(
+            states, inputs, any(f.severity == "finding" for f in seen.values())
+        )
+        if self.accelerations.coordinates.redundant:
+            yield from self._off_the_map(states, inputs)
+
+    def _drawn(self) -> tuple[Array, Array]:
+        """Random states (DRAWS, 2n) and inputs, of the size of the system's motions."""
+        n = len(self.names)
+        random = np.random.default_rng(SEED)
+        # Positions that the motions pass, with velocities that they have elsewhere: drawn one by
+        # one, coordinates could be where the mechanism never is.
+        places, speeds = random.integers(0, len(self.task.states), (2, DRAWS))
+        states = np.hstack([self.task.states[places, :n], self.task.states[speeds, n:]])
+        return states, random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
+
+    def _off_the_map(self, states: Array, inputs: Array) -> Iterator[AuditFinding]:
+        """Each engine coordinate that leaves the coordinate map, where the equations hold it."""
+        found, scale = self.accelerations.off_the_map(states, inputs)
+        if not np.isfinite(found.value).all():
+            return  # said of the accelerations
+        model = self.accelerations.model
+        size = np.abs(found.value)
+        for j, name in enumerate(model.coordinates):
+            differing = size[:, j] > found.uncertainty[:, j]
+            if differing.any():
+                row = int(np.argmax(np.where(differing, size[:, j], 0.0)))
+                yield finding(
+                    "freedom",
+                    (name,),
+                    f"{name} accelerates away from the coordinate map with"
+                    f" {found.value[row, j]:.6g} at {self._at(states[row])}"
+                    f" ({int(differing.sum())} of {DRAWS} random states differ): the model has an"
+                    " additional degree of freedom",
+                    expected=0.0,
+                    found=float(found.value[row, j]),
+                )
+            elif (found.uncertainty[:, j] > RESOLVED * scale[j]).any():
+                yield finding(
+                    "unresolved",
+                    (name,),
+                    f"the audit can't resolve whether {name} follows the coordinate map",
+                    severity="note",
+                )
+
+    def _at(self, state: Array) -> str:
+        names = (*self.names, *(f"{x}_dot" for x in self.names))
+        return ", ".join(f"{name} = {x:.4g}" for name, x in zip(names, state, strict=True))
+
+    def _reference(self, states: Array, inputs: Array) -> tuple[Array, Array]:
+        """Mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
+        n = len(self.names)
+        both = self.equations(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
+        return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
+
+    def _about(self, equilibrium: Equilibrium) -> Iterator[AuditFinding]:
+        """Terms about an equilibrium."""
+        n = len(self.names)
+        step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
+        going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
+        at, still = self._smooth(equilibrium.position, step), np.zeros((1, n))
+        yield from self._held(equilibrium, at, step)
+        if at is None:
+            return
+        places = np.concatenate([at[None], at + np.diag(step), at - np.diag(step)])
+        speeds = np.concatenate([going[None], going + more, going - more])
+        # Inertia is measured on the move: what sticks at rest would hold it.
+        ends = np.concatenate([speeds, -speeds])
+        rest = np.hstack([places, np.tile(still, (len(places), 1))])
+        states = np.concatenate(
+            [
+                np.hstack([places, np.tile(going, (len(places), 1))]),
+                np.hstack([np.tile(at, (len(ends), 1)), ends]),
+            ]
+        )
+        masses, forces = self._reference(states, np.zeros((len(states), len(self.task.push))))
+        sizes = (
+            np.abs(np.diagonal(masses[0])) * self.accelerations.speed * self.accelerations.fastest
+        )
+        mass, force = self.accelerations.mechanics(states, sizes)
+        k = len(places)
+        ahead, astern = slice(k, 2 * k), slice(2 * k, 3 * k)
+        yield from self._entries(
+            "inertia", equilibrium.name, masses[0], mass.value[0], mass.uncertainty[0]
+        )
+        # Odd in the velocity: damping, and what is constant but for its sign.
+        odd = (force.value[ahead] - force.value[astern]) / 2
+        odd_error = (force.uncertainty[ahead] + force.uncertainty[astern]) / 2
+        wanted = (forces[ahead] - forces[astern]) / 2
+        miss, miss_error = odd - wanted, odd_error + 16 * EPSILON * np.abs(wanted)
+        slope = -_slopes(miss, np.diag(more))
+        slope_error = _slope_errors(miss_error, np.diag(more))
+        expected = equilibrium.matrices["C"]
+        yield from self._entries(
+            "damping", equilibrium.name, expected, expected + slope, slope_error
+        )
+        left = -(miss[0] + slope @ going)
+        left_error = miss_error[0] + slope_error @ going
+        sticky = False
+        for i, name in enumerate(self.names):
+            if abs(left[i]) > left_error[i]:
+                sticky = True
+                yield finding(
+                    "friction",
+                    (name,),
+                    f"a friction of {left[i]:.6g} acts on {name} at any speed, but the equations"
+                    " have none",
+                    expected=0.0,
+                    found=float(left[i]),
+                )
+        if sticky:
+            yield finding(
+                "unresolved",
+                ("stiffness", "rest"),
+                "friction hides stiffness and rest forces: it holds what is at rest",
+                severity="note",
+            )
+            return
+        # At rest: the engine's accelerations there, times the inertia found on the move.
+        pull = self._times(rest, Estimate(value=mass.value[:k], uncertainty=mass.uncertainty[:k]))
+        wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
+        miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
+        for i, name in enumerate(self.names):
+            if abs(miss[0, i]) > miss_error[0, i]:
+                yield finding(
+                    "rest",
+                    (name,),
+                    self._rest(equilibrium, at, name, float(pull.value[0, i])),
+                    expected=float(wanted[0, i]),
+                    found=float(pull.value[0, i]),
+                )
+        expected = equilibrium.matrices["K"]
+        yield from self._entries(
+            "stiffness",
+            equilibrium.name,
+            expected,
+            expected - _slopes(miss, step),
+            _slope_errors(miss_error, step),
+        )
+
+    def _rest(self, equilibrium: Equilibrium, at: Array, name: str, pull: float) -> str:
+        if np.array_equal(at, equilibrium.position):
+            where, other = f"in equilibrium {equilibrium.name!r}", "have none there"
+        else:
+            where = f"where {self._place(at)}"
+            other = "have another force"
+        return f"a force of {pull:.6g} acts on {name} at rest {where}, but the equations {other}"
+
+    def _held(
+        self, equilibrium: Equilibrium, at: Array | None, step: Array
+    ) -> Iterator[AuditFinding]:
+        """A note where stops act about an equilibrium: terms are taken elsewhere, if anywhere."""
+        held = tuple(stopped(*self._loaded, equilibrium.position, step))
+        if held:
+            where = "nowhere" if at is None else f"where {self._place(at)}"
+            message = f"a joint limit holds {', '.join(held)} in equilibrium {equilibrium.name!r}:"
+            message += f" no linearization is compared there, and terms are compared {where}"
+            yield finding("unresolved", (*held, equilibrium.name), message, severity="note")
+
+    def _place(self, at: Array) -> str:
+        return ", ".join(f"{name} = {x:.4g}" for name, x in zip(self.names, at, strict=True))
+
+    @property
+    def _loaded(self) -> tuple[Model, CoordinateMap]:
+        return self.accelerations.model, self.accelerations.coordinates
+
+    def _smooth(self, at: Array, step: Array) -> Array | None:
+        """The equilibrium; where a stop acts a step beside it, the middle of the motions.
+
+        The equations are taken at the same place, so that any other will do; None: all are stopped.
+        """
+        passed = self.task.states[:, : len(at)]
+        away = np.linalg.norm((passed - np.median(passed, axis=0)) / step, axis=1)
+        for place in (at, *passed[np.argsort(away)]):
+            if not stopped(*self._loaded, place, step):
+                return np.array(place)
+        return None
+
+    def _times(self, states: Array, mass: Estimate) -> Estimate:
+        """Forces at states, from the accelerations there and inertias known already."""
+        none = np.zeros((len(states), len(self.task.push)))
+        found = self.accelerations.at(states, none, np.zeros((len(states), len(self.names))))
+        with np.errstate(invalid="ignore"):
+            force = np.einsum("bij,bj->bi", mass.value, found.value)
+            error = np.einsum("bij,bj->bi", np.abs(mass.value), found.uncertainty)
+            error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(found.value))
+        return Estimate(value=force, uncertainty=np.where(np.isnan(error), np.inf, error))
+
+    def _entries(
+        self, kind: AuditKind, equilibrium: str, expected: Array, found: Array, error: Array
+    ) -> Iterator[AuditFinding]:
+        """Each entry of a matrix that differs, and one note for those without a limit."""
+        error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
+        # What an entry is small or large beside: the inertia, by the fastest rate.
+        inertia = np.sqrt(np.outer(self.inertia, self.inertia))
+        resolved = error <= RESOLVED * inertia * self.accelerations.fastest ** _RATES[kind]
+        unresolved = []
+        differing = np.abs(found - expected) > error
+        for i, one in enumerate(self.names):
+            for j, other in enumerate(self.names):
+                if j < i and (differing[j, i] or not resolved[j, i]):
+                    continue  # symmetric: said already
+                subject = (one,) if i == j else (one, other)
+                about = " and ".join(subject)
+                if differing[i, j]:
+                    here, there = float(found[i, j]), float(expected[i, j])
+                    message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
+                    if len(self.task.equilibria) > 1:
+                        message += f" (about {equilibrium!r})"
+                    yield finding(kind, subject, message, expected=there, found=here)
+                elif not resolved[i, j]:
+                    unresolved.append(about)
+        if unresolved:
+            yield finding(
+                "unresolved",
+                (kind, *unresolved),
+                f"the audit can't resolve {kind} of {', '.join(unresolved)} without motion",
+                severity="note",
+            )
+
+    def _anywhere(self, states: Array, inputs: Array, known: bool) -> Iterator[AuditFinding]:
+        """Accelerations at random states and inputs."""
+        n = len(self.names)
+        masses, forces = self._reference(states, inputs)
+        wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
+        found = self.accelerations.at(states, inputs, np.zeros((DRAWS, n)))
+        if not np.isfinite(found.value).all():
+            message = "accelerations at random states are not finite"
+            yield finding("acceleration", ("not finite",), message)
+            return
+        scale = np.max(np.abs(wanted), axis=0)
+        error = found.uncertainty + 16 * EPSILON * scale
+        miss = np.abs(found.value - wanted)
+        differing = miss > error
+        natural = np.maximum(scale, self.accelerations.speed * self.accelerations.fastest)
+        lost = (error > RESOLVED * natural).any(axis=1) & ~differing.any(axis=1)
+        if lost.any():
+            yield finding(
+                "unresolved",
+                ("acceleration",),
+                f"the audit can't resolve the accelerations at {int(lost.sum())} of {DRAWS}"
+                " random states",
+                severity="note",
+            )
+        if not differing.any():
+            return
+        share = np.where(differing, miss / np.where(scale > 0, scale, 1.0), 0.0)
+        row, i = np.unravel_index(int(np.argmax(share)), share.shape)
+        here, there = float(found.value[row, i]), float(wanted[row, i])
+        shown = _told_apart(here, there)
+        of = f"{int(differing.any(axis=1).sum())} of {DRAWS} random states differ"
+        yield finding(
+            "acceleration",
+            (self.names[i],),
+            f"the acceleration of {self.names[i]} is {shown[0]} in the model and {shown[1]} in the"
+            f" equations at {self._at(states[row])} ({of})",
+            expected=there,
+            found=here,
+            severity="note" if known else "finding",
+        )
+
+
+def _slopes(values: Array, steps: Array) -> Array:
+    """Central differences: column j from the rows moved by +steps[j] and -steps[j]."""
+    n = len(steps)
+    slopes: Array = ((values[1 : n + 1] - values[n + 1 :]) / (2 * steps[:, None])).T
+    return slopes
+
+
+def _slope_errors(errors: Array, steps: Array) -> Array:
+    n = len(steps)
+    found: Array = ((errors[1 : n + 1] + errors[n + 1 :]) / (2 * steps[:, None])).T
+    return found
+
+
+_RATES: Mapping[str, int] = {"inertia": 0, "damping": 1, "stiffness": 2}
+
+_COUPLING: Mapping[str, str] = {
+    "inertia": "inertial coupling", "damping": "damping between", "stiffness": "stiffness between",
+}  # fmt: skip
+
+
+def _sentence(kind: str, about: str, own: bool, found: float, expected: float, error: float) -> str:
+    name = f"{kind} of {about}" if own else f"{_COUPLING[kind]} {about}"
+    nothing = max(error, 1e-9 * abs(expected - found))
+    if abs(found) <= nothing:
+        return f"{name} is 0 in the model and {expected:.6g} in the equations"
+    if abs(expected) <= nothing:
+        return f"{name} is {found:.6g} in the model and 0 in the equations"
+    shown = _told_apart(found, expected)
+    return f"{name} is {shown[0]} in the model and {shown[1]} in the equations"
+
+
+def _told_apart(found: float, expected: float) -> tuple[str, str]:
+    """Both numbers, with as many digits as show the difference."""
+    share = abs(found - expected) / max(abs(found), abs(expected))
+    digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
+    return f"{found:.{digits}g}", f"{expected:.{digits}g}"

@@ -1,0 +1,61 @@
+"""What a declaration says at a glance: names alone, nothing derived."""
+
+from __future__ import annotations
+
+import builtins
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.checks.robot_case import SCENARIO
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """A warning that a declaration, or a library that it imports, gave."""
+
+    message: str
+    category: str
+    file: str
+    line: int
+
+    def again(self) -> None:
+        """Give it here."""
+        category = getattr(builtins, self.category, UserWarning)
+        warnings.warn_explicit(self.message, category, self.file, self.line)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A system's name and those of its scenarios, with what was warned of meanwhile."""
+
+    name: str
+    scenarios: tuple[str, ...]
+    warned: tuple[Told, ...]
+
+
+def declared(folder: Path) -> Declared:
+    """Load a declaration; in a worker, since it is a program and may do what programs do.
+
+    Raises:
+        DeclarationError: naming the file, the line and the remedy.
+    """
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("default")
+        system = load_declaration(folder)
+    if isinstance(system, MultibodySystem):
+        scenarios: tuple[str, ...] = (SCENARIO,)
+    else:
+        scenarios = tuple(scenario.name for scenario in system.scenarios)
+    return Declared(
+        system.name,
+        scenarios,
+        tuple(
+            Told(
+                message=str(w.message), category=w.category.__name__, file=w.filename, line=w.lineno
+            )
+            for w in warned
+        ),
+    )

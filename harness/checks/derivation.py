@@ -1,0 +1,180 @@
+"""What `crosscheck derive` prints of a system: derived, and not yet written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.harness.checks.system_record import (
+    constants,
+    errata_records,
+    linearity_records,
+    mode_records,
+    motion_terms,
+    pole_records,
+    quantities,
+)
+from physics_crosscheck.harness.render.terminal.equations import (
+    DerivedEquilibrium,
+    DerivedSystem,
+    Matrix,
+    Transfer,
+)
+from physics_crosscheck.harness.render.terminal.typeset import Terms, deviation
+from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.linearize import (
+    Linearization,
+    classify,
+    linearize,
+    taylor,
+    to_array,
+)
+from physics_crosscheck.reference.dynamics.modes import damped_shapes, s, transfer_functions
+from physics_crosscheck.reference.dynamics.simplify import LONG
+from physics_crosscheck.reference.mechanism.system import System
+
+ORDER = 3
+"""Order of the Taylor series: the first in which an odd force such as the sine bends."""
+
+LONG_SERIES = 400
+"""Operations in the equations of motion beyond which their series fills pages."""
+
+ROUNDING = 1e-40
+"""What of a matrix's largest entry is rounding: its entries are computed with 60 digits."""
+
+
+def derivation(system: System) -> DerivedSystem:
+    """Return everything that is derived from a system, without integrating a scenario.
+
+    Equations of motion, class, linearizations with poles, modes and transfer functions, Taylor
+    series, the reach of the linear equations, and the errata of the source.
+
+    Raises:
+        DeclarationError: for an equilibrium that is none, or an erratum that can't be read.
+    """
+    equations = derive(system)
+    linear = equations.linear
+    linearizations = tuple(linearize(equations, e) for e in system.equilibria)
+    return DerivedSystem(
+        title=system.title,
+        source=system.source,
+        q=system.q,
+        v=system.v,
+        a=system.a,
+        coordinates=quantities(system.coordinates),
+        inputs=quantities(system.inputs),
+        constants=constants(system),
+        outputs=[o.expression for o in system.outputs],
+        energies=[("T", system.T), ("V", system.V), ("D", system.D)],
+        forces=system.forces(),
+        motion=motion_terms(equations),
+        kind=classify(len(system.inputs), len(system.outputs)),
+        linear=linear,
+        order=ORDER,
+        equilibria=[_equilibrium(equations, one, linear) for one in linearizations],
+        errata=errata_records(equations, linearizations),
+    )
+
+
+def _equilibrium(equations: Equations, one: Linearization, linear: bool) -> DerivedEquilibrium:
+    system = equations.system
+    (declared,) = (e for e in system.equilibria if e.name == one.equilibrium)
+    moved = {q: deviation(q) for q, at in zip(system.q, one.at, strict=True) if at != 0}
+    series = None if linear else _series(equations, one, moved)
+    damped = any(one.damping) and len(system.q) > 1
+    return DerivedEquilibrium(
+        name=declared.name,
+        description=declared.description,
+        at=list(zip(system.q, one.at, strict=True)),
+        matrices=list(_matrices(one, system)),
+        poles=pole_records(one),
+        modes=mode_records(one),
+        damped=[
+            (value, [complex(share) for share in shape])
+            for value, shape in (damped_shapes(one) if damped else ())
+        ],
+        transfers=_transfers(one, system),
+        moved=[(d, q - one.at[system.q.index(q)]) for q, d in moved.items()] if series else [],
+        series=series,
+        linearity=linearity_records(equations, one),
+    )
+
+
+def _matrices(one: Linearization, system: System) -> Iterator[Matrix]:
+    symbolic = {
+        "M": one.mass.applyfunc(sp.expand) if _short(one.mass) else None,
+        "C": one.damping.applyfunc(sp.expand) if _short(one.damping) else None,
+        "K": one.stiffness.applyfunc(sp.expand) if _short(one.stiffness) else None,
+    }
+    if _invertible(one.mass, one.damping, one.stiffness, one.input):
+        n, inverse = len(system.q), one.mass.inv()
+        below = (-inverse * one.stiffness).row_join(-inverse * one.damping)
+        state = sp.zeros(n).row_join(sp.eye(n)).col_join(below)
+        push = sp.zeros(n, len(system.u)).col_join(inverse * one.input)
+        symbolic |= {"A": state.applyfunc(sp.factor), "B": push.applyfunc(sp.factor)}
+    for name in ("M", "C", "K", "A", "B"):
+        numbers = to_array(one.exact[name])
+        if not numbers.size:
+            continue
+        numbers[np.abs(numbers) < ROUNDING * np.max(np.abs(numbers))] = 0.0
+        found = symbolic.get(name)
+        if found is not None and not any(entry.free_symbols for entry in found):
+            found = None
+        yield Matrix(name=name, symbolic=found, numbers=numbers.tolist())
+
+
+def _short(*matrices: sp.Matrix) -> bool:
+    """Whether a person may read these."""
+    return bool(sum(sp.count_ops(entry) for matrix in matrices for entry in matrix) <= LONG)
+
+
+def _invertible(*matrices: sp.Matrix) -> bool:
+    """Whether they are short, and sympy factors what follows from them.
+
+    With the digits of a position that was searched for, the polynomials have no common factors but
+    numbers, and to look for them is endless.
+    """
+    return _short(*matrices) and not any(matrix.has(sp.Float) for matrix in matrices)
+
+
+def _transfers(one: Linearization, system: System) -> list[Transfer]:
+    if not system.inputs:
+        return []
+    functions = transfer_functions(one)
+    return [
+        Transfer(output=sp.Symbol(o.name), input=u, function=functions[i, j], s=s)
+        for i, o in enumerate(system.outputs)
+        for j, u in enumerate(system.u)
+    ]
+
+
+def _series(
+    equations: Equations, one: Linearization, moved: Mapping[sp.Symbol, sp.Symbol]
+) -> list[tuple[Terms, Terms]]:
+    system = equations.system
+    if sum(sp.count_ops(row) for row in equations.residual) > LONG_SERIES:
+        return []
+    place = dict(zip(system.q, one.at, strict=True))
+    rest = place | dict.fromkeys((*system.v, *system.a, *system.u), sp.Integer(0))
+    variables = [*system.a, *system.v, *(moved.get(q, q) for q in system.q), *system.u]
+    sides: list[tuple[Terms, Terms]] = []
+    for row in equations.residual:
+        series = taylor(row, rest, ORDER)
+        shifted = series.subs({q: d + place[q] for q, d in moved.items()}, simultaneous=True)
+        terms = sp.Poly(sp.expand(shifted), *variables).terms()
+        # Linear terms first; acceleration, velocity, position within each degree.
+        terms.sort(key=lambda term: (sum(term[0]), [-power for power in term[0]]))
+        driven = [_term(t, variables) for t in terms if any(t[0][len(system.q) * 3 :])]
+        free = [_term(t, variables) for t in terms if not any(t[0][len(system.q) * 3 :])]
+        sides.append((free, [(-coefficient, factor) for coefficient, factor in driven]))
+    return sides
+
+
+def _term(
+    term: tuple[tuple[int, ...], sp.Expr], variables: Sequence[sp.Symbol]
+) -> tuple[sp.Expr, sp.Expr]:
+    powers, coefficient = term
+    factors = (x**p for x, p in zip(variables, powers, strict=True))
+    return coefficient, sp.Mul(*factors)

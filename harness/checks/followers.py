@@ -1,0 +1,40 @@
+"""Joints that follow others, between a tree's coordinates and an engine's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, linear
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followers:
+    """How a tree's joints follow its coordinates: all of them are G q + c.
+
+    Attributes:
+        names: of all that an engine has, (nz,).
+        matrix: G, (nz, n).
+        offset: c, (nz,).
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+    offset: Array
+
+    @staticmethod
+    def of(tree: Tree) -> Followers:
+        """All coordinates of a tree's joints."""
+        coupled = Coupled(tree)
+        rows = (row for link in tree.links for row in coordinate_names(link.kind, link.name))
+        names = tuple(name for name, _ in rows)
+        return Followers(names=names, matrix=coupled.matrix, offset=coupled.offset)
+
+    def map(self, order: list[int], names: tuple[str, ...]) -> CoordinateMap:
+        """Between the coordinates, by their names, and an engine's, in their order."""
+        own = [self.names[i] for i in order]
+        kept = [own.index(name) for name in names]
+        return linear(self.matrix[order], self.offset[order], kept)

@@ -1,0 +1,68 @@
+"""Literals against their bindings: what the file says, and what the constants say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from physics_crosscheck.harness.checks.audit_finding import finding, source_line
+from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
+from physics_crosscheck.harness.modelfiles.locations import LocationError
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.reference.mechanism.system import System
+
+MOST_LOST = 10
+"""Unreadable bindings that are reported one by one."""
+
+
+def declared_bindings(
+    system: System, sidecar: Sidecar
+) -> tuple[tuple[Binding, ...], tuple[AuditFinding, ...]]:
+    """Return every readable binding, and a finding for each unreadable one.
+
+    After ten unreadable bindings the rest are not checked; one finding counts them.
+    """
+    try:
+        return bindings(system, sidecar), ()
+    except (LocationError, SidecarError):
+        found: list[Binding] = []
+        lost: list[AuditFinding] = []
+        for i, (address, expression) in enumerate(sidecar.bindings.items()):
+            try:
+                alone = replace(sidecar, bindings={address: expression})
+                found += bindings(system, alone)
+            except (LocationError, SidecarError) as error:
+                lost.append(finding("binding", (address,), f"the binding can't be read: {error}"))
+            if len(lost) == MOST_LOST and i + 1 < len(sidecar.bindings):
+                left = len(sidecar.bindings) - i - 1
+                rest = f"{left} more bindings were not checked, after {MOST_LOST} unreadable ones"
+                lost.append(finding("binding", ("bindings",), f"{rest}; fix these first"))
+                break
+        if not lost:
+            raise  # what is wrong is between two of them
+        return tuple(found), tuple(lost)
+
+
+def literal_findings(declared: tuple[Binding, ...]) -> Iterator[AuditFinding]:
+    """Yield a finding for each literal that is not its expression, a note for a rounded one."""
+    for b in declared:
+        if b.exact:
+            continue
+        stated = f"{b.address} is {b.place.text}"
+        declared_value = f"{b.expression} = {b.correction!r}"
+        error = f"{'relative ' if b.expected else ''}error {abs(b.error):.1e}"
+        if b.rounded:
+            message = f"{stated}, which is {declared_value} rounded ({error})"
+        else:
+            message = f"{stated}, but {declared_value} ({error})"
+        yield finding(
+            "rounded" if b.rounded else "literal",
+            (b.address,),
+            message,
+            location=source_line(b.place),
+            expected=b.expected,
+            found=b.value,
+            replacement="" if b.rounded else repr(b.correction),
+            severity="note" if b.rounded else "finding",
+        )

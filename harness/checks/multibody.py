@@ -1,0 +1,138 @@
+"""A folder that declares bodies: its tree, chosen states of it, its models against these.
+
+The tree is what `system.py` says; a model file is held against it at the same kind of states as a
+file that is given alone is against its own. With which settings is said by its sidecar.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.prepare import Prepared, derived
+from physics_crosscheck.harness.checks.robot_case import SCENARIO, STATES, tree_states
+from physics_crosscheck.harness.checks.robot_record import robot_findings, told, tree_record
+from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.survey import FileSurvey
+from physics_crosscheck.harness.records.system import System as SystemRecord
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.samples import Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedTree:
+    """A folder's tree of bodies, solved; picklable.
+
+    Attributes:
+        folder: of the system.
+        system: as declared.
+        samples: states of the tree, and where its equations take them.
+        record: the system's entry in results.json.
+        reads: states of what `system.py` has read, by name relative to the folder.
+    """
+
+    folder: Path
+    system: MultibodySystem
+    samples: Samples
+    record: SystemRecord
+    reads: Mapping[str, str]
+
+    def id(self, sidecar: Sidecar, engine: str) -> CaseId:
+        """The one case of a model in an engine."""
+        return CaseId(
+            system=self.system.name, model=sidecar.model.name, scenario=SCENARIO, engine=engine
+        )
+
+    def task(self, sidecar: Sidecar, engine: str, resolution: float) -> RobotTask:
+        """That case, to run it."""
+        return case_of(self.system, self.samples, self.folder, sidecar, engine, resolution)
+
+
+def case_of(
+    system: MultibodySystem,
+    drawn: Samples,
+    folder: Path,
+    sidecar: Sidecar,
+    engine: str,
+    resolution: float,
+) -> RobotTask:
+    """A model in an engine at some states of the declared bodies."""
+    spec = sidecar.spec(engine)
+    return RobotTask(
+        file=sidecar.model,
+        folder=str(folder),
+        robot=system.name,
+        scenario=SCENARIO,
+        engine=engine,
+        names=tuple(c.name for c in system.tree_system.coordinates),
+        followers=Followers.of(system.assembled.tree),
+        tree=system.assembled.tree,
+        samples=drawn,
+        settings=spec.settings,
+        springs=spec.springs,
+        resolution=resolution,
+    )
+
+
+def prepare_folder(folder: Path, described: bool = True) -> Prepared | PreparedTree:
+    """Load `folder/system.py`, and solve what it declares: energies, or bodies.
+
+    Without `described` the record has no derivation, as in `prepare`.
+
+    Raises:
+        DeclarationError, ReferenceError: naming what is wrong and where.
+    """
+    began = time.perf_counter()
+    with recorded(folder) as reads:
+        declared = load_declaration(folder)
+    if isinstance(declared, System):
+        return derived(folder, declared, reads.states(), began, described=described)
+    return _prepared_tree(folder, declared, reads.states(), began)
+
+
+def _prepared_tree(
+    folder: Path, declared: MultibodySystem, reads: Mapping[str, str], began: float
+) -> PreparedTree:
+    try:
+        drawn = states_of(declared, STATES)
+    except ReferenceError as error:
+        raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
+    seconds = time.perf_counter() - began
+    return PreparedTree(
+        folder=folder,
+        system=declared,
+        samples=drawn,
+        record=tree_record(str(folder), declared.tree_system, drawn, SCENARIO, seconds),
+        reads=reads,
+    )
+
+
+def states_of(declared: MultibodySystem, count: int) -> Samples:
+    """States that tell a declared tree's numbers apart, and where its equations take them.
+
+    Raises:
+        ReferenceError: where a joint moves nothing that has mass.
+    """
+    return tree_states(declared.tree_system, declared.assembled.limits, count)
+
+
+def survey_file(sidecar: Sidecar) -> FileSurvey:
+    """Read a model file as it is read alone."""
+    robot = read_robot(
+        sidecar.model,
+        floating=bool(sidecar.settings.get("floating", False)),
+        model=str(sidecar.settings.get("model", "")),
+    )
+    return FileSurvey(
+        findings=robot_findings(robot), left_out=tuple(told(one) for one in robot.left_out)
+    )

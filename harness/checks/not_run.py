@@ -1,0 +1,92 @@
+"""Cases that could not be run: why, and their records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import installs
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
+from physics_crosscheck.harness.records.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class Hurdle:
+    """Why a model can't be run in an engine at all: ABSENT, or FAILED with a reason of a kind."""
+
+    outcome: Outcome
+    reason: str
+    kind: CaseKind
+
+
+def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle | None:
+    """Why a model can't be run in an engine; None where it can."""
+    engine = known.get(name)
+    if engine is None:
+        names = ", ".join(sorted(known))
+        return Hurdle(
+            Outcome.FAILED,
+            f"{sidecar.model}.toml: unknown engine {name!r}; known engines: {names}",
+            "engine",
+        )
+    if why := absent(engine):
+        return why
+    if sidecar.model.suffix not in engine.formats:
+        reads = ", ".join(engine.formats)
+        reason = f"{sidecar.model}: {name} reads only {reads} files"
+        return Hurdle(Outcome.FAILED, reason, "format")
+    return None
+
+
+def absent(engine: Engine) -> Hurdle | None:
+    """That an engine is not installed; None where it is."""
+    if engine.version() is None:
+        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed; {installs(engine)}", "")
+    return None
+
+
+def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
+    """A case that was not begun."""
+    return replace(_case(one, folder, why.outcome, why.reason, ""), kind=why.kind)
+
+
+def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
+    """A case, or what stands for the cases of a model or a folder, that could not be run."""
+    reason = failure.about(Path(folder) / one.model)
+    case = _case(one, folder, Outcome.FAILED, reason, failure.stdout)
+    return replace(case, locations=failure.locations, kind=failure.kind)
+
+
+def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:
+    return Case(
+        system=one.system,
+        model=one.model,
+        scenario=one.scenario,
+        engine=one.engine,
+        folder=folder,
+        outcome=outcome,
+        reason=reason,
+        stdout=stdout,
+    )
+
+
+def not_of_a_tree(sidecar: Sidecar) -> str:
+    """Why a sidecar does not fit beside declared bodies, in a sentence; empty where it does."""
+    given = {
+        "coordinates": sidecar.coordinates, "readback": sidecar.readback,
+        "bindings": sidecar.bindings, "frames": sidecar.frames,
+    }  # fmt: skip
+    unread = [f"[{key}]" for key, value in given.items() if value]
+    if not unread:
+        return ""
+    return (
+        f"{sidecar.model}.toml: {', '.join(unread)}: system.py declares bodies, "
+        "whose joints are matched by name only; remove "
+        f"{('it' if len(unread) == 1 else 'them')}"
+    )

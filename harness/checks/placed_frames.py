@@ -1,0 +1,125 @@
+"""Frames of a system in a loaded model: where equations have them, and where the engine does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames
+from physics_crosscheck.harness.modelfiles.quote import brief, cut
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.reference.mechanism.frames import ENTRIES, frame_function
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.system import System
+
+STEPS = 16.0
+"""Roundings of one body's frame, placed in its parent's: a product of quaternions, turned into a
+matrix, times a vector; sums of four products each."""
+
+PROBED = 8
+"""Positions at which it is measured how far roundings of coordinates move the frames."""
+
+_NUDGE = 2.0**-20
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Poses at K positions: `at` (K, F, 3), m, and `turn` (K, F, 3, 3), columns the axes."""
+
+    at: Array
+    turn: Array
+
+    def miss(self, other: Placed) -> tuple[Array, Array]:
+        """How far frames are from those of another, m and rad, (K, F) each."""
+        far = np.linalg.norm(self.at - other.at, axis=-1)
+        chord = np.linalg.norm(self.turn - other.turn, axis=(-2, -1)) / np.sqrt(8)
+        return far, 2 * np.arcsin(np.minimum(chord, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames that a sidecar maps, in one loaded model.
+
+    Attributes:
+        function: of q, every frame that the system declares.
+        rows: of the mapped ones among these.
+    """
+
+    model: Model
+    coordinates: CoordinateMap
+    said: SidecarFrames
+    function: NumericFunction
+    rows: tuple[int, ...]
+
+    @staticmethod
+    def of(system: System, said: SidecarFrames, model: Model, coordinates: CoordinateMap) -> Frames:
+        """Look every place up.
+
+        Raises:
+            SidecarError: for one that the model lacks; names file, line and those that there are.
+        """
+        for target in said.targets:
+            if target.place not in model.places:
+                raise SidecarError(_lacking(target, model.places))
+        names = [frame.name for frame in system.frames]
+        rows = tuple(names.index(target.name) for target in said.targets)
+        return Frames(model, coordinates, said, frame_function(system), rows)
+
+    def expected(self, q: Array) -> Placed:
+        """Where the equations have them, at positions q, (K, n)."""
+        values = self.function(q).reshape(len(q), -1, ENTRIES)[:, list(self.rows)]
+        return Placed(values[..., :3], values[..., 3:].reshape(*values.shape[:2], 3, 3))
+
+    def found(self, z: Array) -> Placed:
+        """Where the engine has them at its positions z, (K, nz), in the system's world."""
+        targets = self.said.targets
+        origins, turns = self.model.poses([target.place for target in targets], z)
+        at = np.array([target.at for target in targets])
+        axes = np.array([target.axes for target in targets])
+        world = self.said.axes
+        places = origins + np.einsum("kfij,fj->kfi", turns, at) - self.said.origin
+        turned = np.einsum("ji,kfjl,flm->kfim", world, turns, axes)
+        return Placed(places @ world, turned)
+
+    def length(self, z: Array) -> float:
+        """The largest distance of anything of the model from its origin, m."""
+        origins, _ = self.model.poses(self.model.places, z[:PROBED])
+        offsets = [float(np.linalg.norm(target.at)) for target in self.said.targets]
+        far = float(np.max(np.abs(origins), initial=0.0))
+        return far + max(offsets, default=0.0) + float(np.linalg.norm(self.said.origin))
+
+    def uncertainty(self, q: Array, length: float) -> tuple[float, float]:
+        """How far roundings may move a frame, m and rad.
+
+        Those of a chain of all the model's bodies, of the length that they span, and those of the
+        coordinates, whose effect is measured.
+        """
+        q = q[:: max(1, len(q) // PROBED)]
+        z = self.coordinates.forward(q)
+        moved = _moved(self.expected, q) + _moved(self.found, z)
+        chain = STEPS * max(1, len(self.model.places))
+        far, turned = self.model.epsilon * (chain * np.array([length, 1.0]) + 4 * moved)
+        return float(far), float(turned)
+
+
+def _moved(placed: Callable[[Array], Placed], x: Array) -> Array:
+    """How far one unit of relative rounding in every coordinate moves frames at most, m and rad."""
+    here = placed(x)
+    total = np.zeros(2)
+    for j in range(x.shape[1]):
+        there = x.copy()
+        there[:, j] *= 1 + _NUDGE
+        far, turned = placed(there).miss(here)
+        total += np.array([far.max(initial=0.0), turned.max(initial=0.0)]) / _NUDGE
+    return total
+
+
+def _lacking(target: FrameTarget, known: Sequence[str]) -> str:
+    kind = target.place.partition(":")[0]
+    same = [place for place in known if place.startswith(f"{kind}:")]
+    shown = ", ".join(map(cut, (same or list(known))[:24]))
+    return f"{target.where}: the model has no {brief(target.place)}; it has {shown}"

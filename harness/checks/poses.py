@@ -1,0 +1,166 @@
+"""Positions and rotations of a model's frames, over the motions and at random positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.placed_frames import Frames
+from physics_crosscheck.harness.checks.pose_mistakes import Miss, kind_of
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.modelfiles.frames import sidecar_frames
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.poses import FramePose, Poses
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.system import System
+
+SEED = 20260115
+DRAWS = 64
+"""Random positions beside those that the motions pass."""
+
+RESOLUTION = 1e-9
+"""What is off by less, of the largest declared distance or in rad, is another digit of a number and
+no other robot."""
+
+
+@dataclass(frozen=True)
+class PoseFinding:
+    """Frames that are elsewhere, alike.
+
+    Attributes:
+        frames: their names.
+        off: how far at most, m.
+        share: of that, which would still be found.
+    """
+
+    frames: tuple[str, ...]
+    message: str
+    off: float
+    share: float
+
+
+@dataclass(frozen=True)
+class PoseCheck:
+    """What was compared, and what differs."""
+
+    record: Poses
+    findings: tuple[PoseFinding, ...] = ()
+
+
+def check_poses(
+    system: System,
+    sidecar: Sidecar,
+    model: Model,
+    coordinates: CoordinateMap,
+    reached: Array,
+) -> PoseCheck:
+    """Hold a loaded model's frames against the equations.
+
+    Args:
+        reached: positions that the motions pass, (K, n).
+
+    Raises:
+        SidecarError: naming file, line, entry and remedy.
+    """
+    said = sidecar_frames(system, sidecar)
+    mapped = [target.name for target in said.targets]
+    unchecked = tuple(frame.name for frame in system.frames if frame.name not in mapped)
+    if not system.frames:
+        return PoseCheck(Poses(note="the system declares no frames"))
+    if not mapped:
+        return PoseCheck(Poses(unchecked=unchecked, note="the sidecar maps no frame of the system"))
+    if not model.places:
+        return PoseCheck(
+            Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
+        )
+    frames = Frames.of(system, said, model, coordinates)
+    with np.errstate(all="ignore"):
+        q = _positions(frames, system, reached)
+    return _compared(frames, system, q, unchecked)
+
+
+def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ...]) -> PoseCheck:
+    """Every mapped frame at positions q, (K, n)."""
+    z = frames.coordinates.forward(q)
+    expected, found = frames.expected(q), frames.found(z)
+    length = frames.length(z)
+    uncertainty = frames.uncertainty(q, length)
+    points = [system.frames[row].rotation is None for row in frames.rows]
+    far, turned = expected.miss(found)
+    turned[:, points] = 0.0
+    size = float(np.max(np.abs(expected.at), initial=0.0)) or length
+    near = max(uncertainty[0], RESOLUTION * size), max(uncertainty[1], RESOLUTION)
+    # What is not a number is nowhere.
+    wrong = ~np.all((far <= near[0]) & (turned <= near[1]), axis=0)
+    elsewhere = np.flatnonzero(wrong).tolist()
+    rows = tuple(
+        FramePose(
+            name=target.name,
+            place=target.place,
+            position=number(float(np.max(far[:, f]))),
+            rotation=None if points[f] else number(float(np.degrees(np.max(turned[:, f])))),
+            agrees=f not in elsewhere,
+        )
+        for f, target in enumerate(frames.said.targets)
+    )
+    record = Poses(
+        frames=rows,
+        states=len(q),
+        length=number(length),
+        uncertainty=number(uncertainty[0]),
+        unchecked=unchecked,
+    )
+    flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in enumerate(system.coordinates)}
+    alike: dict[str, list[int]] = {}
+    for f in elsewhere:
+        miss = Miss.of(f, expected, found, flipped, point=points[f], uncertainty=uncertainty)
+        alike.setdefault(kind_of(miss), []).append(f)
+    findings = []
+    for kind, group in alike.items():
+        worst = q[int(np.argmax((far + turned)[:, group].max(axis=1)))]
+        told = _sentence([rows[f] for f in group], kind, _place(system, worst), near)
+        apart = far[:, group].max() / near[0] if near[0] else 0.0, turned[:, group].max() / near[1]
+        names = tuple(rows[f].name for f in group)
+        off, share = float(far[:, group].max()), 1 / float(max(apart))
+        findings.append(PoseFinding(names, told, off, share))
+    return PoseCheck(record, tuple(findings))
+
+
+def _flipped(q: Array, j: int) -> Array:
+    """Positions with the sign of one coordinate changed."""
+    other = q.copy()
+    other[:, j] *= -1
+    return other
+
+
+def _positions(frames: Frames, system: System, reached: Array) -> Array:
+    """Positions that the motions pass, and random ones, a turn or twice as far, (K, n)."""
+    extent = np.max(np.abs(reached), axis=0)
+    turns = np.array([coordinate.unit == "rad" for coordinate in system.coordinates])
+    wide = np.where(turns, np.pi, 2 * np.where(extent > 0, extent, 1.0))
+    random = np.random.default_rng(SEED).uniform(-wide, wide, (DRAWS, len(wide)))
+    q = np.concatenate([reached, random])
+    known = np.isfinite(frames.coordinates.forward(q)).all(axis=1)
+    known &= np.isfinite(frames.function(q)).all(axis=1)
+    return q[known]
+
+
+def _place(system: System, q: Array) -> str:
+    named = zip(system.coordinates, q, strict=True)
+    return ", ".join(f"{c.name} = {value:.4g}" for c, value in named)
+
+
+def _sentence(group: Sequence[FramePose], kind: str, at: str, near: tuple[float, float]) -> str:
+    """What is wrong of some frames, alike; what is `near`, m and rad, is not told."""
+    names = ", ".join(f"{one.name} ({one.place})" for one in group)
+    far = max(one.position or 0.0 for one in group)
+    angle = max(one.rotation or 0.0 for one in group)
+    off = [f"{far:.3g} m"] if far > near[0] else []
+    off += [f"{angle:.3g} degrees"] if np.radians(angle) > near[1] else []
+    size = " and ".join(off) or "not a number"
+    told = f"{names}: off by up to {size} from the equations' pose, at {at}"
+    return f"{told}; {kind or 'no single shift, turn or flipped axis explains it'}"

@@ -1,0 +1,370 @@
+"""A robot's file in an engine, against the equations of what it says: at chosen states."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.accelerations import with_dynamics
+from physics_crosscheck.harness.checks.case_record import (
+    dynamics_record,
+    stepping_record,
+    verdict_record,
+)
+from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.robot_record import (
+    robot_findings,
+    settings_of,
+    sidecar_beside,
+    told,
+    tree_record,
+)
+from physics_crosscheck.harness.checks.robot_task import RefusedError, RobotTask, load_robot, placed
+from physics_crosscheck.harness.checks.verdict import Verdict, filled, judged
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.failure import Failure, failure_of
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot import home_of
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
+from physics_crosscheck.harness.numerics.batch import Batch, held
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.forward_dynamics import (
+    ForwardDynamics,
+    forward_dynamics,
+    mixed,
+)
+from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
+from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.next_state import SteppedBodies
+from physics_crosscheck.reference.solving.samples import Samples, samples
+
+SCENARIO = "states"
+"""What stands for the scenario of a file that declares none."""
+
+FLOATING = "floating states"
+"""The same of a URDF whose root link moves freely."""
+
+STATES = 40
+"""Segments of a check: chosen ones, at which each number shows as at a hundred at random."""
+
+SEED = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedRobot:
+    """A robot's file, read and solved.
+
+    Attributes:
+        file: the model file.
+        names: of its coordinates.
+        followers: what follows them.
+        system: its tree as a system, whose equations they are.
+        samples: states, and where the equations take them.
+        record: what is written of it.
+        settings: with which engines run it.
+        left_out: what the file says beyond the equations.
+        findings: inertias that no body can have.
+    """
+
+    file: Path
+    names: tuple[str, ...]
+    followers: Followers
+    system: TreeSystem
+    samples: Samples
+    record: System
+    settings: Mapping[str, object]
+    left_out: tuple[str, ...]
+    findings: tuple[AuditFinding, ...]
+
+    @property
+    def scenario(self) -> str:
+        """What its states are called."""
+        return self.record.scenarios[0].name
+
+    def task(self, engine: str, resolution: float) -> RobotTask:
+        """The check in an engine."""
+        own = engines()[engine].settings_for(self.file.suffix)
+        return RobotTask(
+            file=self.file,
+            folder=str(self.file),
+            robot=self.record.name,
+            scenario=self.scenario,
+            engine=engine,
+            names=self.names,
+            followers=self.followers,
+            tree=self.system.tree,
+            samples=self.samples,
+            settings={**own, **self.settings},
+            resolution=resolution,
+        )
+
+
+def prepare_robot(file: Path, *, floating: bool = False, model: str = "") -> PreparedRobot:
+    """Read a robot's file, draw states, and solve.
+
+    Args:
+        file: the model file.
+        floating: whether the root link of a URDF moves freely.
+        model: which of several models of an SDFormat file; empty: the only one that moves.
+
+    Raises:
+        RobotError, ReferenceError: naming file, line and remedy.
+    """
+    began = time.perf_counter()
+    robot = read_robot(file, floating=floating, model=model)
+    system = robot_system(robot)
+    try:
+        drawn = tree_states(system, robot.limits, STATES)
+    except ReferenceError as error:
+        raise RobotError(f"{file}: {error}") from None
+    return PreparedRobot(
+        file=file,
+        names=tuple(c.name for c in system.coordinates),
+        followers=Followers.of(system.tree),
+        system=system,
+        samples=drawn,
+        record=tree_record(
+            str(robot.file),
+            system,
+            drawn,
+            FLOATING if robot.floats else SCENARIO,
+            time.perf_counter() - began,
+        ),
+        settings=settings_of(robot),
+        left_out=(*(told(one) for one in robot.left_out), *sidecar_beside(file)),
+        findings=robot_findings(robot),
+    )
+
+
+def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> Samples:
+    """States that tell a tree's numbers apart, and where its equations take them.
+
+    Args:
+        system: the tree.
+        limits: of all its joints.
+        count: how many states.
+
+    Raises:
+        ReferenceError: where a joint moves nothing that has mass.
+    """
+    kept = Coupled(system.tree).kept
+    within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
+    return samples(TreeEquations(system), within, home, count, SEED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followed:
+    """Segments of a robot in an engine, in the order that the engine has.
+
+    Attributes:
+        model: as the engine has loaded it.
+        map: of the coordinates to its own.
+        names: of the coordinates, in that order.
+        samples: likewise.
+        scale: what a defect is relative to, (2n,).
+        found: where the engine ends them as h -> 0.
+    """
+
+    model: Model
+    map: CoordinateMap
+    names: tuple[str, ...]
+    samples: Samples
+    scale: Array
+    found: Extrapolated
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the states' components, (2n,)."""
+        return (*self.names, *(f"{name}_dot" for name in self.names))
+
+
+def scale_of(drawn: Samples) -> Array:
+    """What a defect is relative to: how far each component moves at most, (2n,)."""
+    return filled(np.max(np.abs(drawn.end - drawn.start), axis=0))
+
+
+def follow_robot(
+    task: RobotTask, rungs: tuple[int, ...] = (), model: Model | None = None
+) -> Followed:
+    """Run every segment in the engine as h -> 0: on these rungs, or as many as it takes.
+
+    Args:
+        task: what is run.
+        rungs: on which; empty: as many as it takes.
+        model: the file as it is loaded; None: it is loaded here.
+
+    Raises:
+        EngineError, BlownUpError: naming the file.
+    """
+    model = model or load_robot(task)
+    drawn, coordinates, names = placed(task, model)
+    count = len(drawn.forces)
+    scale = scale_of(drawn)
+    batch = Batch(
+        states=drawn.start,
+        lengths=np.full(count, drawn.length),
+        inputs=held(drawn.forces),
+        varying=False,
+        scale=scale,
+        ends=drawn.end,
+        uneven=drawn.bent,
+    )
+    try:
+        if rungs:
+            found = extrapolate(model, coordinates, batch, rungs=rungs)
+        else:
+            found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+    except BlownUpError as error:
+        raise BlownUpError(f"{task.file}: {error}") from None
+    return Followed(
+        model=model, map=coordinates, names=names, samples=drawn, scale=scale, found=found
+    )
+
+
+def run_robot(task: RobotTask) -> Case:
+    """Run every segment in the engine as h -> 0, and judge.
+
+    What is unresolved is stepped in the engine's other ways as well: where a servo settles within
+    microseconds, a position moves by so little that its last digits, times the weights that an
+    order of 1 asks for, hide the resolution; an order of 4 asks for a tenth of them.
+
+    A file given alone that the engine refuses is such a case: others may have a verdict on it.
+
+    Raises:
+        EngineError, BlownUpError: the case is FAILED with that message.
+    """
+    began = time.perf_counter()
+    try:
+        way, verdict = _judged(task)
+    except RefusedError as error:
+        if task.folder != str(task.file):
+            raise
+        return _refused(task, failure_of(error))
+    stepping = _stepping(task, way)  # as the file itself has the engine step
+    way, verdict, dynamics = _decided(task, way, verdict)
+    return Case(
+        system=task.robot,
+        model=task.file.name,
+        scenario=task.scenario,
+        engine=task.engine,
+        folder=task.folder,
+        outcome=verdict.outcome,
+        reason="; ".join(filter(None, (verdict.reason, *way.model.reservations))),
+        kind=verdict.kind,
+        verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
+        stepping=stepping,
+        forward_dynamics=dynamics_record(dynamics, tuple(way.model.coordinates)),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def judge_robot(task: RobotTask) -> Verdict:
+    """What becomes of every segment alone: nothing is stepped as the file ships.
+
+    Raises:
+        EngineError, BlownUpError: where the engine doesn't run it.
+    """
+    return _decided(task, *_judged(task))[1]
+
+
+def _refused(task: RobotTask, failure: Failure) -> Case:
+    return Case(
+        system=task.robot,
+        model=task.file.name,
+        scenario=task.scenario,
+        engine=task.engine,
+        folder=task.folder,
+        outcome=Outcome.REFUSED,
+        reason=failure.about(task.file),
+        locations=failure.locations,
+        kind=failure.kind,
+    )
+
+
+def judge_loaded(task: RobotTask, model: Model) -> Verdict:
+    """What becomes of every segment of a model that is loaded, stepped in its own way alone.
+
+    Raises:
+        EngineError, BlownUpError: where the engine doesn't run it.
+    """
+    return _judged(task, model)[1]
+
+
+def _judged(task: RobotTask, model: Model | None = None) -> tuple[Followed, Verdict]:
+    """Every segment in the engine, and what follows from them."""
+    way = follow_robot(task, model=model)
+    verdict = judged(
+        way.found,
+        way.samples,
+        scale=way.scale,
+        components=way.components,
+        coordinates=tuple(way.model.coordinates),
+        claimed=way.model.exponents(False)[0],
+        resolution=task.resolution,
+    )
+    return way, verdict
+
+
+def _decided(
+    task: RobotTask, way: Followed, verdict: Verdict
+) -> tuple[Followed, Verdict, ForwardDynamics | None]:
+    """The same with the engine's accelerations, and another way to step where that is asked for."""
+    dynamics, names = _dynamics(task, way), tuple(way.model.coordinates)
+    way, verdict = _otherwise(task, way, verdict)
+    return way, with_dynamics(verdict, dynamics, names, task.resolution), dynamics
+
+
+def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Followed, Verdict]:
+    """The same in another way to step the model, where that alone resolves it.
+
+    Its reason tells both ways.
+    """
+    if verdict.outcome is not Outcome.UNRESOLVED:
+        return way, verdict
+    for name, settings in way.model.integrators.items():
+        other, found = _judged(replace(task, settings={**task.settings, **settings}))
+        if found.outcome is not Outcome.UNRESOLVED:
+            told = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
+            return other, replace(found, reason="; ".join(filter(None, [found.reason, told])))
+    return way, verdict
+
+
+def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
+    """The engine's very next state, at the starts of the segments."""
+    drawn = way.samples
+    found = step_engine(
+        way.model,
+        way.map,
+        _stepped(task, way),
+        drawn.start,
+        drawn.forces,
+        task.resolution,
+        fastest=drawn.fastest,
+    )
+    return None if found is None else stepping_record(found, way.components)
+
+
+def _dynamics(task: RobotTask, way: Followed) -> ForwardDynamics | None:
+    """The engine's accelerations, at those states and at others of their positions."""
+    states, inputs = mixed(way.samples.start, way.samples.forces)
+    stepped = _stepped(task, way)
+    return forward_dynamics(way.model, way.map, stepped, states, inputs, task.resolution)
+
+
+def _stepped(task: RobotTask, way: Followed) -> SteppedBodies:
+    """The equations, in the order of the engine's coordinates."""
+    return SteppedBodies(task.tree, [task.names.index(name) for name in way.names])

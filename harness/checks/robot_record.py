@@ -1,0 +1,190 @@
+"""What is told of a robot's file beside its verdict, and with which settings engines run it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import MappingProxyType
+
+from physics_crosscheck.harness.checks.system_record import quantities
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
+from physics_crosscheck.harness.modelfiles.inertias import impossible
+from physics_crosscheck.harness.modelfiles.locations import line_of
+from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP
+from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
+from physics_crosscheck.harness.modelfiles.numbers import Numeral, numerals
+from physics_crosscheck.harness.modelfiles.robot import LeftOut, Robot
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.harness.records.system import Scenario, System
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.tree import WORLD
+from physics_crosscheck.reference.solving.samples import Samples
+
+STANDALONE_SETTINGS: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
+"""Settings of every engine: what the equations leave out is left out there too."""
+
+METHOD = "recursion along the tree; Gauss collocation of order 16, checked by DOP853"
+
+
+def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
+    """Inertias that no body can have; of what stands still, a note."""
+    still = {part.name for part in robot.parts if part.body == WORLD}
+    return tuple(
+        AuditFinding(
+            kind=one.kind,
+            subject=(one.link, one.kind),
+            message=f"{one.sentence}; {one.remedy}",
+            location=SourceLine(file=str(one.file), line=one.line or None),
+            expected=None,
+            found=None,
+            severity="note" if one.link in still else "finding",
+        )
+        for one in impossible(robot)
+    )
+
+
+_NEGATIVE = re.compile(r".*[/@](\w*damping|\w*stiffness|springStiffness|spring_stiffness|armature)")
+
+
+def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
+    """Return what is wrong with a file by reading it: inertias, signs, engines' remarks."""
+    found = (*inertia_findings(robot), *negative_findings(robot.file), *_remarks(robot.file))
+    return tuple(dict.fromkeys(found))
+
+
+def _remarks(file: Path) -> Iterator[AuditFinding]:
+    """What engines make of a file as they read it."""
+    for engine in readers(file.suffix):
+        with suppress(EngineError):  # its own case reports that it can't read the file
+            for remark in engine.file_remarks(file) if engine.version() is not None else ():
+                yield AuditFinding(
+                    kind=remark.kind,
+                    subject=remark.subject or (remark.message,),
+                    message=remark.message,
+                    location=place_of(file, remark),
+                    expected=None,
+                    found=remark.value,
+                    severity="finding" if remark.fault else "note",
+                )
+
+
+def place_of(file: Path, remark: Remark) -> SourceLine:
+    """Return the line that a remark is about, in a file or in one that it includes."""
+    places = ((part, line_of(part, remark.address or "")) for part in parts_of(file))
+    part, line = next(((p, n) for p, n in places if n is not None), (file, None))
+    return SourceLine(file=str(part), line=line)
+
+
+def negative_findings(file: Path) -> Iterator[AuditFinding]:
+    """Yield each negative damping, stiffness and armature of a file, by its line."""
+    for part in _parts(file) if file.suffix in MARKUP else ():
+        try:
+            found = numerals(Document(part))
+        except DocumentError:
+            continue  # reading the file tells of it
+        for one in found:
+            kind = _NEGATIVE.fullmatch(one.path)
+            if kind is None or one.value >= 0 or one.word:
+                continue
+            yield finding_of(one, kind[1])
+
+
+def _parts(file: Path) -> tuple[Path, ...]:
+    try:
+        return parts_of(file)
+    except EngineError:  # reading the file tells of it
+        return ()
+
+
+def finding_of(one: Numeral, what: str) -> AuditFinding:
+    """Return the finding about a negative number; a spring may well push away."""
+    word = next(word for word in _EFFECTS if word in what.lower())
+    return AuditFinding(
+        kind=_NEGATIVES[word],
+        subject=(one.address,),
+        message=f"{one.address} is {one.value:g}: negative {word} {_EFFECTS[word]}",
+        location=SourceLine(file=str(one.file), line=one.line, span=one.span, text=one.text),
+        expected=None,
+        found=one.value,
+        severity="note" if word == "stiffness" else "finding",
+    )
+
+
+_NEGATIVES: Mapping[str, AuditKind] = {
+    "damping": "negative damping",
+    "stiffness": "negative stiffness",
+    "armature": "negative armature",
+}
+
+_EFFECTS = {
+    "damping": "adds energy to the motion. Write a positive number",
+    "stiffness": "pushes away from the rest position. Check the sign",
+    "armature": "removes inertia from a joint. Write a positive number",
+}
+
+
+def settings_of(robot: Robot) -> Mapping[str, object]:
+    """With which every engine runs it."""
+    own: dict[str, object] = dict(robot.stated)
+    if robot.controls:
+        own["controls"] = list(robot.controls)
+    if robot.tree is not None and robot.tree.couplings:
+        own["couplings"] = [robot.tree.links[one.follower].name for one in robot.tree.couplings]
+    if robot.floats:
+        own["floating"] = True
+    if robot.held:
+        own["held"] = list(robot.held)
+    return {**STANDALONE_SETTINGS, **own}
+
+
+def sidecar_beside(file: Path) -> tuple[str, ...]:
+    """A sidecar counts in its folder, and not where its file is checked alone."""
+    beside = file.with_name(f"{file.name}.toml")
+    return (
+        (f"the contents of {beside.name}, which is read together with its folder",)
+        if beside.is_file()
+        else ()
+    )
+
+
+def told(one: LeftOut) -> str:
+    """Such as: dry friction (7)."""
+    return one.what if one.count == 1 else f"{one.what} ({one.count})"
+
+
+def tree_record(
+    folder: str, system: TreeSystem, drawn: Samples, scenario: str, seconds: float
+) -> System:
+    """What is written of a tree: its joints, and the states at which it is checked."""
+    count = len(drawn.start)
+    return System(
+        name=system.name,
+        folder=folder,
+        title=system.title,
+        source=system.source,
+        kind="autonomous",
+        coordinates=quantities(system.coordinates),
+        constants=(),
+        inputs=(),
+        outputs=(),
+        scenarios=(
+            Scenario(
+                name=scenario,
+                description=f"{counted(count, 'state')}, each under its own forces",
+                duration=drawn.length,
+                inputs={},
+                segments=count,
+                method=METHOD,
+                bound=number(float(drawn.bound.max())),
+                global_bound=None,
+            ),
+        ),
+        seconds=seconds,
+    )

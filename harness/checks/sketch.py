@@ -1,0 +1,77 @@
+"""A system's sketch as plain data: shapes whose places are small trees of numbers and positions.
+
+A tree is a number, `["q", i]` for the i-th position, or an operation and its operands: `+`, `*`,
+`^`, `sin`, `cos`, `tan`. Whoever draws it needs to know neither symbols nor constants.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias, cast
+
+import sympy as sp
+
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.base import numbers
+from physics_crosscheck.reference.mechanism.sketch import Angle, Body, Link, Shape, expressions
+from physics_crosscheck.reference.mechanism.system import System
+
+Kind: TypeAlias = Literal[
+    "spring", "damper", "rod", "line", "wall", "measure", "block", "disc", "spiral"
+]
+"""What a declared shape may be, beside an angle."""
+
+
+def sketch_record(system: System) -> records.Sketch | None:
+    """The sketch of a system, posed as its first scenario starts; None without."""
+    if not system.sketch:
+        return None
+    start = system.scenarios[0].q
+    pose = [float(sp.sympify(start[c]).xreplace(system.values)) for c in system.coordinates]
+    return records.Sketch(
+        pose=numbers(pose), shapes=tuple(_shape(shape, system) for shape in system.sketch)
+    )
+
+
+def _shape(shape: Shape, system: System) -> records.Shape:
+    found = {name: tree(e, system) for name, e in expressions(shape).items()}
+    match shape:
+        case Link():
+            return records.Shape(
+                kind=cast(Kind, shape.kind),
+                label=shape.label,
+                start=[found["start x"], found["start y"]],
+                end=[found["end x"], found["end y"]],
+            )
+        case Body():
+            return records.Shape(
+                kind=cast(Kind, shape.kind),
+                label=shape.label,
+                at=[found["at x"], found["at y"]],
+                width=found["width"],
+                height=found["height"],
+                angle=found["angle"],
+            )
+        case Angle():
+            return records.Shape(
+                kind="angle",
+                label=shape.label,
+                at=[found["at x"], found["at y"]],
+                radius=found["radius"],
+                start=found["start"],
+                end=found["end"],
+            )
+
+
+def tree(expression: sp.Expr, system: System) -> records.SketchTree:
+    """An expression of positions and constants as a tree, the constants put in."""
+    places = {q: i for i, q in enumerate(system.q)}
+
+    def walk(e: sp.Expr) -> records.SketchTree:
+        if e in places:
+            return ["q", places[e]]
+        if e.is_number:
+            return float(f"{float(e):.9g}")
+        names = {sp.Add: "+", sp.Mul: "*", sp.Pow: "^", sp.sin: "sin", sp.cos: "cos", sp.tan: "tan"}
+        return [names[e.func], *map(walk, e.args)]
+
+    return walk(sp.sympify(expression).xreplace(system.values))

@@ -1,0 +1,282 @@
+"""A system's record: everything that a report says of its physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal, cast
+
+import sympy as sp
+
+from physics_crosscheck.harness.checks.sketch import sketch_record
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.base import number, numbers, rows
+from physics_crosscheck.harness.render.terminal.typeset import Latex, Terms, latex_name
+from physics_crosscheck.reference.dynamics.derive import Equations
+from physics_crosscheck.reference.dynamics.errata import Erratum, errata
+from physics_crosscheck.reference.dynamics.linearize import Linearization, classify
+from physics_crosscheck.reference.dynamics.modes import modes, poles, s, transfer_functions
+from physics_crosscheck.reference.dynamics.simplify import LONG
+from physics_crosscheck.reference.mechanism.declaration import Coordinate, Input
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.linearity import linearity
+from physics_crosscheck.reference.solving.motion import Motion
+
+
+def system_record(
+    folder: Path,
+    equations: Equations,
+    linear: tuple[Linearization, ...],
+    motions: Mapping[str, Motion],
+    *,
+    described: bool,
+) -> records.System:
+    """The record of a system.
+
+    Args:
+        linear: about each equilibrium.
+        motions: of every scenario, by name.
+        described: whether with what is derived, as formulas. They cost more than all the rest, and
+            only a report shows them.
+    """
+    system = equations.system
+    latex = Latex(system.q, system.v, system.a)
+    return records.System(
+        name=system.name,
+        folder=str(folder),
+        title=system.title,
+        source=system.source,
+        kind=cast(
+            Literal["SISO", "SIMO", "MISO", "MIMO", "autonomous"],
+            classify(len(system.inputs), len(system.outputs)),
+        ),
+        coordinates=quantities(system.coordinates),
+        constants=constants(system),
+        inputs=quantities(system.inputs),
+        outputs=tuple(
+            records.Output(
+                name=o.name,
+                unit=o.unit,
+                description=o.description,
+                formula=_formula(o.expression, latex),
+            )
+            for o in system.outputs
+        ),
+        scenarios=_scenarios(system, motions),
+        derivation=_derivation(equations, linear, latex) if described else None,
+        sketch=sketch_record(system),
+    )
+
+
+def quantities(
+    declared: tuple[Coordinate, ...] | tuple[Input, ...],
+) -> tuple[records.Quantity, ...]:
+    """Coordinates or inputs."""
+    return tuple(
+        records.Quantity(
+            name=each.name,
+            unit=each.unit,
+            description=each.description,
+            latex=latex_name(each.name),
+        )
+        for each in declared
+    )
+
+
+def constants(system: System) -> tuple[records.Constant, ...]:
+    """The constants of a system."""
+    return tuple(
+        records.Constant(
+            name=c.name,
+            unit=c.unit,
+            description=c.description,
+            latex=latex_name(c.name),
+            value=float(c.value),
+            source=c.source,
+        )
+        for c in system.constants
+    )
+
+
+def motion_terms(equations: Equations) -> tuple[tuple[Terms, Terms], ...]:
+    """M a = f, both sides of each row: accelerations; the motion's own forces, then the inputs."""
+    system = equations.system
+    sides: list[tuple[Terms, Terms]] = []
+    for row, force in zip(equations.mass.tolist(), equations.force, strict=True):
+        if sp.count_ops(force) > LONG:  # in an order that takes no comparing of long terms
+            terms = list(sp.Add.make_args(force))
+        else:
+            terms = sp.expand(force).as_ordered_terms()
+        terms.sort(key=lambda term: bool(term.free_symbols & {*system.u}))
+        left = list(zip(row, system.a, strict=True))
+        sides.append((left, [(term, sp.Integer(1)) for term in terms]))
+    return tuple(sides)
+
+
+def pole_records(one: Linearization) -> tuple[records.Pole, ...]:
+    """The poles of a linearization."""
+    return tuple(
+        records.Pole(
+            real=number(p.value.real),
+            imaginary=number(p.value.imag),
+            multiplicity=p.multiplicity,
+            frequency=number(p.frequency),
+            damping=number(p.damping),
+        )
+        for p in poles(one)
+    )
+
+
+def mode_records(one: Linearization) -> tuple[records.Mode, ...]:
+    """The modes of a linearization without its damping."""
+    return tuple(
+        records.Mode(
+            frequency=number(m.frequency),
+            growth=number(m.growth),
+            shape=numbers(m.shape),
+            rigid=bool(m.rigid),
+        )
+        for m in modes(one)
+    )
+
+
+def linearity_records(equations: Equations, one: Linearization) -> tuple[records.Linearity, ...]:
+    """How far a linearization holds, by mode."""
+    return tuple(
+        records.Linearity(
+            equilibrium=e.equilibrium,
+            mode=e.mode,
+            period=number(e.period),
+            amplitudes=numbers(e.amplitudes),
+            errors=numbers(e.errors),
+        )
+        for e in linearity(equations, one)
+    )
+
+
+def errata_records(
+    equations: Equations, linear: tuple[Linearization, ...]
+) -> tuple[tuple[str, records.Erratum], ...]:
+    """Every published equation, and what it claims to be."""
+    return tuple(_erratum(found) for found in errata(equations, linear))
+
+
+def _erratum(found: Erratum) -> tuple[str, records.Erratum]:
+    published = found.published
+    claim = published.states + (f" of {published.of}" if published.of else "")
+    if published.states == "linear":
+        claim = f"linear about {published.of}"
+    return claim, records.Erratum(
+        number=published.number,
+        published=published.text,
+        verdict=cast(Literal["agrees", "agrees up to signs", "differs"], found.verdict),
+        derived=found.derived,
+        difference=found.difference,
+        note=published.note,
+    )
+
+
+def _formula(expression: sp.Expr | float, latex: Latex) -> records.Formula:
+    expression = sp.sympify(expression)
+    return records.Formula(text=sp.sstr(expression), latex=latex.math(expression))
+
+
+def _derivation(
+    equations: Equations, linear: tuple[Linearization, ...], latex: Latex
+) -> records.Derivation:
+    system = equations.system
+    left = equations.mass * sp.Matrix(system.a)
+    energies = {"T": system.T, "V": system.V, "D": system.D, "L": system.T - system.V}
+    return records.Derivation(
+        energies={name: _formula(energy, latex) for name, energy in energies.items()},
+        equations=tuple(
+            records.Formula(
+                text=sp.sstr(sp.Eq(a, f, evaluate=False)),
+                latex=f"{latex.sum(inertia)} = {latex.sum(forces)}",
+            )
+            for a, f, (inertia, forces) in zip(
+                left, equations.force, motion_terms(equations), strict=True
+            )
+        ),
+        linearizations=tuple(_linearization(one, system, latex) for one in linear),
+        linearity=tuple(e for one in linear for e in linearity_records(equations, one)),
+        errata=tuple(erratum for _, erratum in errata_records(equations, linear)),
+    )
+
+
+def _linearization(one: Linearization, system: System, latex: Latex) -> records.Linearization:
+    functions = transfer_functions(one)
+    return records.Linearization(
+        equilibrium=one.equilibrium,
+        position=numbers(one.position),
+        formula=_linear_equations(one, system, latex),
+        matrices={name: rows(array) for name, array in one.arrays.items()},
+        poles=pole_records(one),
+        modes=mode_records(one),
+        transfer_functions=tuple(
+            records.TransferFunction(
+                output=o.name,
+                input=i.name,
+                formula=records.Formula(
+                    text=sp.sstr(functions[row, column]),
+                    latex=latex.rational(functions[row, column], s),
+                ),
+            )
+            for row, o in enumerate(system.outputs)
+            for column, i in enumerate(system.inputs)
+        ),
+    )
+
+
+def _linear_equations(one: Linearization, system: System, latex: Latex) -> records.Formula:
+    """M a + C v + K q = F u, the matrices written out and terms of zeros left out."""
+    symbols = (system.a, system.v, system.q)
+    parts = zip(("M", "C", "K"), (one.mass, one.damping, one.stiffness), symbols, strict=True)
+    left = [(_readable(one, name, factor), of) for name, factor, of in parts if any(factor)]
+    driven = [(_readable(one, "F", one.input), system.u)] if any(one.input) else []
+    sides = [[(m, sp.Matrix(of)) for m, of in side] for side in (left, driven)]
+    zero = _text(sp.zeros(len(system.q), 1))
+    text = ", ".join(
+        " + ".join(f"{_text(m)}*{_text(of)}" for m, of in side) or zero for side in sides
+    )
+    if len(system.q) == 1:
+        written = [
+            latex.sum([(m[0, i], of[i]) for m, of in side for i in range(m.cols)]) for side in sides
+        ]
+    else:
+        written = [
+            " + ".join(f"{_matrix(m, latex)} {_matrix(of, latex)}" for m, of in side) or "0"
+            for side in sides
+        ]
+    return records.Formula(text=f"Eq({text})", latex=" = ".join(written))
+
+
+def _readable(one: Linearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
+    """A matrix with its symbols, or where that would be too long to read with numbers."""
+    if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
+        return matrix
+    return sp.Matrix(one.arrays[name])
+
+
+def _text(matrix: sp.Matrix) -> str:
+    return f"Matrix({sp.sstr(matrix.tolist())})"
+
+
+def _matrix(matrix: sp.Matrix, latex: Latex) -> str:
+    return latex.matrix([[latex.math(entry) for entry in row] for row in matrix.tolist()])
+
+
+def _scenarios(system: System, motions: Mapping[str, Motion]) -> tuple[records.Scenario, ...]:
+    return tuple(
+        records.Scenario(
+            name=each.name,
+            description=each.description,
+            duration=float(each.duration),
+            inputs={i.name: sp.sstr(sp.sympify(each.inputs[i])) for i in system.inputs},
+            segments=len(motions[each.name].t),
+            method=motions[each.name].method,
+            bound=number(float(motions[each.name].bound.max())),
+            global_bound=number(float(motions[each.name].global_bound.max())),
+        )
+        for each in system.scenarios
+    )

@@ -1,0 +1,83 @@
+"""What `crosscheck derive` prints of declared bodies: formulas of few joints, numbers of all."""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.harness.checks.system_record import quantities
+from physics_crosscheck.harness.modelfiles.robot import home_of
+from physics_crosscheck.harness.render.terminal.equations import (
+    DerivedTree,
+    Matrix,
+    ShownBody,
+    ShownJoint,
+)
+from physics_crosscheck.reference.dynamics.formulas import Formulas, formulas
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, powers
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+
+ROUNDING = 1e-11
+"""Of a mass matrix with a diagonal of ones: smaller entries are what angles with a file's digits
+leave of zeros."""
+
+
+def tree_derivation(declared: MultibodySystem) -> DerivedTree:
+    """Return what is derived of declared bodies."""
+    system, whole = declared.tree_system, declared.assembled
+    home = home_of(whole.tree, whole.limits)[Coupled(whole.tree).kept]
+    found = formulas(whole.tree, system.q, system.v)
+    n = len(home)
+    still = np.zeros((1, n))
+    mass = TreeEquations(system).numeric_mass(
+        home[None], still, np.zeros((1, 0)), np.zeros((1, 1))
+    ).reshape(n, n)  # fmt: skip
+    size = np.sqrt(np.outer(mass.diagonal(), mass.diagonal()))
+    mass = np.where(np.abs(mass) > ROUNDING * size, mass, 0.0)
+    return DerivedTree(
+        title=declared.title,
+        source=declared.source,
+        q=system.q,
+        v=system.v,
+        a=system.a,
+        coordinates=quantities(system.coordinates),
+        bodies=[_body(one) for one in declared.bodies],
+        joints=[_joint(one, body) for body in declared.bodies for one in body.joints],
+        gravity=declared.gravity,
+        pulls=[one.name for one in declared.pulls],
+        couplings=[one.follower for one in declared.couplings],
+        motion=_motion(found, system.a) if isinstance(found, Formulas) else [],
+        left_out="" if isinstance(found, Formulas) else found,
+        home=home.tolist(),
+        mass=Matrix(name="M", symbolic=None, numbers=mass.tolist()),
+    )
+
+
+def _motion(
+    found: Formulas, a: tuple[sp.Symbol, ...]
+) -> list[tuple[list[tuple[sp.Expr, sp.Expr]], list[tuple[sp.Expr, sp.Expr]]]]:
+    """Both sides of each equation."""
+    return [
+        (list(zip(row, a, strict=True)), [(term, sp.Integer(1)) for term in force])
+        for row, force in zip(found.mass, found.force, strict=True)
+    ]
+
+
+def _body(body: RigidBody) -> ShownBody:
+    carried = body.parent or "the world"
+    moved = ", ".join(joint.name for joint in body.joints) or "welded"
+    return ShownBody(name=body.name, parent=carried, by=moved, mass=float(body.mass))
+
+
+def _joint(joint: Joint, body: RigidBody) -> ShownJoint:
+    return ShownJoint(
+        name=joint.name,
+        kind=joint.kind,
+        body=body.name,
+        limits=joint.limits if joint.single else None,
+        damping=powers(joint.damping),
+        stiffness=powers(joint.stiffness),
+        armature=float(joint.armature),
+    )

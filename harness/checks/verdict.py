@@ -1,0 +1,336 @@
+"""From defects to a verdict: one outcome, the number behind it, and the reason.
+
+The first that applies: ABSENT, FAILED, DIFFERS, UNRESOLVED, AGREES. No tolerance is picked: the
+uncertainty is that of the extrapolation, its rounding and the reference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from physics_crosscheck.harness.numerics import judgement
+from physics_crosscheck.harness.numerics.judgement import Judgement, Obstacle, obstacle
+from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.numerics.residual import Residual
+from physics_crosscheck.harness.numerics.segments import Extrapolated
+from physics_crosscheck.harness.records.case import CaseKind, starts_at
+from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.motion import Motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The judgement of one case.
+
+    Attributes:
+        outcome: see `Outcome`.
+        discrepancy: E, the largest defect over the segments, relative to how far the component
+            moves over a segment at most.
+        uncertainty: U, likewise.
+        largest_discrepancy, largest_uncertainty: over all components and segments.
+        component: the component they belong to, such as `x` or `theta_dot`.
+        time: start of the segment with the largest defect, seconds.
+        order: leading order seen on the segments' rungs; nan where rounding hides it.
+        map_residual, map_uncertainty: E and U of the engine's coordinates against the coordinate
+            map, likewise, the largest; nan where the map leaves nothing open.
+        reason: one sentence for whatever is not AGREES, and for what does with a reservation.
+        resolution: at which it is judged: what is asked, or what the engine's numbers allow.
+        kind: of the reason for DIFFERS or UNRESOLVED; empty for AGREES.
+    """
+
+    outcome: Outcome
+    discrepancy: float
+    uncertainty: float
+    largest_discrepancy: float
+    largest_uncertainty: float
+    component: str
+    time: float
+    order: float
+    map_residual: float
+    map_uncertainty: float
+    reason: str
+    resolution: float
+    kind: CaseKind = ""
+
+
+STILL = 1e-12
+"""A component that moves by less than this share of its like moves by rounding alone."""
+
+
+def filled(sizes: Array) -> Array:
+    """Sizes (2n,) of positions and velocities, nowhere zero.
+
+    One that rounding alone makes, as of a coordinate that nothing moves, is the largest of its
+    like; where none of these moves either, 1.
+    """
+    found = sizes.copy()
+    half = len(found) // 2
+    for part in (slice(0, half), slice(half, None)):
+        most = np.max(found[part])
+        found[part] = np.where(found[part] > STILL * most, found[part], most)
+    return np.where(found > 0, found, 1.0)
+
+
+def component_scale(motion: Motion, others: list[Motion]) -> Array:
+    """What counts as one, per component: how far it moves over a segment at most.
+
+    Floored by the system's other scenarios. A component that no scenario moves takes the largest
+    scale among the positions (or velocities).
+    """
+    reach = np.max([m.movement for m in others], axis=0) if others else motion.movement
+    return filled(np.maximum(motion.movement, FLOOR * reach))
+
+
+class Reference(Protocol):
+    """Where the equations take K segments: a motion's, or states that no motion joins."""
+
+    @property
+    def t(self) -> Array:
+        """Start times, (K,); nan where no motion joins them."""
+
+    @property
+    def end(self) -> Array:
+        """States at the segments' ends, (K, 2n)."""
+
+    @property
+    def bound(self) -> Array:
+        """Of the error of `end`, per component, (2n,)."""
+
+
+def judged(
+    found: Extrapolated,
+    reference: Reference,
+    *,
+    scale: Array,
+    components: tuple[str, ...],
+    coordinates: tuple[str, ...],
+    claimed: int,
+    resolution: float,
+) -> Verdict:
+    """The verdict on extrapolated segments, and on what they leave of the coordinate map.
+
+    Args:
+        found: of the segments.
+        reference: where the equations take them.
+        scale: what counts as one, per component, (2n,).
+        components: names of the state's components, 2n.
+        coordinates: names of the engine's coordinates, nz.
+        claimed: order that the engine claims.
+        resolution: relative discrepancy to resolve.
+    """
+    held = found.residual is not None
+    verdict = judge(found.limit, reference, scale, components, claimed, resolution, held)
+    if found.residual is None:
+        return verdict
+    return with_residual(verdict, found.residual, reference, coordinates, resolution)
+
+
+def judge(
+    limit: Limit,
+    motion: Reference,
+    scale: Array,
+    names: tuple[str, ...],
+    claimed: int,
+    resolution: float,
+    held: bool = False,
+) -> Verdict:
+    """Judge the extrapolated segments of one scenario: `harness.numerics.judgement`.
+
+    `with_residual` judges what the engine's coordinates leave of the map as well; `held` is whether
+    they are more than the equations'.
+    """
+    defect = np.abs(limit.value - motion.end) / scale
+    # Never below what a double resolves: a component at rest at zero has no rounding at all.
+    uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
+    asked, resolution = resolution, judgement.resolvable(limit, scale, resolution)
+    found = judgement.judge(defect, uncertainty, resolution, obstacle(limit))
+    time, component = float(motion.t[found.segment]), names[found.component]
+    place = starts_at(time, found.segment)
+    reason = ""
+    if found.outcome is Outcome.DIFFERS:
+        reason = (
+            f"{component} is off by {found.discrepancy:.2e} of its displacement at "
+            f"the end of the segment at {place}; the uncertainty there is "
+            f"{found.uncertainty:.1e}"
+        )
+    elif found.below_resolution:
+        reason = _below(component, place, found, resolution)
+    elif found.obstacle is not None:
+        why = _why_coarse(limit, found, held)
+        reason = _unresolved(found, limit, place, component, claimed, resolution, why)
+    elif found.largest_uncertainty > asked:
+        reason = _coarse(limit, found.largest_uncertainty, asked)
+    return Verdict(
+        outcome=found.outcome,
+        discrepancy=found.discrepancy,
+        uncertainty=found.uncertainty,
+        largest_discrepancy=found.largest_discrepancy,
+        largest_uncertainty=found.largest_uncertainty,
+        component=component,
+        time=time,
+        order=limit.order,
+        map_residual=float("nan"),
+        map_uncertainty=float("nan"),
+        reason=reason,
+        resolution=resolution,
+        kind=_kind(found, limit),
+    )
+
+
+def with_residual(
+    verdict: Verdict,
+    residual: Residual,
+    motion: Reference,
+    names: tuple[str, ...],
+    resolution: float,
+) -> Verdict:
+    """A verdict with that on the coordinate map's residual, whose reference is zero.
+
+    What leaves the map is a freedom that the equations don't have, or a constraint that has let go:
+    it shows in no motion that is read back.
+
+    Args:
+        names: of the engine's coordinates, nz.
+    """
+    limit, scale = residual.limit, residual.scale
+    defect = np.abs(limit.value) / scale
+    uncertainty = np.maximum(limit.uncertainty / scale, EPSILON)
+    resolution = judgement.resolvable(limit, scale, resolution)
+    found = judgement.judge(defect, uncertainty, resolution, None)
+    component = (*names, *(f"{name}_dot" for name in names))[found.component]
+    time, segment = float(motion.t[found.segment]), found.segment
+    known = replace(
+        verdict,
+        map_residual=found.largest_discrepancy,
+        map_uncertainty=found.largest_uncertainty,
+    )
+    worse = found.outcome.severity > verdict.outcome.severity
+    if found.outcome is Outcome.DIFFERS:
+        off = float(np.abs(limit.value[segment, found.component]))
+        told = (
+            f"engine coordinate {component} leaves the coordinate map by {off:.3g} "
+            f"over the segment at {starts_at(time, segment)} (relative "
+            f"{found.discrepancy:.2e}, uncertainty {found.uncertainty:.1e}); the "
+            "model has a degree of freedom that the equations lack, or its "
+            "constraint does not hold"
+        )
+    elif found.outcome is Outcome.UNRESOLVED:
+        told = (
+            f"engine coordinate {component} follows the coordinate map within an "
+            f"uncertainty of {found.uncertainty:.1e} near "
+            f"{starts_at(time, segment)}, above the requested resolution "
+            f"{resolution:.0e}: {_why_coarse(limit, found, held=True)}"
+        )
+    elif found.below_resolution:
+        place = starts_at(time, segment)
+        told = _below(f"engine coordinate {component}", place, found, resolution)
+    else:
+        return known
+    if not worse:
+        return replace(known, reason="; ".join(part for part in (verdict.reason, told) if part))
+    return replace(
+        known,
+        outcome=found.outcome,
+        discrepancy=found.discrepancy,
+        uncertainty=found.uncertainty,
+        largest_discrepancy=max(verdict.largest_discrepancy, found.largest_discrepancy),
+        largest_uncertainty=max(verdict.largest_uncertainty, found.largest_uncertainty),
+        component=component,
+        time=time,
+        reason=told,
+        resolution=resolution,
+        kind="coordinate map",
+    )
+
+
+def _coarse(limit: Limit, known: float, asked: float) -> str:
+    """What is said of an engine whose numbers have too few digits for what was asked."""
+    return (
+        f"known to {known:.1e}, above the requested {asked:.0e}: the engine's "
+        f"numbers have only {1 - math.log2(limit.epsilon):.0f} binary digits"
+    )
+
+
+def _below(what: str, place: str, found: Judgement, resolution: float) -> str:
+    """What is said of a difference that is measurable and was not asked for."""
+    return (
+        f"{what} differs at {found.discrepancy:.0e}, below the requested resolution "
+        f"{resolution:.0e} (segment at {place}, uncertainty {found.uncertainty:.0e})"
+    )
+
+
+def _unresolved(
+    found: Judgement,
+    limit: Limit,
+    place: str,
+    component: str,
+    claimed: int,
+    resolution: float,
+    coarse: str,
+) -> str:
+    if found.obstacle is Obstacle.STANDS_STILL:
+        return "all step sizes returned the same values: the engine did not step"
+    if found.obstacle is Obstacle.DIVERGES:
+        return "the extrapolation diverges: the limits at finer steps do not converge"
+    if found.obstacle is Obstacle.WRONG_ORDER:
+        return (
+            f"the convergence order is {limit.order:.2f} but the engine claims "
+            f"{claimed}, so the extrapolation is not trusted"
+        )
+    if found.obstacle is Obstacle.DIVERGES_HERE:
+        return (
+            f"the extrapolation diverges near {place}: the limits at finer steps do "
+            "not converge, which is typical of a motion that is not smooth"
+        )
+    return (
+        f"the limit of {component} has an uncertainty of {found.uncertainty:.1e} "
+        f"near {place}, above the requested resolution {resolution:.0e}: {coarse}"
+    )
+
+
+_KINDS: Mapping[Obstacle, CaseKind] = {
+    Obstacle.STANDS_STILL: "stands still",
+    Obstacle.DIVERGES: "diverges",
+    Obstacle.WRONG_ORDER: "wrong order",
+    Obstacle.DIVERGES_HERE: "not smooth",
+}
+
+
+def _kind(found: Judgement, limit: Limit) -> CaseKind:
+    """Return the kind of a reason; empty where the case agrees."""
+    if found.outcome is Outcome.DIFFERS:
+        return "motion"
+    if found.obstacle is None:
+        return ""
+    if found.obstacle is Obstacle.COARSE:
+        return "rounding" if _is_rounding(limit, found) else "coarse"
+    return _KINDS[found.obstacle]
+
+
+def _is_rounding(limit: Limit, found: Judgement) -> bool:
+    """Return whether rounding makes all of the uncertainty."""
+    at = found.segment, found.component
+    return bool(limit.uncertainty[at] <= ROUNDED * limit.rounding[at])
+
+
+def _why_coarse(limit: Limit, found: Judgement, held: bool) -> str:
+    """Return why an uncertainty is above the resolution.
+
+    Args:
+        held: whether the engine holds some coordinates to others.
+    """
+    if _is_rounding(limit, found):
+        divided = "; an equality divides the last digits of a position by the time step"
+        return "rounding allows no better" + (divided if held else "")
+    if held:
+        return (
+            "an equality yields differently at each step size, or the time step is too "
+            "coarse for it"
+        )
+    return "the motion is not smooth there, or the time step is too coarse for it"

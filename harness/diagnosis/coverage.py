@@ -1,0 +1,191 @@
+"""Numbers of a model's files, counted by what sees them."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.audit_task import AuditTask
+from physics_crosscheck.harness.diagnosis.behaviour import Probe
+from physics_crosscheck.harness.diagnosis.coverage_trials import Say, Trials
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.bindings import locate
+from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
+from physics_crosscheck.harness.modelfiles.locations import Literal, LocationError, literals
+from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.numerics.coordinates import coordinate_map
+from physics_crosscheck.harness.records.coverage import Coverage, Untested
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.system import System
+
+STATES = 24
+"""States at which a model is asked, beside each component's extremes."""
+
+SHOWN = 3
+"""Numbers that are named as examples of a reason."""
+
+_MODEL = re.compile(r"(settings|spring)\b.*")
+"""What of a sidecar is the model's."""
+
+_DIRECTION = re.compile(r".*axis\w*(@.*)?")
+"""Numbers of which the direction counts, and not the length."""
+
+_STEP = {r"settings(\.\w+)?\.step": "time step"}
+
+_NAMED = tuple(say.value for say in (Say.NONE, Say.FAINT, Say.FIXED, Say.REFUSED))
+"""Reasons for which each number that has an address is named."""
+
+
+def count_numbers(task: AuditTask) -> Coverage:
+    """Move every number of a model's files, and count those that something follows from.
+
+    Raises:
+        EngineError, SidecarError, LocationError: naming file, place and remedy.
+    """
+    engine = engines()[task.engine]
+    model = engine.load(task.sidecar.spec(task.engine))
+    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    z, w = coordinates.to_engine(_some(task.states))
+    frames = _frames(task.system, task.sidecar)
+    probe = Probe(z, w, model.step, engine, frames, task.resolution)
+    found, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
+    idle = {**_STEP, **engine.idle}
+    reasons = [reason_of(one.path, idle) for one in found]
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        base = probe.of(model)
+        _ = base.posed  # now: in some engines the next model ends this one
+        trials = Trials(task.sidecar, found, probe, base, Path(folder))
+        chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in found]
+        tried = [i for i, choice in enumerate(chosen) if not choice]
+        trials.nudge([i for i in tried if reasons[i]])
+        # What stands for a constant has a say, as a rule: it is not looked for among others.
+        for i in tried:
+            if not reasons[i] and _place(found[i]) in bound:
+                trials.nudge([i])
+        trials.nudge([i for i in tried if not reasons[i] and _place(found[i]) not in bound])
+        trials.flip([i for i, one in enumerate(found) if _DIRECTION.fullmatch(one.path)])
+    said = {**dict.fromkeys(range(len(found)), Say.UNTRIED), **trials.said}
+    said |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
+    return summarized(
+        [
+            CountedNumber(
+                path=one.path,
+                address="",
+                line=f"{one.location.file.name}:{one.location.line}",
+                say=said[i],
+                bound=_place(one) in bound,
+            )
+            for i, one in enumerate(found)
+        ],
+        idle,
+    )
+
+
+def _some(states: Array) -> Array:
+    """Some of the motions' states, with the extremes of every component."""
+    extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
+    spread = np.linspace(0, len(states) - 1, STATES).astype(int)
+    return states[list(dict.fromkeys([*extremes, *spread]))]
+
+
+def _frames(system: System, sidecar: Sidecar) -> SidecarFrames:
+    try:
+        return sidecar_frames(system, sidecar)
+    except SidecarError:  # the audit tells of it
+        return SidecarFrames(targets=(), axes=np.eye(3), origin=np.zeros(3))
+
+
+def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
+    """Those of the model file and of those it includes, and of the sidecar for this engine.
+
+    Of the sidecar its settings and springs.
+    """
+    others = tuple(f"settings.{name}." for name in sidecar.engine_settings if name != engine)
+    own = (
+        one
+        for one in literals(Path(f"{sidecar.model}.toml"))
+        if _MODEL.fullmatch(one.path) and not one.path.startswith(others)
+    )
+    folder = sidecar.model.parent
+    parts = [one for one in parts_of(sidecar.model) if one.is_relative_to(folder)]
+    return (*(one for file in parts for one in literals(file)), *own)
+
+
+def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
+    """File and first byte of every number that is bound."""
+    try:
+        places = locate(sidecar, sidecar.bindings)
+    except (LocationError, SidecarError):  # the audit tells of it
+        return frozenset()
+    return frozenset((str(place.file), place.start) for place in places.values())
+
+
+def _place(literal: Literal) -> tuple[str, int]:
+    return str(literal.location.file), literal.location.start
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountedNumber:
+    """A number of a file, and what depends on it.
+
+    Attributes:
+        path: the tags that lead to it and its attribute.
+        address: what it is called; empty for none.
+        line: where it stands, such as `rod.xml:12`.
+        say: what depends on it.
+        bound: whether it is held against a formula.
+    """
+
+    path: str
+    address: str
+    line: str
+    say: Say
+    bound: bool = False
+
+
+def reason_of(path: str, idle: Mapping[str, str]) -> str:
+    """Return what numbers of a kind are for on which no motion needs to depend; "" if unknown."""
+    return next((why for kind, why in idle.items() if re.fullmatch(kind, path)), "")
+
+
+def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Coverage:
+    """Return the counts of numbers: each once, by what tests it, or by why nothing does."""
+    counts = {"motion": 0, "audit": 0, "frames": 0}
+    untested: dict[str, list[CountedNumber]] = {}
+    for one in found:
+        if one.say is Say.MOTION:
+            counts["motion"] += 1
+        elif one.bound:
+            counts["audit"] += 1
+        elif one.say is Say.FRAMES:
+            counts["frames"] += 1
+        else:
+            why = reason_of(one.path, idle) if one.say in (Say.NONE, Say.CHOICE) else ""
+            untested.setdefault(why or one.say.value, []).append(one)
+    return Coverage(
+        numbers=len(found),
+        motion=counts["motion"],
+        audit=counts["audit"],
+        frames=counts["frames"],
+        untested=tuple(
+            Untested(reason=why, count=len(them), examples=_examples(why, them))
+            for why, them in sorted(untested.items(), key=lambda item: -len(item[1]))
+        ),
+    )
+
+
+def _examples(why: str, them: Sequence[CountedNumber]) -> tuple[str, ...]:
+    """What some are called: element and attribute, a name, or a line.
+
+    Each by its address, where what numbers of its kind are for is not the reason.
+    """
+    if them[0].address and why in _NAMED:
+        return tuple(one.address for one in them)
+    names = (one.path.rpartition("/")[2] or one.line for one in them)
+    return tuple(dict.fromkeys(names))[:SHOWN]

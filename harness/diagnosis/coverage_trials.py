@@ -1,0 +1,117 @@
+"""A model's numbers moved, many at once where nothing follows from any of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from enum import Enum
+from pathlib import Path
+
+from physics_crosscheck.harness.diagnosis.behaviour import Behaviour, Probe
+from physics_crosscheck.harness.modelfiles.bindings import with_texts
+from physics_crosscheck.harness.modelfiles.edits import reworded
+from physics_crosscheck.harness.modelfiles.locations import Literal
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+
+NUDGE = 1e-3
+"""Share of its size by which a number is moved, or this where it is zero."""
+
+PATIENCE = 2.0
+"""Processor seconds after which numbers are left untried."""
+
+_GOLDEN = 0.6180339887498949
+"""Spreads the sizes of moves, so that those of two numbers don't cancel."""
+
+
+class Say(Enum):
+    """What depends on a number."""
+
+    MOTION = "motion"
+    FRAMES = "frames"
+    FAINT = "effect below the resolution"
+    NONE = "no effect on motion"
+    FIXED = "links that do not move"
+    REFUSED = "not counted: no other value can be tried"
+    CHOICE = "switches and counts"
+    UNTRIED = "not counted: out of time"
+
+
+class Trials:
+    """Copies of a model with some numbers moved.
+
+    Args:
+        numbers: of the model's files.
+        base: what the model does as it is.
+        folder: for the copies.
+
+    Attributes:
+        said: what depends on each number, by its index; those not tried are not in it.
+    """
+
+    def __init__(
+        self,
+        sidecar: Sidecar,
+        numbers: Sequence[Literal],
+        probe: Probe,
+        base: Behaviour,
+        folder: Path,
+    ) -> None:
+        self.said: dict[int, Say] = {}
+        self._sidecar, self._numbers, self._probe = sidecar, numbers, probe
+        self._base, self._folder = base, folder
+        parts = (one.location.file for one in numbers)
+        files = dict.fromkeys((sidecar.model, Path(f"{sidecar.model}.toml"), *parts))
+        self._texts = {file: file.read_bytes() for file in files}
+        self._end = time.process_time() + PATIENCE
+
+    def nudge(self, group: Sequence[int]) -> None:
+        """Move numbers a little, those that the engine refuses to the next whole number."""
+        self._halve(group, lambda i: _moved(self._numbers[i], i))
+
+    def flip(self, group: Iterable[int]) -> None:
+        """Change the signs of numbers that no nudge showed."""
+        quiet = [i for i in group if self.said.get(i) is Say.NONE]
+        self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
+
+    def _halve(self, group: Sequence[int], words: Callable[[int], Sequence[str]]) -> None:
+        if not group or time.process_time() > self._end:
+            return
+        say = self._tried({i: words(i)[0] for i in group})
+        if say is Say.NONE:
+            self.said.update(dict.fromkeys(group, Say.NONE))
+        elif len(group) > 1:
+            half = len(group) // 2
+            self._halve(group[:half], words)
+            self._halve(group[half:], words)
+        else:
+            for other in words(group[0])[1:]:
+                if say is not Say.REFUSED:
+                    break
+                say = self._tried({group[0]: other})
+            self.said[group[0]] = say
+
+    def _tried(self, words: Mapping[int, str]) -> Say:
+        """What depends on some numbers, written in other words."""
+        places = ((self._numbers[i].location, word) for i, word in words.items())
+        texts = reworded(self._texts, places)
+        try:
+            model = self._probe.loaded(with_texts(self._sidecar, texts, self._folder))
+        except SidecarError:
+            model = None
+        if model is None:
+            return Say.REFUSED
+        done = self._probe.of(model)
+        if not done.moves_as(self._base, self._probe.resolution):
+            return Say.MOTION
+        return Say.NONE if done.poses_as(self._base, self._probe.resolution) else Say.FRAMES
+
+
+def _moved(literal: Literal, i: int) -> tuple[str, ...]:
+    """Other words for a number, in the order in which they are tried."""
+    value = literal.location.value
+    step = NUDGE * (1 + (i * _GOLDEN) % 1)
+    up, down = (value * (1 + step), value * (1 - step)) if value else (step, -step)
+    whole: tuple[str, ...] = () if value else ("1e-15",)
+    if literal.location.text.lstrip("+-").isdigit():
+        whole = (*whole, str(int(value) + 1), str(int(value) - 1))
+    return (repr(up), repr(down), *whole)

@@ -1,0 +1,86 @@
+"""Numbers of a robot's file, counted by whether its motions depend on them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.diagnosis.coverage import CountedNumber, summarized
+from physics_crosscheck.harness.diagnosis.coverage_trials import NUDGE, Say
+from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
+from physics_crosscheck.harness.diagnosis.robot_task import problem_of
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.reference.mechanism.tree import WORLD
+
+_INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
+
+
+def count_robot(task: RobotTask) -> Coverage:
+    """Count the numbers of a file whose change moves the ends of segments beyond the resolution.
+
+    By the equations, at the states of a diagnosis: no engine is run.
+
+    Raises:
+        RobotError, ReferenceError: naming the file.
+    """
+    numbers = robot_numbers(task.file, task.settings)
+    if numbers.unread:
+        return Coverage(note="; ".join(numbers.unread))
+    problem = problem_of(task, numbers, own=False)
+    says = {i: _say(problem, k, task.resolution) for k, i in enumerate(numbers.saying)}
+    choices, fixed = _choices(task), _fixed(task)
+    found = [
+        CountedNumber(
+            path=one.path,
+            address=one.address,
+            line=f"{one.file.name}:{one.line}",
+            say=_otherwise(one, says.get(i, Say.NONE), choices, fixed),
+        )
+        for i, one in enumerate(numbers.numerals)
+    ]
+    return summarized(found, engines()[task.engine].idle)
+
+
+def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
+    """What a change of a number does; a change that can't be followed is not one without effect."""
+    effect = problem.effect(index)
+    if effect is None or not np.isfinite(effect).all():
+        return Say.REFUSED
+    moved = float(np.max(np.abs(effect), initial=0.0)) * NUDGE * problem.hypotheses[index].size
+    if moved > resolution:
+        return Say.MOTION
+    return Say.FAINT if moved else Say.NONE
+
+
+def _otherwise(one: Numeral, say: Say, choices: str, fixed: Collection[str]) -> Say:
+    """Why nothing depends on a number, where its place in the file tells."""
+    if say is Say.NONE and choices and re.fullmatch(choices, one.path):
+        return Say.CHOICE
+    if say is Say.NONE and _INERTIAL.fullmatch(one.path) and _owner(one.element) in fixed:
+        return Say.FIXED
+    return say
+
+
+def _choices(task: RobotTask) -> str:
+    return engines()[task.engine].choices
+
+
+def _owner(element: RawElement) -> str:
+    """The name of the link or body that an element is part of; empty for none."""
+    above: RawElement | None = element
+    while above is not None and above.tag not in ("link", "body"):
+        above = above.parent
+    return "" if above is None else above.attributes.get("name", "")
+
+
+def _fixed(task: RobotTask) -> frozenset[str]:
+    """Names of links that stand still."""
+    robot = read_robot(task.file, floating=bool(task.settings.get("floating")))
+    return frozenset(part.name for part in robot.parts if part.body == WORLD)

@@ -1,0 +1,1 @@
+"""Commands and functions beyond a run: sweeps, engine versions, notebooks."""

@@ -1,0 +1,311 @@
+"""`compare`: two models of one mechanism held against each other, as a value."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from physics_crosscheck.harness.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.compare.compare import CompareOptions
+from physics_crosscheck.harness.compare.compare import compare as compared
+from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.compare.executor import in_workers
+from physics_crosscheck.harness.compare.record import comparison_record, failed_record
+from physics_crosscheck.harness.extras.notebook.markup import (
+    badge,
+    block,
+    line,
+    paper,
+    shown,
+    table,
+)
+from physics_crosscheck.harness.extras.notebook.motions import is_number
+from physics_crosscheck.harness.extras.notebook.optional import frame
+from physics_crosscheck.harness.extras.notebook.subject import Name
+from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
+from physics_crosscheck.harness.jobs.main_module import without_main
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.modelfiles.choice import named_model
+from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.planning.options import check_limits, check_resolution, check_text
+from physics_crosscheck.harness.records import comparison
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.render.terminal.comparison import print_comparison
+from physics_crosscheck.harness.results.places import shown_path
+
+_OPTION = re.compile(r"--([a-z][a-z-]*)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Something in which the two differ.
+
+    Attributes:
+        source: "file" for what the files say, read from them; "term" for a term of the equations,
+            measured; "line" for a place where files of one format are written differently.
+        kind: such as `mass` or `inertia`; of a line the literal or the setting.
+        about: the link, joint or frame, where it is about one.
+        message: one sentence.
+        a, b: what A has and B, as numbers or as they are written; None where it is no one thing.
+        where_a, where_b: the lines, where they are known.
+        moves: whether motions depend on it.
+        share: of the discrepancy that it explains alone; None where that is not known.
+    """
+
+    source: str
+    kind: str
+    about: str
+    message: str
+    a: float | str | None
+    b: float | str | None
+    where_a: SourceLine | None
+    where_b: SourceLine | None
+    moves: bool
+    share: Number
+
+
+class Comparison(comparison.Comparison, frozen=True, kw_only=True):
+    """How two models came out, as `crosscheck compare --json` writes it; true where they agree."""
+
+    @property
+    def agree(self) -> bool:
+        """Whether they move alike; what could not be run does not.
+
+        With `strict=True`, nothing that no run shows may differ either.
+        """
+        return self.passes
+
+    def __bool__(self) -> bool:
+        return self.agree
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """All in which they differ: what the files say first, the weightiest first in each part."""
+        return tuple(self._differences())
+
+    def _differences(self) -> Iterator[Difference]:
+        found = self.found
+        if found is None:
+            return
+        for one in found.properties:
+            yield Difference(
+                source="file", kind=one.kind, about=one.about, message=one.message,
+                a=one.a, b=one.b, where_a=one.where_a, where_b=one.where_b, moves=one.moves,
+                share=None,
+            )  # fmt: skip
+        for term in found.terms:
+            yield Difference(
+                source="term", kind=term.kind, about=", ".join(term.joints), message=term.message,
+                a=term.a, b=term.b, where_a=None, where_b=None, moves=True, share=term.effect,
+            )  # fmt: skip
+        for tried in found.differences:
+            if len(tried.edits) != 1:
+                continue
+            (edit,) = tried.edits
+            told = f"{edit.what}: {edit.a} -> {edit.b}"
+            yield Difference(
+                source="line", kind=edit.what, about="", message=told,
+                a=edit.a, b=edit.b, where_a=edit.where_a, where_b=edit.where_b,
+                moves=bool(tried.moved), share=tried.explained,
+            )  # fmt: skip
+
+    def to_frame(self, library: str = "") -> Any:
+        """A table of the differences, a row each, with the fields of `Difference` as columns.
+
+        Lines are as `file:line`, and empty where none is known.
+
+        Args:
+            library: "pandas" or "polars"; empty: the first of these that is installed.
+
+        Raises:
+            ImportError: where none is installed; says what installs it.
+        """
+        rows = self.differences
+        text = ("source", "kind", "about", "message", "a", "b", "where_a", "where_b")
+        columns: dict[str, list[object]] = {
+            name: [_text(getattr(one, name)) for one in rows] for name in text
+        }
+        columns["moves"] = [one.moves for one in rows]
+        columns["share"] = [float("nan") if one.share is None else one.share for one in rows]
+        return frame(columns, library)
+
+    def __str__(self) -> str:
+        text = StringIO()
+        print_comparison(paper(text, 160), self)
+        return text.getvalue().rstrip()
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        a, b = (f"{shown_path(one.model)} in {one.engine}" for one in self.models)
+        found = self.found
+        said = "" if found is None else (
+            f" discrepancy {shown(found.discrepancy, '{:.1e}')}, uncertainty"
+            f" {shown(found.uncertainty, '{:.1e}')}, on {escape(found.component)}"
+        )  # fmt: skip
+        heads = ["what", "A", "B", "line in A", "line in B"]
+        rows = [_cells(one) for one in self.differences]
+        notes = () if found is None else (*found.notes, *found.map)
+        return block(
+            line(f"A  {a}"),
+            line(f"B  {b}"),
+            f'<div style="margin:6px 0">{badge(self.outcome)}{said}</div>',
+            line(self.reason) if self.reason else "",
+            *map(line, _besides(found)),
+            table(heads, rows, left=5) if rows else "",
+            *(line(note, faint=True) for note in notes),
+        )
+
+
+def _besides(found: comparison.Compared | None) -> Iterator[str]:
+    """What is in no row of the table: joints that turn the other way, inertias of no body."""
+    if found is None:
+        return
+    for name in found.turned:
+        left = shown(found.left_when_turned, "{:.1e}")
+        yield (
+            f"{name} turns the other way in B (mapped so, {left} is left): turn its axis, or map it"
+            f' with joints={{"{name}": "-..."}}'
+        )
+    yield from found.impossible
+
+
+def _cells(one: Difference) -> list[str]:
+    where = (one.where_a, one.where_b)
+    idle = "" if one.moves else " (moves nothing here)"
+    what = one.kind if one.source == "line" else one.message
+    values = (_short(one.a), _short(one.b))
+    return [escape(f"{what}{idle}"), *map(escape, values), *(escape(_name(w)) for w in where)]
+
+
+def _text(value: float | str | SourceLine | None) -> str:
+    return "" if value is None else str(value)
+
+
+def _short(value: float | str | None) -> str:
+    return f"{value:.8g}" if isinstance(value, float) else _text(value)
+
+
+def _name(where: SourceLine | None) -> str:
+    """A line with the file's name alone: its path is above."""
+    return "" if where is None else Path(str(where)).name
+
+
+def compare(
+    a: Name,
+    b: Name,
+    *,
+    engine: str | None = None,
+    engine_a: str | None = None,
+    engine_b: str | None = None,
+    joints: Mapping[str, str] | None = None,
+    starts: Sequence[Mapping[str, float]] = (),
+    resolution: float = 1e-9,
+    as_shipped: bool = False,
+    floating: bool = False,
+    strict: bool = False,
+    limit: float = SECONDS,
+    memory: float = MEMORY,
+) -> Comparison:
+    """Hold two model files against each other, without equations, as `crosscheck compare` does.
+
+    Args:
+        a: a model file; also of a built-in system, as `"simple_pendulum/robot.urdf"`.
+        b: another, or the same before an edit.
+        engine: of both; None: the first that is installed of those that read each.
+        engine_a: of A alone.
+        engine_b: of B alone.
+        joints: those of A by those of B, such as `{"hip": "j1", "knee": "-j2"}`; None: by name,
+            order or place.
+        starts: states to start from, `{"hip": 1.0, "hip_dot": 0}`; none: they are drawn.
+        resolution: relative discrepancy to resolve.
+        as_shipped: with contacts, limits, dry friction and couplings, which are left out otherwise.
+        floating: whether the root links of URDFs without a sidecar move freely; beside an MJCF
+            whose root does, that of a URDF does too.
+        strict: whether `agree` is false where the files differ, or may differ, in what no run
+            shows, listed in `found.untested`.
+        limit: processor seconds that one task may use.
+        memory: GiB that a worker may hold.
+
+    Returns:
+        A record; where an engine failed, FAILED with the reason.
+
+    Raises:
+        CompareError: for files that are not there, engines that don't read them, joints without a
+            partner; with the remedy.
+        NotInstalledError: where no engine that would do is installed.
+        SidecarError: for a sidecar that can't be read.
+        TypeError: for an argument of another type.
+        ValueError: for a number that is out of bounds.
+    """
+    for key, file in {"a": a, "b": b}.items():
+        check_text(file, key, path=True)
+    for key, one in {"engine": engine, "engine_a": engine_a, "engine_b": engine_b}.items():
+        if one is not None:
+            check_text(one, key)
+    _check_joints(joints)
+    _check_starts(starts)
+    resolution = check_resolution(resolution)
+    created = datetime.datetime.now(datetime.UTC)
+    limits = check_limits(limit, memory, "compare's ")
+    try:
+        options = CompareOptions(
+            a=candidate("A", _path(a), engine_a or engine, floating=floating),
+            b=candidate("B", _path(b), engine_b or engine, floating=floating),
+            joints=(dict(joints or {}), {}),
+            starts=tuple({key: float(q) for key, q in one.items()} for one in starts),
+            resolution=resolution,
+            as_shipped=as_shipped,
+            strict=strict,
+        )
+        with without_main(), Workers(1, limits) as workers:
+            found = comparison_record(compared(options, in_workers(workers)), created)
+    except CompareError as error:
+        raise CompareError(_as_argument(str(error))) from None
+    except FailureError as error:
+        found = failed_record(options, error.failure, created)
+    return Comparison(**msgspec.structs.asdict(found))
+
+
+def _check_joints(joints: object) -> None:
+    pairs = {} if joints is None else joints
+    if not isinstance(pairs, Mapping) or not all(
+        isinstance(one, str) for pair in pairs.items() for one in pair
+    ):
+        raise TypeError(
+            f"joints is {brief(joints)}, expected joints of A by those of B, such as"
+            ' {"hip": "j1", "knee": "-j2"}'
+        )
+
+
+def _check_starts(starts: object) -> None:
+    if not isinstance(starts, Sequence) or not all(isinstance(one, Mapping) for one in starts):
+        raise TypeError(
+            f"starts is {brief(starts)}, expected a list of states, such as"
+            ' [{"hip": 1.0, "hip_dot": 0.0}]'
+        )
+    for start in starts:
+        for name, value in start.items():
+            if not is_number(value) or not math.isfinite(value):
+                raise CompareError(f"{name} starts at {value!r}, expected a finite number")
+
+
+def _path(name: Name) -> Path:
+    """A file, or that of a built-in system."""
+    path = Path(name)
+    found = None if path.exists() else named_model(str(name))
+    return path if found is None else found.folder / found.model
+
+
+def _as_argument(text: str) -> str:
+    """A message that speaks of an option of the command line, in Python's words."""
+    return _OPTION.sub(lambda found: f"{found[1].replace('-', '_')}=", text)

@@ -1,0 +1,142 @@
+"""HTML that a notebook shows, on paper as on a dark page: inline styles alone, and no script.
+
+Text and rules take the colour of the page around them; a badge has a ground of its own, and says in
+words what its colour says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+Indices = NDArray[np.intp]
+
+GROUNDS = {
+    Outcome.AGREES: "#176f2c", Outcome.ABSENT: "#6b5900", Outcome.REFUSED: "#6b5900",
+    Outcome.UNRESOLVED: "#7a3a9a",
+    Outcome.DIFFERS: "#b42318", Outcome.FAILED: "#7a0c1e",
+}  # fmt: skip
+"""Grounds of badges, on which white has a contrast of 6 and more."""
+
+_CELL = "padding:2px 10px;border:0;border-bottom:1px solid rgba(128,128,128,.35);"
+_LEFT, _RIGHT = "text-align:left;", "text-align:right;font-variant-numeric:tabular-nums;"
+_LINE = "#3d7fc1"
+"""On white as on black it has a contrast of 4 and more."""
+
+WIDTH, HEIGHT = 240, 34
+"""Of a small curve, pixels."""
+
+_BUCKETS = 120
+
+
+def paper(text: TextIO, width: int) -> Console:
+    """A console that writes plain text, and not into the cell of a notebook, as rich would."""
+    return Console(file=text, width=width, color_system=None, emoji=False, force_jupyter=False)
+
+
+def badge(outcome: Outcome) -> str:
+    """An outcome, white on its colour."""
+    style = (
+        f"background:{GROUNDS[outcome]};color:#fff;padding:1px 7px;border-radius:9px;"
+        "font-size:85%;font-weight:600;white-space:nowrap"
+    )
+    return f'<span style="{style}">{outcome}</span>'
+
+
+def block(*parts: str) -> str:
+    """Parts of a page under one another."""
+    return f'<div class="crosscheck" style="max-width:100%;overflow-x:auto">{"".join(parts)}</div>'
+
+
+def line(text: str, *, strong: bool = False, faint: bool = False) -> str:
+    """A line of text, escaped."""
+    style = "margin:4px 0;" + ("font-weight:600;" if strong else "")
+    style += "opacity:.75;" if faint else ""
+    return f'<div style="{style}">{escape(text)}</div>'
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
+    """A table whose cells are HTML already, the first columns to the left and others to the right.
+
+    Args:
+        heads: headings, escaped here.
+        rows: cells.
+        left: how many columns are words.
+    """
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        sides = (_LEFT if i < left else _RIGHT for i in range(len(row)))
+        return "".join(
+            f'<{tag} style="{_CELL}{side}">{cell}</{tag}>'
+            for side, cell in zip(sides, row, strict=True)
+        )
+
+    head = f"<thead><tr>{cells('th', [escape(one) for one in heads])}</tr></thead>"
+    body = "".join(f'<tr style="background:none">{cells("td", row)}</tr>' for row in rows)
+    style = "border-collapse:collapse;border:0;margin:4px 0;font-size:inherit"
+    return f'<table style="{style}">{head}<tbody>{body}</tbody></table>'
+
+
+def shown(value: float | None, form: str = "{:.4g}") -> str:
+    """A number; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else form.format(value)
+
+
+def curve(t: Array, values: Array, told: str, noise: float = 0.0) -> str:
+    """A small curve, (n,) over (n,), as SVG; broken where a value is not finite.
+
+    Of many points the smallest and the largest of each stretch are drawn, so that no swing is lost.
+
+    Args:
+        t, values: of the points.
+        told: to who can't see it.
+        noise: what moves by no more is drawn as what stands still.
+    """
+    finite = np.isfinite(values)
+    if not finite.any():
+        return ""
+    low, high = float(np.min(values[finite])), float(np.max(values[finite]))
+    still = high - low <= noise
+    span, middle = (math.inf, 0.5) if still else (high - low, 0.0)
+    width = float(t[-1] - t[0]) or 1.0
+
+    def place(i: int) -> str:
+        x = 2 + (WIDTH - 4) * float(t[i] - t[0]) / width
+        y = HEIGHT - 3 - (HEIGHT - 6) * ((float(values[i]) - low) / span + middle)
+        return f"{x:.1f},{y:.1f}"
+
+    drawn = []
+    for stretch in _stretches(finite):
+        points = " ".join(place(i) for i in _extremes(values, stretch))
+        drawn.append(
+            f'<polyline points="{points}" fill="none" stroke="{_LINE}" stroke-width="1.3"/>'
+        )
+    return (
+        f'<svg role="img" aria-label="{escape(told)}" width="{WIDTH}" height="{HEIGHT}"'
+        f' viewBox="0 0 {WIDTH} {HEIGHT}">{"".join(drawn)}</svg>'
+    )
+
+
+def _stretches(finite: NDArray[np.bool_]) -> list[Indices]:
+    """Indices of values between those that are not finite."""
+    indices = np.flatnonzero(finite)
+    return [s for s in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1) if len(s) > 1]
+
+
+def _extremes(values: Array, stretch: Indices) -> list[int]:
+    """Of a stretch, ascending, those that a curve of this size can show."""
+    if len(stretch) <= 2 * _BUCKETS:
+        return [int(i) for i in stretch]
+    kept = {int(stretch[0]), int(stretch[-1])}
+    for part in np.array_split(stretch, _BUCKETS):
+        kept |= {int(part[np.argmin(values[part])]), int(part[np.argmax(values[part])])}
+    return sorted(kept)

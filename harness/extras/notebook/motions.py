@@ -1,0 +1,258 @@
+"""Motions as a worker process makes them: of a model in an engine, and of the equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from numbers import Real
+from pathlib import Path
+
+from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.not_run import not_of_a_tree
+from physics_crosscheck.harness.checks.robot_record import settings_of
+from physics_crosscheck.harness.checks.robot_task import joints_of
+from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.extras.notebook.columns import Columns
+from physics_crosscheck.harness.extras.notebook.subject import Subject, sidecar_of
+from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.parts import part_digests
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.full_run import simulated, why_no_run
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.load import load_declaration, told_with_file
+from physics_crosscheck.reference.mechanism.declaration import Scenario
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
+from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.solve import solve, start_of
+
+Start = tuple[tuple[str, float], ...]
+"""Coordinates and rates, each with its value; what is not named is zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """Which motion of a mechanism is meant.
+
+    Attributes:
+        subject: the mechanism.
+        scenario: name of a declared one, or a start.
+        duration: seconds; None: the scenario's.
+    """
+
+    subject: Subject
+    scenario: str | Start
+    duration: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulated:
+    """A motion, and how it is to be simulated.
+
+    Attributes:
+        asked: the motion.
+        engine: that runs its file.
+        step: seconds; None: as it ships.
+    """
+
+    asked: Asked
+    engine: str
+    step: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """A motion of the equations.
+
+    Attributes:
+        declaration: of the mechanism.
+        motion: its reference motion.
+        reads: states of what it depends on, by name relative to the folder.
+    """
+
+    declaration: System | TreeSystem
+    motion: Motion
+    reads: Mapping[str, str]
+
+
+def simulate(task: Simulated) -> Trajectory:
+    """Run a model from a scenario's start to its end.
+
+    Raises:
+        MotionError, EngineError, DeclarationError, SidecarError, RobotError: in one sentence.
+    """
+    asked = task.asked
+    source = _source(asked.subject)
+    scenario = _scenario(source, asked)
+    model, coordinates = _loaded(source, asked.subject, task.engine)
+    step = model.step if task.step is None else task.step
+    duration = float(scenario.duration)
+    if why := why_no_run(duration, step):
+        raise MotionError(f"{asked.subject.file}: {why}")
+    start = start_of(source.declaration, scenario)
+    inputs = numeric_inputs(pieces(source.declaration, scenario))
+    times, states = simulated(model, coordinates, start, inputs, duration, step)
+    columns = Columns(source.declaration)
+    engine = engines()[task.engine]
+    file = asked.subject.place.name
+    return Trajectory(
+        t=times,
+        names=columns.names,
+        units=columns.units,
+        values=columns.values(times, states),
+        uncertainty=None,
+        system=source.declaration.name,
+        scenario=scenario.name,
+        origin=f"{file} in {engine.title} {engine.version()}, {model.integrator},"
+        f" a step of {step:g} s",
+        step=step,
+    )
+
+
+def solved(asked: Asked) -> Solved:
+    """Solve the equations from a scenario's start to its end.
+
+    Raises:
+        MotionError, DeclarationError, ReferenceError, RobotError: in one sentence.
+    """
+    source = _source(asked.subject)
+    scenario = _scenario(source, asked)
+    declaration = source.declaration
+    if isinstance(declaration, TreeSystem):
+        motion = solve(TreeEquations(declaration), scenario)
+    else:
+        assert asked.subject.folder is not None
+        with told_with_file(asked.subject.folder):
+            motion = solve(derive(declaration), scenario)
+    return Solved(declaration=declaration, motion=motion, reads=source.reads)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Source:
+    """A mechanism, as it is read.
+
+    Attributes:
+        declaration: of energies, or of bodies.
+        robot: the file that says it; None for a folder.
+        reads: states of what was read, by name relative to the folder.
+    """
+
+    declaration: System | TreeSystem
+    robot: Robot | None
+    reads: Mapping[str, str]
+
+
+def _source(subject: Subject) -> _Source:
+    if subject.folder is None:
+        assert subject.file is not None
+        with recorded(subject.file.parent) as reads:
+            robot = read_robot(subject.file)
+            system = robot_system(robot)
+        # A compiler opens files out of Python's sight.
+        read = {**reads.states(), **part_digests(subject.file.absolute())}
+        return _Source(declaration=system, robot=robot, reads=read)
+    with recorded(subject.folder) as reads:
+        declared = load_declaration(subject.folder)
+    whole = declared.tree_system if isinstance(declared, MultibodySystem) else declared
+    return _Source(declaration=whole, robot=None, reads=reads.states())
+
+
+def _scenario(source: _Source, asked: Asked) -> Scenario:
+    """The scenario that is meant, with the duration that is asked.
+
+    Raises:
+        MotionError: with those that there are.
+    """
+    declaration, place = source.declaration, asked.subject.place
+    if not isinstance(asked.scenario, str):
+        return _own(declaration, asked.scenario, asked.duration, place)
+    for one in declaration.scenarios:
+        if one.name == asked.scenario:
+            return one if asked.duration is None else replace(one, duration=asked.duration)
+    known = ", ".join(one.name for one in declaration.scenarios)
+    there = f"it has {known}; or give" if known else "it declares none; give"
+    first = declaration.coordinates[0].name
+    raise MotionError(
+        f"{place}: {declaration.name} has no scenario {asked.scenario!r}; {there} a start, such as"
+        f' {{"{first}": 0.1}}, with a duration'
+    )
+
+
+def _own(
+    declaration: System | TreeSystem, start: Start, duration: float | None, place: Path
+) -> Scenario:
+    given = dict(start)
+    names = [c.name for c in declaration.coordinates]
+    known = (*names, *(f"{name}_dot" for name in names))
+    for name in given:
+        if name not in known:
+            raise MotionError(
+                f"{place}: a start has no {name!r}; {declaration.name} has {', '.join(known)}"
+            )
+    if duration is None:
+        raise MotionError(f"{place}: set a duration in seconds, such as duration=10")
+    return Scenario(
+        told(start),
+        "a start of its own",
+        q={c: given.get(c.name, 0.0) for c in declaration.coordinates},
+        v={c: given.get(f"{c.name}_dot", 0.0) for c in declaration.coordinates},
+        inputs=dict.fromkeys(declaration.inputs, 0),
+        duration=duration,
+    )
+
+
+def _loaded(source: _Source, subject: Subject, engine: str) -> tuple[Model, CoordinateMap]:
+    """A model, and the map between its coordinates and the mechanism's."""
+    file = subject.file
+    assert file is not None
+    if isinstance(source.declaration, System):
+        return load(source.declaration, sidecar_of(file), engine)
+    adapter = engines()[engine]
+    if source.robot is None:
+        sidecar = sidecar_of(file)
+        if why := not_of_a_tree(sidecar):
+            raise MotionError(why)
+        spec = sidecar.spec(engine)
+    else:
+        settings = {**adapter.settings_for(file.suffix), **settings_of(source.robot)}
+        spec = ModelSpec(path=file, settings=settings)
+    model = adapter.load(spec)
+    followers = Followers.of(source.declaration.tree)
+    order = joints_of(followers, model, file, engine)
+    names = tuple(c.name for c in source.declaration.coordinates)
+    return model, followers.map(order, names)
+
+
+def told(start: Start) -> str:
+    """A start in words."""
+    return ", ".join(f"{name} = {value:g}" for name, value in start) or "from zero"
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a real number, of Python or of numpy; a truth value is none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def start_from(given: Mapping[str, float]) -> Start:
+    """A start as it is sent to a worker.
+
+    Raises:
+        MotionError: for what is no mapping of names to finite numbers.
+    """
+    if not isinstance(given, Mapping):
+        raise MotionError(
+            f'the scenario is {given!r}, expected a name, or a start such as {{"theta": 0.1}}'
+        )
+    for name, value in given.items():
+        if not is_number(value) or not math.isfinite(value):
+            raise MotionError(f"{name} starts at {value!r}, expected a finite number")
+    return tuple((str(name), float(value)) for name, value in given.items())

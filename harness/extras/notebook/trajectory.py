@@ -1,0 +1,272 @@
+"""A motion as arrays with names and units: simulated, of the equations, or their difference."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physics_crosscheck.harness.extras.notebook.markup import (
+    Indices,
+    block,
+    curve,
+    line,
+    shown,
+    table,
+)
+from physics_crosscheck.harness.extras.notebook.optional import frame, new_axes
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TIME = "t (s)"
+
+TITLE = 95
+"""Characters to a line of a plot's title."""
+
+SAME = 1e-9
+"""Times are the same up to this share of the whole: steps are counted, and their sums rounded."""
+
+ROUNDING = 1e-12
+"""Of a column's largest value: what moves by no more stands still."""
+
+FEWEST = 2
+"""Times that two trajectories must share, for their difference to be one."""
+
+
+class MotionError(ValueError):
+    """A motion that was asked for and can't be had; the message says why, and what can."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """Quantities of a mechanism over time: its coordinates, their rates, its outputs, its energy.
+
+    `trajectory["theta"]` is a column, (n,). `a - b` are the errors of a, where both have values.
+
+    Attributes:
+        t: times, s, ascending, (n,).
+        names: of the columns: coordinates, then `NAME_dot` of each, outputs, `energy`; k of them.
+        units: of each, such as "rad/s"; "1" for none.
+        values: (n, k); not finite where a simulation has blown up.
+        uncertainty: bound of the error of each value, (n, k); None where it is not known, as of a
+            simulation.
+        system: name of the mechanism.
+        scenario: that it is in.
+        origin: what made it: file, engine, integrator and step; or how the equations were solved.
+        step: of the engine, s; None where there is none.
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    uncertainty: Array | None
+    system: str
+    scenario: str
+    origin: str
+    step: float | None
+
+    def __post_init__(self) -> None:
+        for array in (self.t, self.values, self.uncertainty):
+            if array is not None:
+                array.flags.writeable = False
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Arrays come from another process as ones that can be written to.
+        self.__dict__.update(state)
+        self.__post_init__()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, name: str) -> Array:
+        return self.values[:, self._index(name)]
+
+    def uncertainty_of(self, name: str) -> Array:
+        """The bound of a column's error, (n,).
+
+        Raises:
+            KeyError: naming the columns that there are.
+            ValueError: where none is known.
+        """
+        place = self._index(name)
+        if self.uncertainty is None:
+            raise ValueError(
+                f"no error bound is known of {self.origin}; compare it with solve(...)"
+            )
+        return self.uncertainty[:, place]
+
+    def label(self, name: str) -> str:
+        """A column's name with its unit, such as `theta (rad)`.
+
+        Raises:
+            KeyError: naming the columns that there are.
+        """
+        unit = self.units[self._index(name)]
+        return name if unit == "1" else f"{name} ({unit})"
+
+    def minus(self, other: Trajectory) -> Trajectory:
+        """The errors of this one, at the times that both have: values here minus those there.
+
+        What is known of either's error is the uncertainty.
+
+        Raises:
+            MotionError: where the columns are not the same, or no times are.
+        """
+        self._check_alike(other)
+        here, there = self._common(other)
+        parts = [
+            part[rows]
+            for part, rows in ((self.uncertainty, here), (other.uncertainty, there))
+            if part is not None
+        ]
+        return Trajectory(
+            t=self.t[here],
+            names=self.names,
+            units=self.units,
+            values=self.values[here] - other.values[there],
+            uncertainty=np.sum(parts, axis=0) if parts else None,
+            system=self.system,
+            scenario=self.scenario,
+            origin=f"{self.origin} minus {other.origin}",
+            step=self.step,
+        )
+
+    def __sub__(self, other: Trajectory) -> Trajectory:
+        return self.minus(other) if isinstance(other, Trajectory) else NotImplemented
+
+    def to_frame(self, library: str = "") -> Any:
+        """A table: a row a time, a column a quantity, headed like `theta (rad)`.
+
+        With an uncertainty there is a column `theta uncertainty (rad)` for each as well.
+
+        Args:
+            library: "pandas" or "polars"; empty: the first of these that is installed.
+
+        Raises:
+            ImportError: where none is installed; says what installs it.
+        """
+        columns: dict[str, Array] = {TIME: self.t}
+        columns |= {self.label(name): self[name] for name in self.names}
+        if self.uncertainty is not None:
+            for name in self.names:
+                heading = self.label(name).replace(name, f"{name} uncertainty", 1)
+                columns[heading] = self.uncertainty_of(name)
+        return frame(columns, library)
+
+    def plot(self, *names: str, ax: Axes | None = None) -> tuple[Axes, ...]:
+        """Draw columns over time, those of one unit in one panel.
+
+        Args:
+            names: of the columns; none: all.
+            ax: where all of them are drawn; None: a figure of its own.
+
+        Returns:
+            The axes that were drawn on, top to bottom.
+
+        Raises:
+            KeyError: naming the columns that there are.
+            ImportError: without matplotlib; says what installs it.
+        """
+        wanted = names or self.names
+        labels = {name: self.label(name) for name in wanted}
+        if ax is not None:
+            self._draw(ax, labels)
+            ax.set_xlabel(TIME)
+            return (ax,)
+        units = dict.fromkeys(self.units[self._index(name)] for name in wanted)
+        axes = new_axes(len(units), 1.7)
+        for unit, one in zip(units, axes, strict=True):
+            own = [name for name in wanted if self.units[self._index(name)] == unit]
+            self._draw(one, {name: labels[name] for name in own})
+        title = textwrap.fill(f"{self.system}, {self.scenario}: {self.origin}", TITLE)
+        axes[0].set_title(title, fontsize="small")
+        axes[-1].set_xlabel(TIME)
+        return tuple(axes)
+
+    def _draw(self, ax: Axes, labels: dict[str, str]) -> None:
+        for name, label in labels.items():
+            (drawn,) = ax.plot(self.t, self[name], label=label, linewidth=1.2)
+            if self.uncertainty is not None:
+                low, high = (self[name] + s * self.uncertainty_of(name) for s in (-1, 1))
+                ax.fill_between(self.t, low, high, color=drawn.get_color(), alpha=0.25, linewidth=0)
+        if len(labels) == 1:
+            ax.set_ylabel(next(iter(labels.values())))
+        else:
+            ax.legend(loc="upper right", fontsize="small")
+        ax.grid(alpha=0.3)
+
+    def __repr__(self) -> str:
+        what = ", ".join(map(self.label, self.names))
+        return (
+            f"<Trajectory of {self.system}, {self.scenario}: {counted(len(self), 'time')} to"
+            f" {self.t[-1]:g} s of {what}; {self.origin}>"
+        )
+
+    def _repr_html_(self) -> str:
+        known = self.uncertainty is not None
+        heads = ["", "first", "last", "smallest", "largest"] + ["known to"] * known + ["over time"]
+        rows = [self._row(name) for name in self.names]
+        blown = np.flatnonzero(~np.isfinite(self.values).all(axis=1))
+        told = [line(f"not finite from t = {self.t[blown[0]]:g} s on")] if len(blown) else []
+        return block(
+            line(f"{self.system}, {self.scenario}", strong=True),
+            line(f"{self.origin}; {counted(len(self), 'time')} to {self.t[-1]:g} s", faint=True),
+            *told,
+            table(heads, rows),
+        )
+
+    def _row(self, name: str) -> list[str]:
+        values = self[name]
+        finite = values[np.isfinite(values)]
+        extremes = (np.min(finite), np.max(finite)) if len(finite) else (np.nan, np.nan)
+        sizes = (values[0], values[-1], *extremes)
+        cells = [escape(self.label(name)), *(shown(float(x), "{:.6g}") for x in sizes)]
+        if self.uncertainty is not None:
+            cells.append(shown(float(np.max(self.uncertainty_of(name))), "{:.1e}"))
+        # Of what is constant, as an energy may be, rounding is not to be seen.
+        noise = ROUNDING * float(np.max(np.abs(finite), initial=0.0))
+        if self.uncertainty is not None:
+            noise = max(noise, 2 * float(np.max(self.uncertainty_of(name))))
+        return [*cells, curve(self.t, values, f"{name} over time", noise)]
+
+    def _index(self, name: str) -> int:
+        if name not in self.names:
+            raise KeyError(f"there is no {name!r}; there are {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def _check_alike(self, other: Trajectory) -> None:
+        own, others = (tuple(zip(x.names, x.units, strict=True)) for x in (self, other))
+        if own != others:
+            here, there = (", ".join(map(x.label, x.names)) for x in (self, other))
+            raise MotionError(
+                f"these are not the same quantities: {here} of {self.system}, and {there} of"
+                f" {other.system}"
+            )
+
+    def _common(self, other: Trajectory) -> tuple[Indices, Indices]:
+        """Rows of the times that both have."""
+        near = np.clip(np.searchsorted(other.t, self.t), 1, max(len(other.t) - 1, 1))
+        before = np.maximum(near - 1, 0)
+        near = np.minimum(near, len(other.t) - 1)
+        closer = np.abs(other.t[before] - self.t) <= np.abs(other.t[near] - self.t)
+        nearest = np.where(closer, before, near)
+        here = np.flatnonzero(np.abs(other.t[nearest] - self.t) <= SAME * max(self.t[-1], 1e-300))
+        if len(here) < FEWEST:
+            raise MotionError(
+                f"they share {counted(len(here), 'time')}; ask for the same ones, as in"
+                " solve(system, scenario, times=simulated.t)"
+            )
+        return here, nearest[here]
+
+
+def units_of_rates(units: Sequence[str]) -> list[str]:
+    """Units of the rates of quantities."""
+    return [f"{unit}/s" for unit in units]

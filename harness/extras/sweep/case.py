@@ -1,0 +1,83 @@
+"""Cases of a sweep in a worker: the segments' verdict, and the error at the shipped step.
+
+What a sweep leaves out beside a run's case: the finer full runs, the next step, accelerations,
+series, linearizations, audit and coverage.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from functools import lru_cache
+from pathlib import Path
+
+from physics_crosscheck.harness.extras.sweep.known import Known, blank
+from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
+from physics_crosscheck.harness.extras.sweep.robot import SweptRobot
+from physics_crosscheck.harness.extras.sweep.source import Source
+from physics_crosscheck.harness.extras.sweep.system import Swept
+from physics_crosscheck.harness.modelfiles.quote import original_paths
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+
+
+@lru_cache(maxsize=16)
+def swept(folder: str, varied: frozenset[str], content: str) -> Source:
+    """A folder or a robot's file, prepared once a process.
+
+    Args:
+        folder: of the system, or the file.
+        varied: names of the constants that are varied.
+        content: hash of what is in it: a worker that lives on takes no old one for it.
+
+    Raises:
+        DeclarationError, SidecarError, RobotError: naming what is wrong and where.
+    """
+    return _loaded(folder, content).varying(varied)
+
+
+@lru_cache(maxsize=16)
+def _loaded(folder: str, content: str) -> Source:
+    del content  # another one is another folder
+    path = Path(folder)
+    if path.is_file():
+        return SweptRobot(path)
+    if isinstance(load_declaration(path), MultibodySystem):
+        raise DeclarationError(
+            f"{path / 'system.py'}: it declares bodies, whose numbers have no names to vary them"
+            " by; sweep the numbers of a model file by itself: `crosscheck sweep --standalone FILE`"
+        )
+    return Swept(path)
+
+
+def run_block(block: Block) -> tuple[SweepRow, ...]:
+    """Run some cases; one that can't be run is FAILED, with its reason."""
+    source = swept(block.folder, block.varied, block.content)
+    # What all cases of a model share is made first, so that no row's time has it.
+    for one in {(case.model, case.engine): case for case in block.cases}.values():
+        source.prepare(one.model, one.engine)
+    return tuple(_row(source, block, case) for case in block.cases)
+
+
+def _row(source: Source, block: Block, case: Planned) -> SweepRow:
+    began = time.process_time()
+    known = Known(blank(block, case, ""))
+    with tempfile.TemporaryDirectory(prefix="drawn-") as place:
+        try:
+            source.run(case, block.resolution, Path(place), known)
+        except Exception as error:
+            known.tell(outcome=Outcome.FAILED, reason=_said(error))
+    known.tell(seconds=time.process_time() - began)
+    named = Path(block.folder)
+    folder = named.parent if named.is_file() else named
+    known.tell(reason=original_paths(known.row.reason, Path(place), folder))
+    return known.row
+
+
+def _said(error: Exception) -> str:
+    ours = type(error).__module__.startswith("physics_crosscheck.")
+    said = " ".join(str(error).split())
+    return said if ours and said else f"{type(error).__name__}: {said}"

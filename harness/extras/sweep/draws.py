@@ -1,0 +1,129 @@
+"""Designs of experiments: where in the ranges of the constants the draws lie.
+
+Each is a function of a seed and a draw's number, so that no more than a table of the draws is ever
+held: a Latin hypercube is made at once, 8 bytes a number; a Sobol sequence goes on from where it
+is; of random draws each has a generator of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+MOST = 2**30
+"""Draws of a Sobol sequence, as scipy makes it."""
+
+
+class Design(StrEnum):
+    """How draws are spread over the ranges."""
+
+    LATIN = "latin"
+    SOBOL = "sobol"
+    RANDOM = "random"
+    ALL = "all"
+    """Every combination of listed values: where no number of draws is told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draws:
+    """So many draws of some factors.
+
+    Attributes:
+        factors: what is varied; none: one draw, which varies nothing.
+        design: how.
+        count: of draws.
+        seed: from which they follow.
+    """
+
+    factors: tuple[Factor, ...]
+    design: Design
+    count: int
+    seed: int
+
+    def at(self, draw: int) -> dict[str, float]:
+        """Values of the varied constants in a draw."""
+        if not self.factors:
+            return {}
+        if self.design is Design.ALL:
+            return self._combination(draw)
+        shares = self._shares(draw)
+        return {one.name: one.value(float(x)) for one, x in zip(self.factors, shares, strict=True)}
+
+    def _combination(self, draw: int) -> dict[str, float]:
+        found = {}
+        for one in reversed(self.factors):
+            draw, place = divmod(draw, len(one.values))
+            found[one.name] = one.values[place]
+        return {one.name: found[one.name] for one in self.factors}
+
+    def _shares(self, draw: int) -> Array:
+        size = len(self.factors)
+        if self.design is Design.RANDOM:
+            found: Array = np.random.default_rng([self.seed, draw]).random(size)
+            return found
+        if self.design is Design.LATIN:
+            row: Array = self._table[draw]
+            return row
+        return self._sobol.at(draw)
+
+    @cached_property
+    def _table(self) -> Array:
+        from scipy.stats import qmc  # half a second to import
+
+        sampler = qmc.LatinHypercube(len(self.factors), seed=np.random.default_rng(self.seed))
+        table: Array = sampler.random(self.count)
+        return table
+
+    @cached_property
+    def _sobol(self) -> _Sobol:
+        return _Sobol(len(self.factors), self.seed)
+
+
+class _Sobol:
+    """A scrambled Sobol sequence, asked for mostly in order."""
+
+    def __init__(self, size: int, seed: int) -> None:
+        from scipy.stats import qmc
+
+        generator = np.random.default_rng(seed)
+        self._sampler: Any = qmc.Sobol(size, scramble=True, seed=generator)
+
+    def at(self, draw: int) -> Array:
+        """The point of a number."""
+        if draw < self._sampler.num_generated:
+            self._sampler.reset()
+        if draw > self._sampler.num_generated:
+            self._sampler.fast_forward(draw - self._sampler.num_generated)
+        point: Array = self._sampler.random(1)[0]
+        return point
+
+
+def draws(factors: Sequence[Factor], design: Design, count: int | None, seed: int) -> Draws:
+    """The draws that are asked for; without a number of them every combination of listed values.
+
+    Raises:
+        SweepError: where a range is given and no number of draws.
+    """
+    if not factors:
+        return Draws(factors=(), design=Design.ALL, count=1, seed=seed)
+    if count is None:
+        for one in factors:
+            if not one.values:
+                raise SweepError(
+                    f"--vary {one.name}: a range has infinitely many values; add --draws N, or"
+                    f" list values as in {one.name}={one.low:g},{one.high:g}"
+                )
+        every = math.prod(len(one.values) for one in factors)
+        return Draws(factors=tuple(factors), design=Design.ALL, count=every, seed=seed)
+    if design is Design.SOBOL and count > MOST:
+        raise SweepError(f"--draws {count}: a Sobol sequence has {MOST} points at most")
+    return Draws(factors=tuple(factors), design=design, count=count, seed=seed)

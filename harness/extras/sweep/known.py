@@ -1,0 +1,126 @@
+"""What is known of a case of a sweep so far, and how its engine's stepping is timed."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from physics_crosscheck.harness.checks.verdict import Verdict
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, Model
+from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+
+
+def blank(block: Block, case: Planned, reason: str) -> SweepRow:
+    """The row of a case that could not be run."""
+    return SweepRow(
+        index=case.index,
+        draw=case.draw,
+        system=block.system,
+        model=case.model,
+        engine=case.engine,
+        scenario=case.scenario,
+        integrator=case.integrator,
+        step=number(case.step),
+        constants=dict(case.constants),
+        outcome=Outcome.FAILED,
+        reason=reason,
+        command=case.command,
+    )
+
+
+class Known:
+    """What is known of a case so far, however it ends."""
+
+    def __init__(self, row: SweepRow) -> None:
+        self.row = row
+
+    def tell(self, **more: Any) -> None:
+        """Fields of the row."""
+        values = {name: getattr(self.row, name) for name in self.row.__struct_fields__}
+        self.row = SweepRow(**{**values, **more})
+
+    def tell_verdict(self, verdict: Verdict) -> None:
+        """What the segments say."""
+        self.tell(
+            outcome=verdict.outcome,
+            reason=verdict.reason,
+            discrepancy=number(verdict.discrepancy),
+            uncertainty=number(verdict.uncertainty),
+            resolution=number(verdict.resolution),
+            digits=number(_digits(verdict)),
+            order=number(verdict.order),
+        )
+
+    @contextmanager
+    def timing(self, field: str) -> Iterator[None]:
+        """Processor time of what is done within, for a field of the row."""
+        began = time.process_time()
+        try:
+            yield
+        finally:
+            self.tell(**{field: time.process_time() - began})
+
+    @contextmanager
+    def stepping(self, model: Timed) -> Iterator[None]:
+        """What the engine took, however it ends."""
+        try:
+            yield
+        finally:
+            self.tell(engine_seconds=model.seconds, steps=model.steps)
+
+    def check_step(self, model: Model, case: Planned) -> None:
+        """Tell the model's step.
+
+        Raises:
+            EngineError: where another one is asked for.
+        """
+        self.tell(step=number(model.step))
+        if case.step is not None and model.step != case.step:
+            raise EngineError(
+                f"{case.model}: {case.engine} steps it by {model.step:g} s, where"
+                f" {case.step:g} s is asked for"
+            )
+
+
+def _digits(verdict: Verdict) -> float:
+    """That agree in every component; nan where nothing was judged."""
+    worst = max(verdict.largest_discrepancy, verdict.largest_uncertainty)
+    if not math.isfinite(worst):
+        return math.nan
+    return -math.log10(worst) if worst > 0 else 17.0
+
+
+class Timed(Model):
+    """A model whose stepping is counted and timed."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self.seconds, self.steps = 0.0, 0
+        self.coordinates, self.step = model.coordinates, model.step
+        self.integrator, self.gravity = model.integrator, model.gravity
+        self.epsilon = model.epsilon
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """The model's."""
+        return self._model.exponents(varying_input)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """The model's, timed and counted."""
+        began = time.process_time()
+        found = self._model.rollout(q, v, h, n, force, every)
+        self.seconds += time.process_time() - began
+        self.steps += n * len(q)
+        return found
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The model's."""
+        return self._model.warnings

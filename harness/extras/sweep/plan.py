@@ -1,0 +1,248 @@
+"""The plan of a sweep: how many cases there are, and which each is, from its number alone.
+
+Of each folder in turn: draw by draw, in each its scenarios, in each the models, engines and
+integrators, and last the steps. So cases that share a reference motion follow each other, and no
+more than one block of cases is ever made.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, draws
+from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError, meant
+from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
+from physics_crosscheck.harness.extras.sweep.survey import Pairing, Survey
+from physics_crosscheck.harness.jobs.limits import Limits
+
+MANY, FEW = 24, 4
+"""Names that are told of those there are: all of so many, else so few."""
+
+BLOCK = 16
+"""Cases that a worker is given at once, about; more than a draw's scenario has are split."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions:
+    """What a sweep is asked for.
+
+    Attributes:
+        factors: constants that are varied.
+        design, count, seed: of the draws.
+        steps: shipped steps, seconds; empty: each model's own.
+        integrators, engines, scenarios: names; empty: each model's own, all, all.
+        resolution: relative discrepancy to resolve.
+        jobs: worker processes.
+        limits: of a case.
+        scheduler: address of a cluster's; empty: this machine.
+        command: words of the command line, without `--only`.
+    """
+
+    factors: tuple[Factor, ...] = ()
+    design: Design = Design.LATIN
+    count: int | None = None
+    seed: int = 0
+    steps: tuple[float, ...] = ()
+    integrators: tuple[str, ...] = ()
+    engines: tuple[str, ...] = ()
+    scenarios: tuple[str, ...] = ()
+    resolution: float = 1e-9
+    jobs: int = 2
+    limits: Limits = Limits()  # noqa: RUF009  # frozen
+    scheduler: str = ""
+    command: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """The cases of one folder.
+
+    Attributes:
+        survey: of the folder.
+        draws: of its own constants.
+        steps: that its models are run at; None: their own.
+        first: number of its first case.
+    """
+
+    survey: Survey
+    draws: Draws
+    steps: tuple[float | None, ...]
+    first: int
+
+    @property
+    def shared(self) -> int:
+        """Cases of a draw and a scenario: they share a reference motion."""
+        return len(self.survey.pairings) * len(self.steps)
+
+    @property
+    def count(self) -> int:
+        """Of its cases."""
+        return self.draws.count * len(self.survey.scenarios) * self.shared
+
+    @property
+    def block(self) -> int:
+        """Cases of a block."""
+        if self.shared >= BLOCK:
+            return BLOCK
+        return self.shared * (BLOCK // self.shared)
+
+    def place(self, number: int) -> tuple[int, str, Pairing, float | None]:
+        """Draw, scenario, pairing and step of a case, by its number in the part."""
+        rest, step = divmod(number, len(self.steps))
+        rest, pairing = divmod(rest, len(self.survey.pairings))
+        draw, scenario = divmod(rest, len(self.survey.scenarios))
+        known = self.survey
+        return draw, known.scenarios[scenario], known.pairings[pairing], self.steps[step]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All cases of a sweep."""
+
+    options: SweepOptions
+    parts: tuple[Part, ...]
+
+    @property
+    def count(self) -> int:
+        """Of all cases."""
+        return sum(part.count for part in self.parts)
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """Names of all that is varied."""
+        names = (one.name for part in self.parts for one in part.draws.factors)
+        return tuple(dict.fromkeys(names))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What of the folders is not swept, a line each."""
+        return tuple(line for part in self.parts for line in part.survey.left_out)
+
+    def blocks(self, done: Sequence[int] | bytes) -> Iterator[Block]:
+        """Blocks of the cases that are not done yet, one after the other.
+
+        Args:
+            done: a byte a case, 1 where it is done.
+        """
+        for part in self.parts:
+            for begin in range(0, part.count, part.block):
+                end = min(begin + part.block, part.count)
+                cases = tuple(
+                    self._case(part, number)
+                    for number in range(begin, end)
+                    if not done[part.first + number]
+                )
+                if cases:
+                    yield self._block(part, cases)
+
+    def one(self, index: int) -> Block:
+        """The block of one case alone.
+
+        Raises:
+            SweepError: where there is no such case.
+        """
+        for part in self.parts:
+            if part.first <= index < part.first + part.count:
+                return self._block(part, (self._case(part, index - part.first),))
+        raise SweepError(f"--only {index}: the plan has cases 0 to {self.count - 1}")
+
+    def _block(self, part: Part, cases: tuple[Planned, ...]) -> Block:
+        return Block(
+            folder=part.survey.folder,
+            content=part.survey.content,
+            system=part.survey.system,
+            varied=frozenset(one.name for one in part.draws.factors),
+            resolution=self.options.resolution,
+            cases=cases,
+        )
+
+    def _case(self, part: Part, number: int) -> Planned:
+        draw, scenario, pairing, step = part.place(number)
+        index = part.first + number
+        return Planned(
+            index=index,
+            draw=draw,
+            constants=part.draws.at(draw),
+            model=pairing.model,
+            engine=pairing.engine,
+            scenario=scenario,
+            integrator=pairing.integrator,
+            settings=pairing.settings,
+            step=step,
+            command=shlex.join([*self.options.command, "--only", str(index)]),
+        )
+
+
+def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
+    """Plan the cases of some folders.
+
+    Raises:
+        SweepError: where a name is that of nothing, a range leaves where a constant is declared to
+            be, or no case is left.
+    """
+    _check_names(options, surveys)
+    parts, first = [], 0
+    for one in surveys:
+        own = meant(options.factors, one.constants)
+        for varied in own:
+            _check_sign(varied, one)
+        # Segments of a robot's states are taken as the step goes to zero: none of them is shipped.
+        steps: tuple[float | None, ...] = options.steps if one.signed and options.steps else (None,)
+        drawn = draws(own, options.design, options.count, options.seed)
+        part = Part(survey=one, draws=drawn, steps=steps, first=first)
+        if part.count:
+            parts.append(part)
+            first += part.count
+    if not parts:
+        absent = sorted({name for one in surveys for name in one.absent})
+        why = f"; not installed: {', '.join(absent)}" if absent else ""
+        raise SweepError(f"no case is left: no model of these folders runs in what is asked{why}")
+    return Plan(options=replace(options), parts=tuple(parts))
+
+
+def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
+    constants = list(dict.fromkeys(name for one in surveys for name in one.constants))
+    for varied in options.factors:
+        name = varied.name
+        if any(varied.of(one.constants) for one in surveys):
+            continue
+        raise SweepError(
+            f"--vary {name}: no system of these has such a constant; they have"
+            f" {_told(name, constants)}"
+        )
+    scenarios = dict.fromkeys(name for one in surveys for name in one.known_scenarios)
+    for name in options.scenarios:
+        if name not in scenarios:
+            known = ", ".join(scenarios)
+            raise SweepError(f"--scenario {name}: unknown scenario; scenarios are {known}")
+    integrators = dict.fromkeys(name for one in surveys for name in one.known_integrators)
+    for name in options.integrators:
+        if name.casefold() not in {known.casefold() for known in integrators}:
+            raise SweepError(
+                f"--integrator {name}: no model has it; they have {', '.join(integrators)}"
+            )
+
+
+def _told(name: str, known: Sequence[str]) -> str:
+    """Names that there are; of many those that are most like the one that was meant."""
+    if len(known) <= MANY:
+        return ", ".join(known) or "none"
+    near = get_close_matches(name, known, n=FEW, cutoff=0.0)
+    return f"{', '.join(near)}, and {len(known) - len(near)} more"
+
+
+def _check_sign(varied: Factor, one: Survey) -> None:
+    """Equations are simplified with the sign that a constant is declared with."""
+    if not one.signed:
+        return
+    positive = one.constants[varied.name] > 0
+    if (varied.low > 0) != positive or (varied.high > 0) != positive:
+        sign = "positive" if positive else "not positive"
+        raise SweepError(
+            f"--vary {varied.name}={varied.low:g}:{varied.high:g}: {one.folder}/system.py declares"
+            f" {varied.name} {sign}, so that its range must be; declare it with the sign that it is"
+            " to have, or change the range"
+        )

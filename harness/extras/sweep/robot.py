@@ -1,0 +1,137 @@
+"""A robot's file in a sweep: the numbers that it spells are what is varied.
+
+The file is read and its states are chosen once. A draw changes digits of a copy, and the tree that
+the same changes make of what was read; where the equations take the states then is found from where
+they take them now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from physics_crosscheck.harness.checks.robot_case import judge_loaded, judge_robot, prepare_robot
+from physics_crosscheck.harness.checks.robot_task import RobotTask, load_robot
+from physics_crosscheck.harness.engines.registry import readers, runners
+from physics_crosscheck.harness.extras.sweep.known import Known, Timed
+from physics_crosscheck.harness.extras.sweep.planned import Planned
+from physics_crosscheck.harness.extras.sweep.recent import Recent
+from physics_crosscheck.harness.extras.sweep.source import Source
+from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.resolved import Resolved
+from physics_crosscheck.reference.solving.samples import Samples
+
+
+@dataclass(frozen=True)
+class _Draw:
+    """The tree of a draw, and where its equations take the states."""
+
+    tree: Tree
+    samples: Samples
+
+
+class SweptRobot(Source):
+    """A robot's file, and what its cases share.
+
+    Args:
+        file: the model file.
+
+    Raises:
+        RobotError, ReferenceError: naming file, line and remedy.
+    """
+
+    signed = False
+
+    def __init__(self, file: Path) -> None:
+        self._prepared = prepare_robot(file)
+        self._numbers = robot_numbers(file, self._prepared.settings)
+        self._index = {self._numbers.numerals[i].address: i for i in reversed(self._numbers.saying)}
+        self._own = frozenset[str]()
+        self._resolved: Resolved | None = None
+        self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
+        self._draws = Recent[_Draw]()
+
+    def varying(self, varied: frozenset[str]) -> SweptRobot:
+        """Other numbers of the same file, by their addresses."""
+        other = copy(self)
+        other._own, other._draws = varied & self._index.keys(), Recent[_Draw]()
+        return other
+
+    @property
+    def name(self) -> str:
+        """The robot's."""
+        return self._prepared.record.name
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """Every number that says something of the bodies and joints, by its address."""
+        numerals = self._numbers.numerals
+        return {numerals[i].address: numerals[i].value for i in sorted(self._index.values())}
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """What its states are called."""
+        return (self._prepared.scenario,)
+
+    def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """The file in every engine that reads it, or in those that are wanted."""
+        file = self._prepared.file
+        for engine in (readers if only else runners)(file.suffix):
+            if not only or engine.name in only:
+                yield file.name, engine.name
+
+    def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
+        """Load it as it is, and solve what its draws are solved from."""
+        if self._resolved is None:
+            self._resolved = Resolved(self._prepared.system, self._prepared.samples)
+        if engine not in self._ways:
+            found = load_robot(self._task(engine))
+            self._ways[engine] = found.integrator, found.integrators
+        return self._ways[engine]
+
+    def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
+        """Every segment of the drawn robot; what motions don't resolve, accelerations decide."""
+        values = {self._index[name]: case.constants[name] for name in sorted(self._own)}
+        with known.timing("reference_seconds"):
+            drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))
+        file = self._prepared.file
+        if values:
+            file = copied(file, self._numbers.texts(values), place)
+        own = self._task(case.engine)
+        task = replace(
+            own,
+            file=file,
+            tree=drawn.tree,
+            samples=drawn.samples,
+            settings={**own.settings, **case.settings},
+            resolution=resolution,
+        )
+        with known.timing("loading_seconds"):
+            model = Timed(load_robot(task))
+        known.check_step(model, case)
+        with known.stepping(model):
+            verdict = judge_loaded(task, model)
+        if verdict.outcome is Outcome.UNRESOLVED:
+            verdict = judge_robot(task)
+        known.tell_verdict(verdict)
+
+    def _task(self, engine: str) -> RobotTask:
+        return self._prepared.task(engine, resolution=0.0)
+
+    def _solved(self, values: Mapping[int, float]) -> _Draw:
+        known = self._prepared
+        if not values or self._resolved is None:
+            return _Draw(known.system.tree, known.samples)
+        tree = self._numbers.tree(values)
+        same = tree is not None and [(one.name, one.kind) for one in tree.links] == [
+            (one.name, one.kind) for one in known.system.tree.links
+        ]
+        if tree is None or not same:
+            raise RobotError(f"{known.file}: with these numbers it makes other joints, or none")
+        return _Draw(tree, self._resolved.at(tree))

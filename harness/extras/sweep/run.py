@@ -1,0 +1,227 @@
+"""A sweep from its options to its rows: folders are surveyed, cases planned, run, and kept."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from physics_crosscheck.harness.baseline.fingerprint import folder_files
+from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.extras.sweep.case import run_block
+from physics_crosscheck.harness.extras.sweep.factors import SweepError
+from physics_crosscheck.harness.extras.sweep.known import blank
+from physics_crosscheck.harness.extras.sweep.plan import Plan, SweepOptions, plan
+from physics_crosscheck.harness.extras.sweep.planned import Block
+from physics_crosscheck.harness.extras.sweep.store import Store, arrow, begin, done, kept, taken
+from physics_crosscheck.harness.extras.sweep.survey import Survey, SurveyTask, survey
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.stop import Stop
+from physics_crosscheck.harness.modelfiles.choice import NamedModel
+from physics_crosscheck.harness.modelfiles.input_files import luggage
+from physics_crosscheck.harness.modelfiles.parts import part_digests
+from physics_crosscheck.harness.modelfiles.path_states import digest_of
+from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
+
+AHEAD = 2
+"""Blocks in flight for each worker: one that it has, and one that waits for it."""
+
+Progress = Callable[[int, int, SweepRow | None], None]
+"""Called with cases done, cases in all, and one of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What is swept.
+
+    Attributes:
+        places: system folders, and robots' files.
+        models: of folders that are not meant whole, those that are.
+    """
+
+    places: Sequence[Path]
+    models: dict[str, tuple[NamedModel, ...]] = field(default_factory=dict)
+
+
+def crew(options: SweepOptions, wanted: Wanted) -> Executor:
+    """Who runs the jobs of a sweep: workers of this machine, or of a cluster.
+
+    Raises:
+        ClusterError: for a cluster that can't be worked with.
+    """
+    return executor(
+        jobs=options.jobs,
+        limits=options.limits,
+        scheduler=options.scheduler,
+        files=partial(luggage, wanted.places),
+        engines=options.engines,
+    )
+
+
+def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
+    """The plan of a sweep.
+
+    Raises:
+        SweepError: naming what is wrong, where, and the remedy.
+    """
+    found: dict[str, Survey] = {}
+
+    def job(place: Path) -> Job[Survey]:
+        models = wanted.models.get(str(place), ())
+        task = SurveyTask(
+            folder=str(place),
+            content=content_of(place),
+            factors=options.factors,
+            only=options.engines,
+            models=tuple((one.model, one.engine) for one in models),
+            scenarios=options.scenarios,
+            integrators=options.integrators,
+        )
+
+        def surveyed(value: Survey) -> tuple[()]:
+            found[str(place)] = value
+            return ()
+
+        def failed(failure: Failure) -> tuple[()]:
+            raise SweepError(failure.about(place if place.is_file() else place / "system.py"))
+
+        return Job(task=Task(survey, task), done=surveyed, failed=failed)
+
+    work(map(job, wanted.places), workers)
+    return plan(options, [found[str(place)] for place in wanted.places])
+
+
+def plan_record(whole: Plan) -> SweepPlan:
+    """What is kept of a plan."""
+    options = whole.options
+    told = {
+        "vary": "; ".join(str(one) for one in options.factors),
+        "design": options.design.value,
+        "draws": str(options.count),
+        "seed": str(options.seed),
+        "step": ", ".join(f"{step!r}" for step in options.steps),
+        "integrator": ", ".join(options.integrators),
+        "engine": ", ".join(options.engines),
+        "scenario": ", ".join(options.scenarios),
+        "resolution": repr(options.resolution),
+        "models": "; ".join(
+            f"{part.survey.system}/{one.model} [{one.engine}] {one.integrator}"
+            for part in whole.parts
+            for one in part.survey.pairings
+        ),
+    }
+    known = {name: str(version) for name, version in versions().items() if version is not None}
+    known |= {"numpy": np.__version__, "scipy": scipy.__version__, "pyarrow": arrow().__version__}
+    known["machine"] = platform.machine()
+    return SweepPlan(
+        command=shlex.join(options.command),
+        options=told,
+        folders={part.survey.folder: _content_seen(part.survey) for part in whole.parts},
+        versions=known,
+        cases=whole.count,
+        constants=whole.constants,
+    )
+
+
+def _content_seen(found: Survey) -> str:
+    """Hash of what is in a folder, and of what its code read or looked for elsewhere."""
+    if not found.reads:
+        return found.content
+    return digest_of(repr((found.content, sorted(found.reads.items()))).encode())
+
+
+def content_of(place: Path) -> str:
+    """Hash of what is in a system folder, or of a robot's file with all that it names.
+
+    Raises:
+        SweepError: where a file can't be read.
+    """
+    try:
+        if place.is_file():
+            return digest_of(repr(sorted(part_digests(place).items())).encode())
+        found = folder_files(place)
+    except OSError as error:
+        raise SweepError(f"{error.filename}: can't be read: {error.strerror}") from None
+    every = sorted((one.model, sorted(one.hashes.items())) for one in found.models)
+    return digest_of(repr((found.system, every)).encode())
+
+
+@dataclass
+class _Running:
+    """What is done so far, and what follows."""
+
+    blocks: Iterator[Block]
+    store: Store
+    progress: Progress
+    done: int
+    cases: int
+
+    def next(self) -> Iterator[Job[Any]]:
+        """The job of the next block, if there is one."""
+        block = next(self.blocks, None)
+        if block is not None:
+            yield self.job(block)
+
+    def job(self, block: Block) -> Job[tuple[SweepRow, ...]]:
+        """Run a block; what a worker did not live through is run case by case."""
+        return Job(
+            task=Task(run_block, block),
+            done=self._keep,
+            failed=partial(self._lost, block),
+        )
+
+    def _keep(self, rows: tuple[SweepRow, ...]) -> Iterator[Job[Any]]:
+        self.store.add(rows)
+        self.done += len(rows)
+        self.progress(self.done, self.cases, rows[-1])
+        return self.next()
+
+    def _lost(self, block: Block, failure: Failure) -> Iterator[Job[Any]]:
+        if len(block.cases) == 1:
+            return self._keep((blank(block, block.cases[0], failure.reason),))
+        return map(self.job, block.alone())
+
+
+def sweep(
+    whole: Plan, out: Path, workers: Executor, progress: Progress, stop: Stop | None = None
+) -> int:
+    """Run the cases of a plan that have no row yet; returns how many have one then.
+
+    What is done stays, however it ends; the same call goes on with what is missing.
+
+    Raises:
+        SweepError: where the folder has rows of another plan.
+        OSError: where it can't be written.
+    """
+    record = plan_record(whole)
+    with taken(out):
+        begin(out, record)
+        before = done(out)
+        with kept(Store(out, record)) as store:
+            running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
+            first = [job for _ in range(AHEAD * whole.options.jobs) for job in running.next()]
+            work(first, workers, stop)
+    return running.done
+
+
+def alone(whole: Plan, index: int, workers: Executor) -> SweepRow:
+    """The row of one case, run now; nothing is kept.
+
+    Raises:
+        SweepError: where there is no such case.
+    """
+    block = whole.one(index)
+    outcome = workers.outcome(workers.submit(run_block, block))
+    if isinstance(outcome, Failure):
+        return blank(block, block.cases[0], outcome.reason)
+    return outcome[0]

@@ -1,0 +1,103 @@
+"""What rows say together, in one pass and constant memory."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from physics_crosscheck.harness.extras.sweep.most import Most
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
+
+TROUBLES, EXTREMES = 10, 3
+"""Cases that are told one by one: of those that did not agree, and of those with the fewest digits
+and the largest errors."""
+
+POINTS = 2000
+"""Rows in a picture, at most: more are one blot."""
+
+
+def _trouble(row: SweepRow) -> float | None:
+    """Of a case that does not agree: the worse the outcome and the discrepancy the larger."""
+    if row.outcome is Outcome.AGREES:
+        return None
+    size = row.discrepancy or 0.0
+    return row.outcome.severity + size / (1 + size)
+
+
+def _few_digits(row: SweepRow) -> float | None:
+    return -row.digits if row.outcome is Outcome.AGREES and row.digits is not None else None
+
+
+def _error(row: SweepRow) -> float | None:
+    return None if row.outcome is Outcome.FAILED else row.global_error
+
+
+@dataclass
+class _Group:
+    outcomes: Counter[str] = field(default_factory=Counter)
+    digits: float = math.inf
+    error: float = -math.inf
+
+    def add(self, row: SweepRow) -> None:
+        self.outcomes[row.outcome.value] += 1
+        if row.outcome is Outcome.AGREES and row.digits is not None:
+            self.digits = min(self.digits, row.digits)
+        if row.outcome is not Outcome.FAILED and row.global_error is not None:
+            self.error = max(self.error, row.global_error)
+
+
+def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
+    """Go through all rows once."""
+    done = steps = 0
+    outcomes, digits = Counter[str](), Counter[str]()
+    groups: dict[tuple[str, str, str], _Group] = {}
+    most = Most(_trouble, TROUBLES), Most(_few_digits, EXTREMES), Most(_error, EXTREMES)
+    rng = np.random.default_rng(0)
+    sampled: list[SweepRow] = []
+    seconds = np.zeros(4)
+    for row in rows:
+        done += 1
+        steps += row.steps
+        seconds += (row.engine_seconds, row.reference_seconds, row.loading_seconds, row.seconds)
+        outcomes[row.outcome.value] += 1
+        if row.outcome is Outcome.AGREES and row.digits is not None:
+            digits[str(math.floor(row.digits))] += 1
+        groups.setdefault((row.system, row.engine, row.integrator), _Group()).add(row)
+        for one in most:
+            one.add(row)
+        if len(sampled) < POINTS:
+            sampled.append(row)
+        elif (place := int(rng.integers(done))) < POINTS:  # reservoir sampling (Vitter 1985)
+            sampled[place] = row
+    worst = {row.index: row for one in most for row in one.items()}
+    engine, reference, loading, every = seconds.tolist()
+    return SweepSummary(
+        plan=plan,
+        done=done,
+        outcomes={o.value: outcomes[o.value] for o in reversed(Outcome) if outcomes[o.value]},
+        digits={name: digits[name] for name in sorted(digits, key=int)},
+        groups=tuple(
+            SweepGroup(
+                system=system,
+                engine=engine_name,
+                integrator=integrator,
+                outcomes=dict(one.outcomes),
+                least_digits=number(one.digits),
+                worst_error=number(one.error),
+            )
+            for (system, engine_name, integrator), one in sorted(groups.items())
+        ),
+        worst=tuple(worst.values()),
+        sampled=tuple(sorted(sampled, key=lambda row: row.index)),
+        steps=steps,
+        engine_seconds=engine,
+        reference_seconds=reference,
+        loading_seconds=loading,
+        seconds=every,
+    )

@@ -1,0 +1,252 @@
+"""A system folder in a sweep: its equations and its models, prepared once for all its cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.harness.checks.full_run_check import failure
+from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, filled, judged
+from physics_crosscheck.harness.engines.protocol import EngineError, Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.extras.sweep.known import Known, Timed
+from physics_crosscheck.harness.extras.sweep.planned import Planned
+from physics_crosscheck.harness.extras.sweep.recent import Recent
+from physics_crosscheck.harness.extras.sweep.source import Source
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+)
+from physics_crosscheck.harness.modelfiles.parametric_file import Redrawn, redrawn
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.convergence import largest
+from physics_crosscheck.harness.numerics.coordinates import (
+    CoordinateFamily,
+    CoordinateMap,
+    coordinate_family,
+)
+from physics_crosscheck.harness.numerics.full_run import sampled_run, why_no_run
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.mechanism.declaration import Scenario
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.family import DrawnEquations, Family, solve_drawn
+from physics_crosscheck.reference.solving.motion import Motion
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A model in an engine, ready for any constants.
+
+    Attributes:
+        redrawn: its file.
+        coordinates: between the system and the engine.
+        integrator: its own, by name.
+        integrators: others that the engine offers for it, with the settings that choose them.
+    """
+
+    redrawn: Redrawn
+    coordinates: CoordinateFamily
+    integrator: str
+    integrators: Mapping[str, Mapping[str, object]]
+
+
+class Swept(Source):
+    """A system folder, and what its cases share.
+
+    Attributes:
+        folder: where it is.
+        varied: names of the constants that are varied.
+        system: as it is declared.
+        family: its equations, for any constants.
+    """
+
+    signed = True  # equations are simplified with it
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.varied = folder, frozenset[str]()
+        self.system: System = load_system(folder)
+        self.family = Family.of(derive(self.system))
+        self._models: dict[tuple[str, str], Prepared] = {}
+        self._motions = Recent[Motion]()
+        self._sidecars = {
+            one.model.name if isinstance(one, Sidecar) else one.model: one
+            for one in model_files(folder)
+        }
+
+    def varying(self, varied: frozenset[str]) -> Swept:
+        """Its models follow other constants; the equations are the same."""
+        other = copy(self)
+        other.varied, other._models, other._motions = varied, {}, Recent[Motion]()
+        return other
+
+    @property
+    def own(self) -> frozenset[str]:
+        """Those of the varied constants that it has."""
+        return self.varied & self.constants.keys()
+
+    @property
+    def needed(self) -> frozenset[str]:
+        """Those that its accelerations depend on."""
+        found = set[sp.Basic]().union(*(e.free_symbols for e in self.family.equations.acceleration))
+        return frozenset(c.name for c in self.system.constants if c.symbol in found)
+
+    @property
+    def name(self) -> str:
+        """The system's."""
+        return self.system.name
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """All of them, as declared."""
+        return {c.name: c.value for c in self.system.constants}
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(one.name for one in self.system.scenarios)
+
+    def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Every model in every engine that its sidecar has."""
+        for one in self._sidecars.values():
+            if isinstance(one, UnreadModel):
+                raise SidecarError(one.reason)
+            for engine in chosen_engines(one, only):
+                if engine not in engines():
+                    raise SidecarError(f"{one.model}.toml: no engine {engine!r} is known")
+                yield one.model.name, engine
+
+    def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
+        """Load it as it is; find its literals; compile its coordinates, and the motions' scale."""
+        _ = self.declared_motions
+        found = self.model(model, engine)
+        return found.integrator, found.integrators
+
+    def model(self, name: str, engine: str) -> Prepared:
+        """A model in an engine, prepared where it is asked for first.
+
+        Raises:
+            SidecarError, LocationError, EngineError: naming file, place and remedy.
+        """
+        if (name, engine) not in self._models:
+            sidecar = self._sidecars[name]
+            if isinstance(sidecar, UnreadModel):
+                raise SidecarError(sidecar.reason)
+            loaded = engines()[engine].load(sidecar.spec(engine))
+            coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
+            needed = self.needed | coordinates.constants
+            found = redrawn(self.system, sidecar, self.own, needed)
+            self._models[name, engine] = Prepared(
+                found, coordinates, loaded.integrator, loaded.integrators
+            )
+        return self._models[name, engine]
+
+    def equations(self, constants: Mapping[str, float]) -> DrawnEquations:
+        """The equations at drawn constants."""
+        return self.family.at(constants)
+
+    def motion(self, draw: int, equations: DrawnEquations, scenario: str) -> Motion:
+        """The reference motion of a scenario in a draw.
+
+        Raises:
+            DeclarationError, ReferenceError: where there is none.
+        """
+        return self._motions.get(
+            (draw, equations.values, scenario),
+            lambda: solve_drawn(equations, self.system.scenario(scenario)),
+        )
+
+    @cached_property
+    def declared_motions(self) -> Mapping[str, Motion]:
+        """Those of all scenarios at the declared constants, for how far components move."""
+        equations = self.family.at({})
+        scenarios: tuple[Scenario, ...] = self.system.scenarios
+        return {one.name: solve_drawn(equations, one) for one in scenarios}
+
+    @cached_property
+    def amplitude(self) -> Array:
+        """Largest magnitude of each component over all scenarios as declared, (2n,)."""
+        found: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)
+        return found
+
+    def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
+        """The segments of the drawn motion, and one run at the shipped step."""
+        equations = self.equations(case.constants)
+        with known.timing("reference_seconds"):
+            motion = self.motion(case.draw, equations, case.scenario)
+        prepared = self.model(case.model, case.engine)
+        constants = {c.name: c.value for c in equations.system.constants}
+        with known.timing("loading_seconds"):
+            sidecar = prepared.redrawn.at(constants, place)
+            model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
+        known.check_step(model, case)
+        if why := why_no_run(motion.duration, model.step):
+            raise EngineError(f"{case.model}: {why}")
+        with known.stepping(model):
+            coordinates = prepared.coordinates.at(equations.values)
+            known.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
+            self._full_run(case, motion, model, coordinates, known)
+
+    def _verdict(
+        self,
+        case: Planned,
+        motion: Motion,
+        model: Model,
+        coordinates: CoordinateMap,
+        resolution: float,
+    ) -> Verdict:
+        others = [m for name, m in self.declared_motions.items() if name != case.scenario]
+        scale = component_scale(motion, others)
+        names = [c.name for c in self.system.coordinates]
+        found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+        return judged(
+            found,
+            motion,
+            scale=scale,
+            components=(*names, *(f"{name}_dot" for name in names)),
+            coordinates=tuple(model.coordinates),
+            claimed=model.exponents(motion.varying)[0],
+            resolution=resolution,
+        )
+
+    def _full_run(
+        self,
+        case: Planned,
+        motion: Motion,
+        model: Model,
+        coordinates: CoordinateMap,
+        known: Known,
+    ) -> None:
+        run = sampled_run(model, coordinates, motion, model.step)
+        amplitude = filled(np.maximum(motion.amplitude, FLOOR * self.amplitude))
+        error = largest(run, amplitude[: len(self.system.coordinates)])
+        known.tell(global_error=number(error))
+        if why := failure(run, error, motion):
+            told = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
+            known.tell(outcome=Outcome.FAILED, reason=told)
+
+
+def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:
+    """Load a model with another step and integrator, where these are asked for.
+
+    Raises:
+        EngineError: naming file, place and remedy.
+    """
+    own = {**sidecar.engine_settings.get(engine, {}), **settings}
+    if step is not None:
+        own["step"] = step
+    changed = replace(sidecar, engine_settings={**sidecar.engine_settings, engine: own})
+    return engines()[engine].load(changed.spec(engine))

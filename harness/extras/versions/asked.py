@@ -1,0 +1,107 @@
+"""What `crosscheck versions` is asked for: versions of an engine, and the models it runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.engines.registry import engines, readers
+from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.results.visible import visible
+
+_VERSION = re.compile(r"\d[\w.!+-]*")
+"""A version's number (PEP 440, loosely): nothing that pip could take for an option or a path."""
+
+
+@dataclass(frozen=True)
+class AskedVersion:
+    """A version of the engine; `place` is an environment that has it, None: one is made."""
+
+    version: str
+    place: Path | None = None
+
+
+def asked_versions(
+    words: Sequence[str], option: str = "--engine", least: int = 2
+) -> tuple[str, tuple[AskedVersion, ...]]:
+    """An engine's name and its versions, as in `NAME 1.2.3 1.3=path/to/venv`.
+
+    Args:
+        words: of the command line.
+        option: after which they stand.
+        least: so many versions are needed.
+
+    Raises:
+        FolderError: naming what is wrong, and the remedy.
+    """
+    name, *given = words
+    if name not in (known := engines()):
+        raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
+    found = [_version(word, option) for word in given]
+    numbers = [one.version for one in found]
+    if twice := [number for number in numbers if numbers.count(number) > 1]:
+        raise FolderError(f"{option} {name}: {twice[0]} is asked for twice; name two versions")
+    if len(found) < least:
+        raise FolderError(
+            f"{option} {name}: name two versions of it or more, the older first, as in"
+            f" `{option} {name} 1.2.3 1.3.0`"
+        )
+    return name, tuple(found)
+
+
+def _version(word: str, option: str) -> AskedVersion:
+    number, equals, place = word.partition("=")
+    if not _VERSION.fullmatch(number):
+        raise FolderError(
+            f"{option}: {visible(word)} is not a version; folders and files come before {option}"
+        )
+    if not equals:
+        return AskedVersion(number)
+    if not Path(place).is_dir():
+        raise FolderError(f"{option}: {visible(place)}: there is no such environment")
+    return AskedVersion(number, Path(place))
+
+
+@dataclass(frozen=True)
+class AskedModels:
+    """What runs in the engine, and what was named and does not, a sentence each."""
+
+    folders: tuple[Path, ...]
+    robots: tuple[Path, ...]
+    left_out: tuple[str, ...]
+
+
+def asked_models(engine: str, folders: Sequence[Path], robots: Sequence[Path]) -> AskedModels:
+    """Those of the folders and files that an engine runs.
+
+    Raises:
+        FolderError: where none does.
+    """
+    left_out = []
+    mine = []
+    for folder in folders:
+        if _runs(folder, engine):
+            mine.append(folder)
+        else:
+            left_out.append(f"{folder}: no model of it names {engine}; left out")
+    alone = []
+    for file in robots:
+        if any(reader.name == engine for reader in readers(file.suffix)):
+            alone.append(file)
+        else:
+            left_out.append(f"{file}: {engine} reads no {file.suffix} files; left out")
+    if not mine and not alone:
+        raise FolderError("; ".join(left_out))
+    return AskedModels(tuple(mine), tuple(alone), tuple(left_out))
+
+
+def _runs(folder: Path, engine: str) -> bool:
+    """Whether a sidecar names an engine, installed or not, or can't be read, which a run tells."""
+    return any(
+        not isinstance(one, Sidecar) or engine in (*one.engines, *one.absent)
+        for one in model_files(folder)
+    )

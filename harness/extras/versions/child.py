@@ -1,0 +1,84 @@
+"""One version of an engine: what is asked of it is run in its environment, in this process."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import Measured, VersionRun, VersionTask
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.terminal.progress import Progress
+from physics_crosscheck.harness.run import Options, Run, Selection, run
+
+
+def main(task: Path, found: Path) -> None:
+    """Do what a file asks for, and write what was found."""
+    asked = decoded(task.read_bytes(), VersionTask)
+    ran = _run(asked)
+    out = Path(asked.out)
+    write_whole(out / "results.json", encoded(ran.results))
+    write_report(out / "index.html", ran.results)
+    write_whole(found, encoded(_version_run(asked.version, ran)))
+
+
+def unusable(engine: str, wanted: str, package: str) -> str:
+    """Why this is not the version or the code that was asked for; empty where it is.
+
+    Args:
+        engine: its name.
+        wanted: the version.
+        package: where this package lies.
+    """
+    here = str(IMPORT_ROOT)
+    if here != package:
+        return (
+            f"it has a physics-crosscheck of its own in {here}, which would be run instead of this"
+            f" one; `{sys.executable} -m pip uninstall physics-crosscheck` takes it out"
+        )
+    known = engines().get(engine)
+    version = known.version() if known else None
+    if version is None:
+        return f"it has no {engine}; {sys.executable} -m pip can install it"
+    if version != wanted:
+        return f"it has {engine} {version}"
+    return ""
+
+
+def _run(asked: VersionTask) -> Run:
+    options = Options(
+        engines=(asked.engine,),
+        resolution=asked.resolution,
+        jobs=asked.jobs,
+        limits=Limits(seconds=asked.seconds, memory=asked.memory),
+        floating=asked.floating,
+        selection=Selection(
+            models=None,
+            repeated={(one.folder, one.case): one.snapshot for one in asked.repeated},
+            diagnose=asked.diagnose,
+            described=True,
+        ),
+    )
+    with Progress() as progress:
+        folders, robots = map(Path, asked.folders), map(Path, asked.robots)
+        return run(list(folders), options, progress, robots=list(robots))
+
+
+def _version_run(version: str, ran: Run) -> VersionRun:
+    """What the other version is held against."""
+    return VersionRun(
+        version=version,
+        cases=ran.results.cases,
+        models=ran.results.models,
+        measured=tuple(
+            Measured(folder=folder, case=case, measurement=None, failure=value.reason)
+            if isinstance(value, Failure)
+            else Measured(folder=folder, case=case, measurement=value)
+            for (folder, case), value in ran.measured.items()
+        ),
+    )

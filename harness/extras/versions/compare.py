@@ -1,0 +1,280 @@
+"""What changes from one version of an engine to the next: their records, case by case.
+
+A version is held against the one before it as the gate holds a run against what was accepted: on
+the segments that the earlier one was measured on, within the uncertainties of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from msgspec.structs import replace
+
+from physics_crosscheck.harness.baseline.changes import Difference, Status, compare
+from physics_crosscheck.harness.baseline.entry import entry_of
+from physics_crosscheck.harness.baseline.fingerprint import dependencies
+from physics_crosscheck.harness.baseline.movement import apart, of_equations, of_model
+from physics_crosscheck.harness.extras.versions.models import changed_models
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.versions import (
+    CaseChange,
+    Measured,
+    Upgrade,
+    VersionCase,
+    VersionRun,
+)
+
+_WORST_FIRST: tuple[CaseChange, ...] = (
+    "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",
+    "step cost", "next state",
+)  # fmt: skip
+
+
+def upgrade(before: VersionRun, after: VersionRun, engine: str, resolution: float) -> Upgrade:
+    """What changes from one version to another.
+
+    Args:
+        before: the earlier one.
+        after: the other, measured on the same segments too.
+        engine: name of both.
+        resolution: of both runs.
+    """
+    both = _Both(before, after, engine, resolution)
+    cases = [_case(was, now, both) for was, now in pairs(before.cases, after.cases)]
+    return Upgrade(
+        before=before.version,
+        after=after.version,
+        cases=tuple(sorted(cases, key=_worst_first)),
+        models=tuple(changed_models(before, after)),
+    )
+
+
+def _worst_first(case: VersionCase) -> tuple[int, float]:
+    rank = min((_WORST_FIRST.index(kind) for kind in case.kinds), default=len(_WORST_FIRST))
+    return rank, -(case.apart or 0.0)
+
+
+_Key = tuple[str, CaseId]
+
+
+class _Both:
+    """Two versions' runs, and what each has measured."""
+
+    def __init__(
+        self, before: VersionRun, after: VersionRun, engine: str, resolution: float
+    ) -> None:
+        self.before, self.after = before, after
+        self.engine, self.resolution = engine, resolution
+        self._was, self._now = _by_case(before), _by_case(after)
+
+    def measured(self, was: Case, now: Case) -> tuple[Measurement | str, Measurement | str]:
+        """What was measured of a case under each, or why it was not."""
+        return _measurement(self.before, self._was, was), _measurement(self.after, self._now, now)
+
+    def entry(self, case: Case, measurement: Measurement, version: str) -> AcceptedCase:
+        """A case as the baseline would keep it."""
+        depends = dependencies({}, self.engine, {self.engine: version}, self.resolution)
+        return entry_of(case.id, case, measurement, depends)
+
+
+def _measurement(run: VersionRun, known: Mapping[_Key, Measured], case: Case) -> Measurement | str:
+    one = known.get((case.folder, case.id))
+    if one is not None and one.measurement is not None and case.verdict is not None:
+        return one.measurement
+    why = "" if one is None or not one.failure else f": {one.failure}"
+    return f"its motion under {run.version} could not be measured{why}"
+
+
+def _by_case(run: VersionRun) -> Mapping[_Key, Measured]:
+    return {(one.folder, one.case): one for one in run.measured}
+
+
+def pairs(
+    before: tuple[Case, ...], after: tuple[Case, ...]
+) -> Iterator[tuple[Case | None, Case | None]]:
+    """The cases of two runs that are one and the same.
+
+    A failure that stands for all cases of a model or a folder is paired with each of them.
+    """
+    there = {(case.folder, case.id): case for case in after}
+    taken = set()
+    alone = []
+    for case in before:
+        now = there.get((case.folder, case.id))
+        if now is None:
+            alone.append(case)
+        else:
+            taken.add((now.folder, now.id))
+            yield case, now
+    new = [case for case in after if (case.folder, case.id) not in taken]
+    told = set()
+    for case in alone:
+        stand_in = next((one for one in new if _stands_for(one, case)), None)
+        others = [one for one in new if _stands_for(case, one)]
+        if stand_in is None and others:
+            continue  # told with each of those
+        if stand_in is not None:
+            told.add((stand_in.folder, stand_in.id))
+        yield case, stand_in
+    for case in new:
+        stand_in = next((one for one in alone if _stands_for(one, case)), None)
+        if stand_in is not None or (case.folder, case.id) not in told:
+            yield stand_in, case
+
+
+def _stands_for(failure: Case, case: Case) -> bool:
+    """Whether a failure of a whole model, or of a folder, takes a case with it."""
+    whole = failure.model in (case.model, "system.py")
+    return failure.scenario == "-" and failure.folder == case.folder and whole
+
+
+def _case(was: Case | None, now: Case | None, both: _Both) -> VersionCase:
+    """What becomes of a case of which there is one at least."""
+    named = _named(was, now)
+    bare = VersionCase(
+        system=named.system,
+        model=named.model,
+        scenario=named.scenario,
+        engine=both.engine if named.engine == "-" else named.engine,
+        folder=named.folder,
+        before=None if was is None else was.outcome,
+        after=None if now is None else now.outcome,
+        global_error_before=_global_error(was),
+        global_error_after=_global_error(now),
+    )
+    if unrun := _unrun(was, now, both):
+        kind, messages = unrun
+        return replace(bare, kinds=(kind,), messages=messages)
+    assert was is not None
+    assert now is not None
+    return _compared(bare, was, now, both)
+
+
+def _named(was: Case | None, now: Case | None) -> Case:
+    """The one of the two that names more."""
+    found = [case for case in (now, was) if case is not None]
+    return next((case for case in found if case.scenario != "-"), found[0])
+
+
+def _global_error(case: Case | None) -> float | None:
+    return None if case is None or case.full_run is None else case.full_run.global_error
+
+
+def _unrun(
+    was: Case | None, now: Case | None, both: _Both
+) -> tuple[CaseChange, tuple[str, ...]] | None:
+    """What is said where one of the two, or both, could not be run; None where both were."""
+    before, after = both.before.version, both.after.version
+    bad = [
+        f"under {version} {_why(case)}"
+        for case, version in ((was, before), (now, after))
+        if case is None or not case.outcome.is_run
+    ]
+    if not bad:
+        return None
+    if len(bad) == 2:
+        alike = was is not None and now is not None and was.reason == now.reason
+        said = (f"under both {_why(now)}",) if alike else tuple(bad)
+        return "not compared", said
+    gone = now is None or not now.outcome.is_run
+    return ("fails" if gone else "loads"), tuple(bad)
+
+
+def _why(case: Case | None) -> str:
+    return "there is no such case" if case is None else f"it is {case.outcome}: {case.reason}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """Two versions of a case that both were judged and measured.
+
+    Attributes:
+        then: the earlier one as an entry of a baseline.
+        measured: under the earlier one.
+        again: under the later one, on the same segments too.
+        difference: of the two, as the gate has it.
+    """
+
+    then: AcceptedCase
+    measured: Measurement
+    again: Measurement
+    difference: Difference
+
+
+def _compared(bare: VersionCase, was: Case, now: Case, both: _Both) -> VersionCase:
+    found = _found(was, now, both)
+    if isinstance(found, str):
+        if was.outcome is not now.outcome:
+            said = f"{now.outcome} where it was {was.outcome}"
+            return replace(bare, kinds=("verdict",), messages=(said, found))
+        return replace(bare, kinds=("not compared",), messages=(found,))
+    kinds = list(_kinds(bare, found))
+    messages = list(found.difference.messages)
+    if said := _next_state(was, now):
+        kinds.append("next state")
+        messages.append(said)
+    if "verdict" in kinds or "step cost" in kinds:
+        messages += _reasons(was, now, both)
+    here = found.again.on_accepted
+    distance = None if here is None else apart(found.then, found.measured.snapshot, here)
+    return replace(
+        bare,
+        kinds=tuple(kinds),
+        messages=tuple(messages),
+        apart=None if distance is None else distance.size,
+        uncertainty=None if distance is None else distance.uncertainty,
+    )
+
+
+def _found(was: Case, now: Case, both: _Both) -> _Found | str:
+    """Both versions of a case, or why they can't be compared."""
+    measured, other = both.measured(was, now)
+    if isinstance(measured, str):
+        return measured
+    if isinstance(other, str):
+        return other
+    # The scenario is the same by what was declared; where states are chosen by what an engine
+    # compiled, last digits may choose others.
+    again = replace(other, snapshot=measured.snapshot)
+    then = both.entry(was, measured, both.before.version)
+    present = both.entry(now, again, both.after.version)
+    difference = compare(then, present, measured.snapshot, again)
+    return _Found(then=then, measured=measured, again=again, difference=difference)
+
+
+def _kinds(bare: VersionCase, found: _Found) -> Iterator[CaseChange]:
+    """What changes of a case that was judged and measured under both."""
+    here, snapshot = found.again.on_accepted, found.measured.snapshot
+    told = False
+    if bare.before is not bare.after:
+        told = True
+        yield "verdict"
+    if here is not None and of_model(found.then, snapshot, here):
+        told = True
+        yield "limit"
+    if here is None or of_equations(snapshot, here):
+        told = True
+        yield "equations"
+    if told or found.difference.status not in (Status.CHANGED, Status.IMPROVED):
+        return
+    yield "step cost" if "numbers" in found.difference.kinds else "discrepancy"
+
+
+def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:
+    """What each version's verdict says for itself, where they say different things."""
+    if was.reason != now.reason:
+        for case, version in ((was, both.before.version), (now, both.after.version)):
+            if case.reason:
+                yield f"under {version}: {case.reason}"
+
+
+def _next_state(was: Case, now: Case) -> str:
+    """What is said where the very next state is another outcome; empty where it is not."""
+    one, other = was.stepping, now.stepping
+    then, present = (None if s is None else s.outcome for s in (one, other))
+    if then is present:
+        return ""
+    said = [o or "unknown" for o in (then, present)]
+    return f"the very next state, by the engine's own rule on the equations: {said[0]} -> {said[1]}"

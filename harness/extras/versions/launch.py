@@ -1,0 +1,88 @@
+"""A process of an environment's interpreter, in which this program's packages are found as well."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Container, Mapping, Sequence
+from pathlib import Path
+
+from physics_crosscheck.harness.extras.versions.environments import EnvironmentError_, site_folders
+from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.results.visible import visible
+
+_BEGIN = """
+import pathlib, site, sys
+here, places, separator, package, engine, version, why, *rest = sys.argv[1:]
+def end(said):
+    pathlib.Path(why).write_text(said, encoding="utf-8")
+    sys.exit(1)
+own = f"{sys.version_info.major}.{sys.version_info.minor}"
+if own != here:
+    end(f"it is Python {own}, and this program's packages are for {here}")
+for place in filter(None, places.split(separator)):
+    if place not in sys.path:
+        site.addsitedir(place)
+try:
+    import physics_crosscheck
+    from physics_crosscheck.harness.extras.versions.child import unusable
+except ImportError as error:
+    end(f"{type(error).__name__}: {error}")
+if said := unusable(engine, version, package):
+    end(said)
+"""
+"""What an environment's interpreter runs: the packages of this one come after its own."""
+
+
+def launch(
+    engine: str,
+    version: str,
+    python: str,
+    code: str,
+    words: Sequence[str],
+    answers: Container[int] = (0,),
+) -> int:
+    """Run code in an environment, in a process of its own; returns its exit code.
+
+    Args:
+        engine, version: that it must have.
+        python: the environment's interpreter.
+        code: finds `words` in `rest`.
+        words: what it is given.
+        answers: exit codes that are its own; with any other it could not be done.
+
+    Raises:
+        EnvironmentError_: where it can't be done, with the reason.
+    """
+    here = f"{sys.version_info.major}.{sys.version_info.minor}"
+    places, package = os.pathsep.join(site_folders()), str(IMPORT_ROOT)
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
+        why = Path(scratch) / "why.txt"
+        given = here, places, os.pathsep, package, engine, version, str(why), *words
+        ended = subprocess.run(
+            [python, "-P", "-c", _BEGIN + code, *given],
+            stdin=subprocess.DEVNULL,
+            env=_surroundings(),
+            check=False,
+        ).returncode
+        said = why.read_text(encoding="utf-8") if why.is_file() else ""
+    if ended not in answers:
+        said = said or f"it ended with code {ended}"
+    if said:
+        raise EnvironmentError_(f"{engine} {version} can't be run by {visible(python)}: {said}")
+    return ended
+
+
+def _surroundings() -> Mapping[str, str]:
+    """The environment variables of that process: a checkout comes first on its path.
+
+    Where this package is installed it is found with its dependencies, after the environment's own
+    packages: before them, the engine beside it would be the one that is run.
+    """
+    here = str(IMPORT_ROOT)
+    if here in {str(Path(place).resolve()) for place in site_folders()}:
+        return os.environ
+    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
+    return {**os.environ, "PYTHONPATH": path}

@@ -1,0 +1,182 @@
+"""Models under several versions of an engine, each in its environment, and what changes.
+
+versions --environments--> interpreters --a process each--> runs --upgrade--> what changes
+"""
+
+from __future__ import annotations
+
+import datetime
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+from physics_crosscheck.harness.engines.registry import distribution, engines
+from physics_crosscheck.harness.extras.versions.asked import AskedModels, AskedVersion
+from physics_crosscheck.harness.extras.versions.compare import upgrade
+from physics_crosscheck.harness.extras.versions.environments import (
+    EnvironmentError_,
+    Requirement,
+    Tell,
+    environment,
+    interpreter,
+)
+from physics_crosscheck.harness.extras.versions.launch import launch
+from physics_crosscheck.harness.extras.versions.place import cache
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import (
+    EngineVersion,
+    Repeated,
+    VersionRun,
+    Versions,
+    VersionTask,
+)
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.results.visible import visible
+
+_CHILD = """
+from physics_crosscheck.harness.extras.versions.child import main
+main(*map(pathlib.Path, rest))
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VersionOptions:
+    """What `crosscheck versions` may be told beside models and versions.
+
+    Attributes:
+        out: folder for the report; each version's goes into a folder of it.
+        environments: folder of all environments; None: the user's cache.
+        resolution, jobs, limits, floating: as in `harness.run.Options`.
+        diagnose: whether models that differ are diagnosed, under each version.
+    """
+
+    out: Path
+    environments: Path | None = None
+    resolution: float = 1e-9
+    jobs: int = 0
+    limits: Limits = field(default_factory=Limits)
+    floating: bool = False
+    diagnose: bool = False
+
+
+def run_versions(
+    engine: str,
+    versions: Sequence[AskedVersion],
+    models: AskedModels,
+    options: VersionOptions,
+    tell: Tell,
+) -> Versions:
+    """Run the models under each version, and hold each against the one before it.
+
+    All environments are there before anything is run.
+
+    Raises:
+        EnvironmentError_: for a version that can't be had, or whose run ended.
+        OSError: as the file system has it.
+    """
+    began = time.perf_counter()
+    created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    pythons = [interpreter_of(engine, one, options.environments, tell) for one in versions]
+    runs: list[VersionRun] = []
+    found = [
+        EngineVersion(
+            version=one.version,
+            python=python,
+            report=str(options.out / f"{engine}-{one.version}"),
+        )
+        for one, python in zip(versions, pythons, strict=True)
+    ]
+    for one in found:
+        tell(f"{engine} {one.version} runs")
+        task = _task(engine, one, models, options, _repeated(runs[-1:]))
+        runs.append(_run(one, task))
+    return Versions(
+        created=created,
+        engine=engine,
+        resolution=options.resolution,
+        seconds=time.perf_counter() - began,
+        versions=tuple(found),
+        upgrades=tuple(upgrade(a, b, engine, options.resolution) for a, b in pairwise(runs)),
+        left_out=models.left_out,
+    )
+
+
+def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, tell: Tell) -> str:
+    """The interpreter that has a version; an environment is made where there is none.
+
+    Args:
+        engine: its name.
+        asked: the version.
+        environments: folder of all of them; None: the user's cache.
+        tell: is shown each command before it is run.
+
+    Raises:
+        EnvironmentError_: for a version that can't be had.
+        OSError: as the file system has it.
+    """
+    if asked.place is not None:
+        python = interpreter(asked.place).absolute()
+        if not python.exists():
+            raise EnvironmentError_(
+                f"{engine} {asked.version}: {visible(str(asked.place))} is not an environment:"
+                f" it has no {python.relative_to(asked.place.absolute())};"
+                " `python -m venv` makes one"
+            )
+        return str(python)
+    known = engines()[engine]
+    if known.version() == asked.version:
+        tell(f"{engine} {asked.version}: the one that is installed here")
+        return sys.executable
+    wanted = Requirement(engine=engine, distribution=distribution(known), version=asked.version)
+    return str(interpreter(environment(wanted, environments or cache(), tell)))
+
+
+def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:
+    """What the next version is to repeat of the last one."""
+    return tuple(
+        Repeated(folder=one.folder, case=one.case, snapshot=one.measurement.snapshot)
+        for run in runs
+        for one in run.measured
+        if one.measurement is not None
+    )
+
+
+def _task(
+    engine: str,
+    one: EngineVersion,
+    models: AskedModels,
+    options: VersionOptions,
+    repeated: tuple[Repeated, ...],
+) -> VersionTask:
+    return VersionTask(
+        engine=engine,
+        version=one.version,
+        folders=tuple(map(str, models.folders)),
+        robots=tuple(map(str, models.robots)),
+        resolution=options.resolution,
+        jobs=options.jobs,
+        seconds=options.limits.seconds,
+        memory=options.limits.memory,
+        floating=options.floating,
+        diagnose=options.diagnose,
+        repeated=repeated,
+        out=one.report,
+    )
+
+
+def _run(one: EngineVersion, task: VersionTask) -> VersionRun:
+    """Do a task in an environment, in a process of its own.
+
+    Raises:
+        EnvironmentError_: where it can't be done, with the reason.
+    """
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
+        asked, found = Path(scratch) / "task.json", Path(scratch) / "found.json"
+        write_whole(asked, encoded(task))
+        launch(task.engine, one.version, one.python, _CHILD, (str(asked), str(found)))
+        return decoded(found.read_bytes(), VersionRun)

@@ -1,0 +1,1 @@
+"""Entry points: command line, Python functions, and the pytest plugin."""

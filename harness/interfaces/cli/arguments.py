@@ -1,0 +1,308 @@
+"""Options that several commands share, each defined once, and the values that they accept."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from physics_crosscheck.harness.baseline.place import DEFAULT
+from physics_crosscheck.harness.interfaces.cli.completion import (
+    completed_by,
+    engine_names,
+    systems_and_files,
+)
+from physics_crosscheck.harness.interfaces.cli.help import group
+from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
+
+SCHEDULER = "CROSSCHECK_SCHEDULER"
+"""The environment variable with the address of a scheduler."""
+
+
+def targets(
+    command: argparse.ArgumentParser,
+    *,
+    required: bool,
+    kinds: str = "System folders, model files, robot files or case names",
+) -> None:
+    """Add TARGET ...; `kinds` describes what may be named."""
+    action = command.add_argument(
+        "folders",
+        nargs="+" if required else "*",
+        metavar="TARGET",
+        help=kinds + ("" if required else " [all built-in systems]"),
+    )
+    completed_by(action, systems_and_files)
+
+
+def folders(
+    command: argparse.ArgumentParser, *, required: bool, default: str = "all built-in systems"
+) -> None:
+    """Add FOLDER ...; `default` describes what is used where none is named."""
+    action = command.add_argument(
+        "folders",
+        nargs="+" if required else "*",
+        metavar="FOLDER",
+        help="System folders" + ("" if required else f" [{default}]"),
+    )
+    completed_by(action, systems_and_files)
+
+
+MODELS = "System folders, model files or case names"
+"""What names of targets may mean where robot files are none."""
+
+
+class AppendAction(argparse.Action):
+    """Append values; unlike `append`, the first one replaces the default."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        """Append a value."""
+        now = getattr(namespace, self.dest)
+        setattr(namespace, self.dest, [*(() if now is self.default else now), values])
+
+
+def engine(command: argparse.ArgumentParser) -> None:
+    """Add --engine NAME, repeatable."""
+    action = group(command, "Selection").add_argument(
+        "--engine",
+        action=AppendAction,
+        default=[],
+        metavar="NAME",
+        help="Use only this engine; repeatable [all that read the model]",
+    )
+    completed_by(action, engine_names)
+
+
+def words(command: argparse.ArgumentParser) -> None:
+    """Add -k EXPRESSION."""
+    group(command, "Selection").add_argument(
+        "-k",
+        dest="words",
+        default="",
+        metavar="EXPRESSION",
+        help="Select cases by name, e.g. 'driven and not (robot or free)'",
+    )
+
+
+def jobs(command: argparse.ArgumentParser, default: str = "one per processor") -> None:
+    """Add --jobs N; `default` describes the number of workers without this option."""
+    group(command, "Limits").add_argument(
+        "--jobs", type=positive, default=0, metavar="N", help=f"Worker processes [{default}]"
+    )
+
+
+def cache(command: argparse.ArgumentParser) -> None:
+    """Add --cache DIR."""
+    group(command, "Caching").add_argument(
+        "--cache",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="Store results here; reuse those whose inputs have not changed",
+    )
+
+
+def scheduler(command: argparse.ArgumentParser) -> None:
+    """Add --scheduler ADDRESS."""
+    group(command, "Limits").add_argument(
+        "--scheduler",
+        default=os.environ.get(SCHEDULER, ""),
+        metavar="ADDRESS",
+        help=f"Use a Dask cluster, e.g. tcp://HOST:8786 [${SCHEDULER} or this machine]",
+    )
+
+
+def standalone(command: argparse.ArgumentParser) -> None:
+    """Add --standalone."""
+    group(command, "Robot files").add_argument(
+        "--standalone",
+        action="store_true",
+        help="Treat files in system folders as robot files; ignore their sidecars",
+    )
+
+
+def floating(command: argparse.ArgumentParser) -> None:
+    """Add --floating."""
+    group(command, "Robot files").add_argument(
+        "--floating",
+        action="store_true",
+        help="Let the root link of a standalone URDF move [fixed]",
+    )
+
+
+def chosen_model(command: argparse.ArgumentParser) -> None:
+    """Add --model."""
+    group(command, "Robot files").add_argument(
+        "--model",
+        dest="chosen_model",
+        default="",
+        metavar="NAME",
+        help="Model to read from an SDFormat file [the only movable one]",
+    )
+
+
+def environments(command: argparse.ArgumentParser) -> None:
+    """Add --environments DIR."""
+    group(command, "Caching").add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help="Folder for Python environments [physics-crosscheck/environments in the user cache]",
+    )
+
+
+def baseline(command: argparse.ArgumentParser) -> None:
+    """Add --baseline DIR."""
+    group(command, "Baseline").add_argument(
+        "--baseline",
+        type=Path,
+        default=DEFAULT,
+        metavar="DIR",
+        help=f"Folder of accepted results [{DEFAULT.as_posix()}]",
+    )
+
+
+def out(command: argparse.ArgumentParser, default: str) -> None:
+    """Add --out DIR."""
+    group(command, "Output").add_argument(
+        "--out",
+        type=Path,
+        default=Path(default),
+        metavar="DIR",
+        help=f"Folder for output files [{default}]",
+    )
+
+
+def output_format(command: argparse.ArgumentParser, *formats: str) -> None:
+    """Add --format; the first format is the default."""
+    group(command, "Output").add_argument(
+        "--format", choices=formats, default=formats[0], help=f"Printed format [{formats[0]}]"
+    )
+
+
+def json_file(command: argparse.ArgumentParser) -> None:
+    """Add --json FILE."""
+    group(command, "Output").add_argument(
+        "--json", type=Path, metavar="FILE", help="Write the results to this JSON file"
+    )
+
+
+def diagnose(command: argparse.ArgumentParser) -> None:
+    """Add --diagnose."""
+    group(command, "Checks").add_argument(
+        "--diagnose", action="store_true", help="Find the cause of each difference; slower"
+    )
+
+
+def strict(command: argparse.ArgumentParser) -> None:
+    """Add --strict."""
+    group(command, "Checks").add_argument(
+        "--strict",
+        action="store_true",
+        help="Fail if part of a file was not compared",
+    )
+
+
+def resolution_of(command: argparse.ArgumentParser) -> None:
+    """Add --resolution VALUE."""
+    group(command, "Checks").add_argument(
+        "--resolution",
+        type=resolution,
+        default=1e-9,
+        metavar="VALUE",
+        help="Smallest relative difference to detect [1e-9]",
+    )
+
+
+def limits(command: argparse.ArgumentParser, seconds_each: float = SECONDS) -> None:
+    """Add --limit SECONDS and --memory GIB."""
+    group(command, "Limits").add_argument(
+        "--limit",
+        type=seconds,
+        default=seconds_each,
+        metavar="SECONDS",
+        help=f"Processor seconds per task [{seconds_each:g}]",
+    )
+    group(command, "Limits").add_argument(
+        "--memory",
+        type=memory,
+        default=MEMORY,
+        metavar="GIB",
+        help=f"Memory per worker process, in GiB [{MEMORY:g}]",
+    )
+
+
+def limits_of(options: argparse.Namespace) -> Limits:
+    """Return the limits that the options set."""
+    return Limits(seconds=options.limit, memory=options.memory)
+
+
+def positive(text: str) -> int:
+    """Return a whole number above zero.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise _must_be("a whole number above 0", text)
+    return value
+
+
+def resolution(text: str) -> float:
+    """Return a resolution that double precision can serve.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    # Imported here: help alone needs no records.
+    from physics_crosscheck.harness.planning.options import resolvable
+
+    value = _number(text)
+    if value is None or not resolvable(value):
+        raise _must_be("a number between 1e-13 and 1e-2", text)
+    return value
+
+
+def seconds(text: str) -> float:
+    """Return a time in seconds, above zero.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    value = _number(text)
+    if value is None or not 0 < value < 1e6:
+        raise _must_be("a number of seconds above 0 and below 1e6", text)
+    return value
+
+
+def memory(text: str) -> float:
+    """Return GiB in which Python and an engine find room.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    value = _number(text)
+    if value is None or not 0.5 <= value < 1e6:
+        raise _must_be("at least 0.5 GiB and below 1e6 GiB", text)
+    return value
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _must_be(expected: str, text: str) -> argparse.ArgumentTypeError:
+    return argparse.ArgumentTypeError(f"must be {expected}, not {text or 'empty'}")

@@ -1,0 +1,77 @@
+"""`crosscheck compare`: two models of one mechanism, without equations."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+
+from physics_crosscheck.harness.compare.candidate import (
+    CompareError,
+    NotInstalledError,
+    UnreadableModelError,
+    candidate,
+)
+from physics_crosscheck.harness.compare.compare import CompareOptions, compare
+from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.compare.executor import in_workers
+from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.compare.record import comparison_record, failed_record
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.render.terminal.comparison import print_comparison
+from physics_crosscheck.harness.render.terminal.console import terminal
+
+JOBS = 1
+"""Worker processes: to start a second one takes longer than to ask both models in turn."""
+
+
+def main(options: argparse.Namespace) -> int:
+    """Compare, print what came out, and write the record."""
+    created = datetime.datetime.now(datetime.UTC)
+    try:
+        pair = _pair(options)
+        with Workers(JOBS, arguments.limits_of(options)) as workers:
+            found = comparison_record(compare(pair, in_workers(workers)), created)
+    except (SidecarError, NotInstalledError, UnreadableModelError) as error:
+        return _stop(str(error), FAIL)
+    except CompareError as error:
+        return _stop(str(error), USAGE)
+    except FailureError as error:
+        found = failed_record(pair, error.failure, created)
+    print_comparison(terminal(), found)
+    if options.json:
+        write_whole(options.json, encoded(found, indent=1))
+        print(options.json)
+    if found.outcome is Outcome.FAILED:
+        return FAIL
+    if found.strict and found.found is not None:
+        for line in found.found.untested:
+            print(f"crosscheck: --strict: {line}", file=sys.stderr)
+    return AGREE if found.passes else DIFFER
+
+
+def _pair(options: argparse.Namespace) -> CompareOptions:
+    """What is to be compared.
+
+    Raises:
+        CompareError, SidecarError, NotInstalledError, UnreadableModelError: naming what is wrong.
+    """
+    return CompareOptions(
+        a=candidate("A", options.a, options.engine_a or options.engine, floating=options.floating),
+        b=candidate("B", options.b, options.engine_b or options.engine, floating=options.floating),
+        joints=declared(options.joints, options.map),
+        starts=tuple(options.start),
+        resolution=options.resolution,
+        as_shipped=options.as_shipped,
+        strict=options.strict,
+    )
+
+
+def _stop(message: str, code: int) -> int:
+    print(f"crosscheck: {message}", file=sys.stderr)
+    return code

@@ -1,0 +1,44 @@
+"""`crosscheck engines`: installed engines and their capabilities; conformance of an adapter."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from physics_crosscheck.harness.engines.conformance import conform_samples
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import engines, missing
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, USAGE
+from physics_crosscheck.harness.interfaces.cli.help import suggestion
+
+
+def main(options: argparse.Namespace) -> int:
+    """Print a line per engine and capability, or a line per conformance test of an adapter."""
+    known = engines()
+    if options.conformance is not None:
+        engine = known.get(options.conformance)
+        if engine is None or engine.version() is None:
+            installed = sorted(name for name in known if known[name].version() is not None)
+            hint = suggestion(options.conformance, installed)
+            message = f"engine {options.conformance!r} is not installed.{hint}"
+            print(f"crosscheck: {message} Installed: {', '.join(installed)}.", file=sys.stderr)
+            return USAGE
+        return _conformance(engine)
+    for name, engine in sorted(known.items()):
+        version = engine.version()
+        print(f"{name:<10} {version or 'not installed':<14} reads {', '.join(engine.formats)}")
+        if version is None:
+            print(f"{'':<11}{missing(engine).partition('; ')[2]}")
+        for capability in engine.capabilities:
+            print(f"{'':<11}- {capability}")
+    return AGREE
+
+
+def _conformance(engine: Engine) -> int:
+    found = conform_samples(engine)
+    for file, checks in found.items():
+        print(file)
+        for check in checks:
+            print(f"  {check}")
+    passed = all(check.passed for checks in found.values() for check in checks)
+    return AGREE if found and passed else DIFFER

@@ -1,0 +1,234 @@
+"""The command line, `crosscheck COMMAND`; each command is a module of `harness.interfaces.cli`.
+
+The module of that name in `harness.interfaces.cli.parsers` declares its arguments and its help.
+Modules that only the work needs are imported after the arguments are parsed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
+from physics_crosscheck.harness.interfaces.cli.help import CommandParser, suggestion
+from physics_crosscheck.harness.interfaces.cli.streams import output_error, protect_streams
+from physics_crosscheck.harness.jobs.environment import claim_defaults
+from physics_crosscheck.harness.jobs.stop import Stopped, raising
+
+COMMAND_GROUPS: Mapping[str, Mapping[str, str]] = {
+    "Check models": {
+        "run": "Check model files against their equations of motion",
+        "demo": "Check the built-in example systems",
+        "list": "List the cases that run would check",
+        "audit": "Check the numbers of model files without running motions",
+        "sweep": "Check variants: parameters, time steps, integrators, engines",
+        "mutate": "Plant known faults and report which ones the checks detect",
+    },
+    "Compare": {
+        "compare": "Compare two model files without declared equations",
+        "versions": "Compare several versions of an engine",
+    },
+    "Keep a baseline": {
+        "gate": "Run changed models and compare them with the baseline",
+        "review": "Accept or reject changes one by one",
+        "accept": "Accept the current results as the baseline",
+    },
+    "Create models and reports": {
+        "new": "Create a system folder, optionally from a model file",
+        "derive": "Print equations of motion, linearization and modes",
+        "report": "Create the HTML report, or compare two runs",
+    },
+    "Set up": {
+        "explain": "Explain a message code, and what to do",
+        "engines": "List engines, their versions and capabilities",
+        "completion": "Print a shell completion script",
+    },
+}
+"""What each command does, by its name, in the groups that help shows."""
+
+COMMANDS = {name: text for group in COMMAND_GROUPS.values() for name, text in group.items()}
+
+DESCRIPTION = """\
+Check whether physics model files are right, to nine digits.
+Find wrong numbers by file and line."""
+
+EPILOG = """\
+Exit codes:
+  0  pass
+  1  a difference
+  2  wrong usage
+  3  something could not be checked
+
+`crosscheck COMMAND --help` has options, examples and exit codes of a command."""
+
+
+def program() -> int:
+    """Run the command line as a program of its own; return the exit code."""
+    protect_streams()
+    claim_defaults()
+    code = main()
+    if error := output_error():
+        message = f"cannot write to standard output: {error}. The printed text is incomplete."
+        print(f"crosscheck: {message}", file=sys.stderr)
+        return code or FAIL
+    return code
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    if COMPLETING in os.environ:
+        given = words_before()
+    try:
+        with raising():
+            # Within: a command's modules are imported here, which takes a while on a busy machine.
+            return _parse_and_run(given)
+    except OSError as error:
+        print(f"crosscheck: {_file_error(error)}", file=sys.stderr)
+        return FAIL
+    except KeyboardInterrupt as stopped:
+        number = stopped.number if isinstance(stopped, Stopped) else signal.SIGINT
+        print(f"crosscheck: stopped by {signal.Signals(number).name}", file=sys.stderr)
+        return SIGNALLED + number
+
+
+def _parse_and_run(given: Sequence[str]) -> int:
+    parser = build_parser(given[:1])
+    for name in given[:1]:
+        if name in COMMANDS:
+            _apply_settings(subparsers(parser)[name], name)
+    if COMPLETING in os.environ:
+        complete(parser)
+    _check_first(parser, given)
+    options, unknown = parser.parse_known_args(given)
+    if unknown:
+        subparsers(parser).get(options.command or "", parser).reject_unknown(unknown)
+    if options.command is None:
+        parser.print_help()
+        return AGREE
+    for note in getattr(options, "settings_notes", ()):
+        print(f"crosscheck: {note}", file=sys.stderr)
+    return _guarded(options)
+
+
+def _check_first(parser: CommandParser, given: Sequence[str]) -> None:
+    """Refuse an unknown option in place of a command, before its value is taken for one."""
+    first = given[0] if given else "-h"
+    known = ("--help", "--version")
+    if first == "-h" or not first.startswith("-"):
+        return
+    if not any(option.startswith(first) for option in known):
+        hint = suggestion(first, known) or " Options follow the command: `crosscheck run --strict`."
+        parser.error(f"unknown option {first} before a command.{hint}")
+
+
+def _file_error(error: OSError) -> str:
+    """Return the message about a file that can't be read or written."""
+    if not error.filename:
+        return error.strerror or str(error)
+    remedy = "Check the path, its permissions and the free disk space."
+    return f"{error.filename}: cannot be read or written: {error.strerror}. {remedy}"
+
+
+def _guarded(options: argparse.Namespace) -> int:
+    """Run a command; on GitHub, keep names in its output from acting as workflow commands."""
+    is_github = getattr(options, "format", "") == "github"
+    if not is_github and os.environ.get("GITHUB_ACTIONS", "").lower() != "true":
+        return _run(options)
+    from physics_crosscheck.harness.results.github import plain_logs
+
+    with plain_logs():
+        return _run(options)
+
+
+def _run(options: argparse.Namespace) -> int:
+    # Imported here: help alone needs no records, and they cost more than all the rest of it.
+    from physics_crosscheck.harness.baseline.store import BaselineError
+    from physics_crosscheck.harness.jobs.executor import ClusterError
+    from physics_crosscheck.harness.modelfiles.folders import FolderError
+    from physics_crosscheck.harness.records.read import ResultsError
+
+    try:
+        code: int = _module(options.command).main(options)
+        return code
+    except (FolderError, ResultsError, ClusterError) as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return USAGE
+    except BaselineError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+
+
+class _Version(argparse.Action):
+    """An option that prints the version; importing metadata takes longer than all help."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        print(f"crosscheck {version('physics-crosscheck')}")
+        parser.exit()
+
+
+def build_parser(commands: Collection[str]) -> CommandParser:
+    """Build the parser of the command line.
+
+    Args:
+        commands: those whose arguments are declared, which imports what their values may be.
+    """
+    parser = CommandParser(
+        prog="crosscheck",
+        usage="crosscheck COMMAND [options]",
+        description="\n".join([DESCRIPTION, *_command_lines()]),
+        epilog=EPILOG,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="Print the version and exit")
+    made = parser.add_subparsers(dest="command", metavar="COMMAND", help=argparse.SUPPRESS)
+    for name, text in COMMANDS.items():
+        command = made.add_parser(name, prog=f"crosscheck {name}", help=text)
+        if name in commands:
+            declared = importlib.import_module(
+                f"physics_crosscheck.harness.interfaces.cli.parsers.{name}"
+            )
+            declared.add(command)
+            command.explain(declared.ABOUT)
+    return parser
+
+
+def subparsers(parser: CommandParser) -> Mapping[str, CommandParser]:
+    """Return the parsers of the commands, by name."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices
+    return {}
+
+
+def _command_lines() -> Iterator[str]:
+    width = max(map(len, COMMANDS)) + 2
+    for title, group in COMMAND_GROUPS.items():
+        yield from ("", f"{title}:")
+        for name, text in group.items():
+            yield f"  {name:<{width}}{text}"
+
+
+def _apply_settings(command: CommandParser, name: str) -> None:
+    """Make a project's settings the defaults of a command."""
+    from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
+
+    try:
+        apply(command, name)
+    except SettingsError as error:
+        command.exit(USAGE, f"crosscheck: {error}\n")
+
+
+def _module(name: str) -> Any:
+    return importlib.import_module(f"physics_crosscheck.harness.interfaces.cli.{name}")
+
+
+if __name__ == "__main__":
+    sys.exit(program())

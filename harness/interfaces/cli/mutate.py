@@ -1,0 +1,62 @@
+"""`crosscheck mutate`: what the check would catch, shown by making models wrong on purpose."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
+from physics_crosscheck.harness.mutation.mutate import mutate
+from physics_crosscheck.harness.mutation.survey import MutationError
+from physics_crosscheck.harness.mutation.text import mutation_lines, summary
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutations
+from physics_crosscheck.harness.records.results import nothing_tested
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.progress import Counter
+
+
+def main(options: argparse.Namespace) -> int:
+    """Make every model of the folders wrong in every known way, and print what became of it.
+
+    Exit codes: 0; 1 where a fault that motions show was missed, or another step was taken for a
+    mistake; 3 where a folder is not sound to begin with, or no fault could be tried.
+    """
+    check_engines(options.engine)
+    folders = system_folders(options.folders)
+    missing = [
+        name
+        for name, engine in engines().items()
+        if engine.version() is None and (not options.engine or name in options.engine)
+    ]
+    for name in missing:
+        print(f"crosscheck: {name} is not installed, so its models are skipped", file=sys.stderr)
+    try:
+        with Counter("fault") as counter:
+            rows = mutate(
+                folders,
+                counter,
+                only=options.engine,
+                workers=options.jobs or 2,
+                limits=arguments.limits_of(options),
+            )
+    except MutationError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    if not rows:
+        nothing = "no fault was tried: no model of these folders runs in a chosen engine"
+        print(f"crosscheck: {nothing_tested(missing) if missing else nothing}", file=sys.stderr)
+        return FAIL
+    for text in mutation_lines(rows, terminal().width):
+        print(text)
+    if options.json is not None:
+        found = Mutations(summary=summary(rows), rows=tuple(rows))
+        write_whole(options.json, encoded(found, indent=1))
+    missed = any(row.verdict is FaultVerdict.MISSED for row in rows)
+    alarmed = any(
+        row.kind is FaultKind.NONE and row.verdict is not FaultVerdict.AGREES for row in rows
+    )
+    return DIFFER if missed or alarmed else AGREE

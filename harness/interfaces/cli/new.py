@@ -1,0 +1,41 @@
+"""`crosscheck new`: create a commented folder that runs, from a model file if one is given."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
+from physics_crosscheck.harness.results.visible import visible
+from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
+
+
+def main(options: argparse.Namespace) -> int:
+    """Write the folder; print its files and the next commands."""
+    target, declares = Path(options.name), ""
+    try:
+        check_name(target)
+    except NewError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return USAGE
+    try:
+        if options.model is None:
+            write_folder(target, example(target.name))
+        else:
+            # Reading a model needs sympy and engines, and an example neither.
+            from physics_crosscheck.harness.scaffold.from_model import from_model
+
+            written = from_model(
+                options.model, target, floating=options.floating, chosen=options.chosen_model
+            )
+            declares = f"\nsystem.py declares {visible(written.declares)}\n"
+            for remark in written.remarks:
+                print(f"note: {remark}", file=sys.stderr)
+    except NewError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    for path in sorted(target.iterdir()):
+        print(visible(str(path)))
+    print(f"{declares}\nnext: crosscheck run {target}\n      crosscheck derive {target}")
+    return AGREE

@@ -1,0 +1,156 @@
+"""Reference pages of commands and settings, made from the parsers.
+
+`python -m physics_crosscheck.harness.interfaces.cli.reference docs/reference` writes both; a test
+fails where they are not current.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from physics_crosscheck.harness.interfaces.cli.arguments import SCHEDULER
+from physics_crosscheck.harness.interfaces.cli.help import CommandParser, metavar
+from physics_crosscheck.harness.interfaces.cli.main import (
+    COMMAND_GROUPS,
+    COMMANDS,
+    build_parser,
+    subparsers,
+)
+from physics_crosscheck.harness.interfaces.cli.settings import SETTINGS
+from physics_crosscheck.harness.records.write import write_whole
+
+_CONFIGURATION = """\
+# Configuration
+
+A project sets defaults of command options in its `pyproject.toml`. This page lists every setting.
+
+```toml
+[tool.crosscheck]
+folders = ["models"]
+engines = ["mujoco"]
+limit = 300
+cache = ".crosscheck_cache"
+strict = true
+```
+
+Options on the command line override these settings. `crosscheck run` prints the name of the file,
+and `crosscheck run --help` lists the settings in force. An unknown setting or an invalid value is
+an error with file and line. `check()` and pytest do not read this table.
+
+## Which file is read
+
+The nearest `pyproject.toml` with this table is read. The search starts in the working folder and
+ends at the root of the repository, which is the first folder with `.git`. Outside a repository,
+only the working folder is searched. A file of another user is ignored with a note.
+
+Paths are relative to the file. `cache`, `baseline` and `out` must lie in the folder of
+the file, and `scheduler` is not allowed: a scheduler can run code on your machine.
+
+## Settings
+"""
+
+_VARIABLES = f"""
+## Environment variables
+
+| Variable | Meaning |
+|---|---|
+| `{SCHEDULER}` | Address of a Dask scheduler, as `--scheduler` |
+| `CI` | If set, print logs instead of a progress bar; `accept` and `review` refuse to run |
+| `GITHUB_ACTIONS` | If `true`, also print annotations for GitHub |
+| `NO_COLOR` | If set, print without colors |
+"""
+
+
+def command_line_page() -> str:
+    """Return the page of all commands."""
+    with_options = subparsers(build_parser(COMMANDS))
+    lines = [
+        "# Command line",
+        "",
+        "This page lists every command with its options, examples and exit codes.",
+        "`crosscheck COMMAND --help` prints the same in a terminal. `python -m physics_crosscheck`"
+        " works like `crosscheck`.",
+        "",
+        "Values in brackets are defaults. [Settings](configuration.md) can change them.",
+    ]
+    for title, commands in COMMAND_GROUPS.items():
+        lines += ["", f"## {title}", "", "| Command | Purpose |", "|---|---|"]
+        lines += [f"| [`{name}`](#crosscheck-{name}) | {commands[name]} |" for name in commands]
+        for name in commands:
+            lines += ["", *_command_lines(name, with_options[name])]
+    return "\n".join(lines) + "\n"
+
+
+def configuration_page() -> str:
+    """Return the page of all settings."""
+    parsers = subparsers(build_parser(COMMANDS))
+    lines = ["| Setting | Type | Default | Meaning | Commands |", "|---|---|---|---|---|"]
+    for key, setting in SETTINGS.items():
+        by_default: dict[str, list[str]] = {}
+        meaning = ""
+        for name in sorted(setting.commands):
+            meaning, default = _meaning_and_default(_action(parsers[name], setting.argument))
+            by_default.setdefault(default, []).append(name)
+        commands = ", ".join(f"`{name}`" for name in sorted(setting.commands))
+        row = [f"`{key}`", setting.kind, _defaults(by_default), meaning, commands]
+        lines.append(f"| {' | '.join(row)} |")
+    return f"{_CONFIGURATION}\n" + "\n".join(lines) + "\n" + _VARIABLES
+
+
+def main(folder: Path) -> None:
+    """Write both pages into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "command-line.md", command_line_page())
+    write_whole(folder / "configuration.md", configuration_page())
+
+
+def _command_lines(name: str, command: CommandParser) -> Iterator[str]:
+    about = command.about
+    yield from (f"### crosscheck {name}", "", *about.description.split("\n"), "")
+    yield from ("```", (command.usage or "").replace("\xa0", " "), "```")
+    for group in command._action_groups:
+        actions = [one for one in group._group_actions if one.help is not argparse.SUPPRESS]
+        if actions:
+            yield from ("", f"**{group.title}**", "", "| | |", "|---|---|")
+            yield from (f"| {_name(one)} | {_cell(one.help or '')} |" for one in actions)
+    yield from ("", "**Examples**", "", "```sh")
+    for what, line in about.examples.items():
+        yield from (f"# {what}", line)
+    yield from ("```", "", "**Exit codes**", "", "| | |", "|---|---|")
+    yield from (f"| {code} | {meaning} |" for code, meaning in about.exit_codes.items())
+
+
+def _name(action: argparse.Action) -> str:
+    if not action.option_strings:
+        return f"`{_cell(metavar(action))}`"
+    names = ", ".join(action.option_strings)
+    return f"`{_cell(f'{names} {metavar(action)}'.rstrip())}`"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "&lt;")
+
+
+def _action(command: CommandParser, argument: str) -> argparse.Action:
+    return next(one for one in command._actions if one.dest == argument)
+
+
+def _meaning_and_default(action: argparse.Action) -> tuple[str, str]:
+    text, bracket, default = (action.help or "").removesuffix("]").partition(" [")
+    if not bracket:
+        default = "false" if action.nargs == 0 else "none"
+    return text.removesuffix("; repeatable"), default
+
+
+def _defaults(commands: Mapping[str, list[str]]) -> str:
+    """Return the default that most commands have, and the others with their commands."""
+    common, *others = sorted(commands, key=lambda default: -len(commands[default]))
+    text = "; ".join(f"{default} for {', '.join(commands[default])}" for default in others)
+    return f"{common} ({text})" if text else common
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,82 @@
+"""`crosscheck review`: go through what the gate finds, one by one, and accept or reject it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.gate.file_diffs import ChangedLine
+from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.review import Decisions, Review
+from physics_crosscheck.harness.gate.text import accepted_lines, change_lines
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, meant
+from physics_crosscheck.harness.modelfiles.folders import check_engines
+from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
+from physics_crosscheck.harness.results.github import in_ci
+from physics_crosscheck.harness.results.visible import visible
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run what changed, ask, and write what was accepted; Ctrl-C writes nothing."""
+    if in_ci() or not sys.stdin.isatty():
+        print(
+            "crosscheck: review needs a person at a terminal."
+            " Use crosscheck accept --reason TEXT CASE, or crosscheck gate.",
+            file=sys.stderr,
+        )
+        return USAGE
+    check_engines(options.engine)
+    folders, what = meant(options)
+    with LateProgress() as progress:
+        found = gate(folders, what, progress)
+    decided = Review(found, input, _tell).walk()
+    _tell("")
+    for change in found.of(Status.NOT_RUN):
+        for line in change_lines(change):
+            _tell(line)
+    try:
+        done = accept_each(
+            found, decided.reasons, decided.reasons.keys() - decided.kept, options.baseline
+        )
+    except AcceptError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    _summarize(found, decided)
+    if done.files:
+        for line in accepted_lines(done.cases, done.files, terminal().width, with_cases=True):
+            _tell(line)
+    if found.of(Status.NOT_RUN) or found.failures:
+        return FAIL
+    return DIFFER if decided.rejected or decided.left else AGREE
+
+
+def _summarize(found: GateResult, decided: Decisions) -> None:
+    """Print how many cases were decided which way, and the edits to undo."""
+    counts = {
+        "accepted": len(decided.reasons),
+        "rejected": len(decided.rejected),
+        "not decided": len(decided.left),
+        "could not run": len(found.of(Status.NOT_RUN)),
+    }
+    told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    _tell(told or "Nothing to review: every case is as accepted")
+    files = {(change.id.system, change.id.model) for change in decided.rejected}
+    for diff in found.file_diffs:
+        if any(system == diff.system and model in diff.models for system, model in files):
+            for one in diff.lines:
+                for line in wrapped(_undo(one), terminal().width):
+                    _tell(line)
+
+
+def _undo(one: ChangedLine) -> str:
+    """Return what to do about a rejected edit."""
+    what = f"set it back to {one.old}" if one.old else "undo this edit"
+    return f"{one.file}:{one.line} {one.edit or one.message}: {what}"
+
+
+def _tell(line: str) -> None:
+    print(visible(line), flush=True)

@@ -1,0 +1,279 @@
+"""Settings of a project: defaults of options, `[tool.crosscheck]` in its pyproject.toml.
+
+[tool.crosscheck]
+folders = ["models"]
+engines = ["NAME"]
+resolution = 1e-9
+
+The nearest file with such a table counts, from the working folder up to the root of its repository.
+Outside a repository, only the working folder counts. Paths start at the file's folder. The command
+line overrides the file. Others may have written it, so it can set no scheduler, which runs code on
+this machine, and no path outside its folder, where a run would write.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.help import suggestion
+
+FILE = "pyproject.toml"
+TABLE = "[tool.crosscheck]"
+
+Read = Callable[[object, Path], object]
+"""Returns the default that a value stands for; its ValueError says what the value must be."""
+
+
+class SettingsError(ValueError):
+    """An invalid setting; the message names the file, the line, the setting and the remedy."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """One setting.
+
+    Attributes:
+        argument: the argument whose default it sets, as argparse names it.
+        kind: type of its value, as the documentation names it.
+        read: converts its value.
+        commands: those that use it.
+    """
+
+    argument: str
+    kind: str
+    read: Read
+    commands: frozenset[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SettingsFile:
+    """A file with settings.
+
+    Attributes:
+        path: from the working folder.
+        text: its content.
+        table: its settings.
+    """
+
+    path: Path
+    text: str
+    table: Mapping[str, object]
+
+    def error(self, key: str, message: str) -> SettingsError:
+        """Build the error about a setting, with its line if known."""
+        # Imported here: help needs no parser of files.
+        from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+        from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
+
+        source = Source(self.path, self.text.encode())
+        try:
+            start = toml_offset(
+                source, f"tool.crosscheck.{key if key.isidentifier() else repr(key)}"
+            )
+        except LocationError:
+            start = None
+        line = "" if start is None else f":{source.data[:start].count(10) + 1}"  # 10: a line feed
+        return SettingsError(f"{self.path}{line}: {TABLE} {message}")
+
+
+def apply(command: argparse.ArgumentParser, name: str) -> None:
+    """Make a project's settings the defaults of a command, and mention the file in its help.
+
+    Raises:
+        SettingsError: for a file that can't be read, an unknown setting, or an invalid value.
+    """
+    file, notes = _nearest(Path.cwd())
+    defaults: dict[str, object] = {}
+    if file is not None:
+        read = {key: _read(file, key, value) for key, value in file.table.items()}
+        defaults = {
+            SETTINGS[key].argument: default
+            for key, default in read.items()
+            if name in SETTINGS[key].commands
+        }
+    if file is not None and defaults:
+        keys = ", ".join(key for key in file.table if name in SETTINGS[key].commands)
+        command.epilog = f"Defaults from {file.path}: {keys}.\n\n{command.epilog or ''}"
+        notes = (*notes, f"settings from {file.path}")
+    command.set_defaults(**defaults, settings_notes=notes)
+
+
+def _read(file: _SettingsFile, key: str, value: object) -> object:
+    """Return the default that a setting stands for."""
+    if why := _REFUSED.get(key):
+        raise file.error(key, f"{key} {why}")
+    setting = SETTINGS.get(key)
+    if setting is None:
+        known = f" Settings: {', '.join(SETTINGS)}."
+        raise file.error(key, f"unknown setting {key!r}.{suggestion(key, SETTINGS)}{known}")
+    try:
+        return setting.read(value, file.path.parent)
+    except (ValueError, argparse.ArgumentTypeError) as error:
+        raise file.error(key, f"{key} {error}") from None
+
+
+def _nearest(here: Path) -> tuple[_SettingsFile | None, tuple[str, ...]]:
+    """Return the nearest file with settings, and notes about ignored files."""
+    notes: list[str] = []
+    for folder in _searched(here):
+        path = Path(os.path.relpath(folder / FILE, here))
+        if not (folder / FILE).is_file():
+            continue
+        ours = _is_ours(folder / FILE)
+        try:
+            file = _settings_file(path)
+        except SettingsError:
+            if ours:
+                raise
+            continue
+        if file is not None and ours:
+            return file, tuple(notes)
+        if file is not None:
+            notes.append(
+                f"ignoring settings in {path}, since it belongs to another user;"
+                " use options, or change its owner"
+            )
+    return None, tuple(notes)
+
+
+def _searched(here: Path) -> tuple[Path, ...]:
+    """Return the folders to search: up to the repository's root, else only the working folder."""
+    folders = (here, *here.parents)
+    roots = (i for i, folder in enumerate(folders) if (folder / ".git").exists())
+    return folders[: next(roots, 0) + 1]
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether this process's user owns a file; always true on systems without users."""
+    return not hasattr(os, "geteuid") or path.stat().st_uid == os.geteuid()
+
+
+def _settings_file(path: Path) -> _SettingsFile | None:
+    """Return a file's settings; None if it has no such table.
+
+    Raises:
+        SettingsError: for a file that can't be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        tools = tomllib.loads(text).get("tool", {})
+    except (ValueError, RecursionError, OSError) as error:
+        raise SettingsError(f"{path}: cannot be read: {error}. Fix the file.") from None
+    table = tools.get("crosscheck") if isinstance(tools, dict) else None
+    if table is None:
+        return None
+    if not isinstance(table, dict):
+        raise SettingsError(f"{path}: {TABLE} must be a table, not {_toml(table)}")
+    return _SettingsFile(path=path, text=text, table=table)
+
+
+def _must_be(expected: str, value: object) -> ValueError:
+    return ValueError(f"must be {expected}, not {_toml(value)}")
+
+
+def _toml(value: object) -> str:
+    """Return a value as a message shows it, on one line and in ASCII."""
+    return json.dumps(value, default=str)
+
+
+def _of_text(read: Callable[[str], object]) -> Read:
+    """Return a reader of numbers that accepts what the command line does."""
+
+    def read_number(value: object, _: Path) -> object:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise _must_be("a number", value)
+        return read(f"{value}")
+
+    return read_number
+
+
+def _names(value: object, _: Path) -> list[str]:
+    if not (isinstance(value, list) and all(isinstance(one, str) for one in value)):
+        raise _must_be("a list of names", value)
+    return list(value)
+
+
+def _folders(value: object, base: Path) -> list[str]:
+    """Return paths relative to the file; other names are those of built-in systems."""
+    return [str(base / name) if (base / name).exists() else name for name in _names(value, base)]
+
+
+def _path(value: object, base: Path) -> Path:
+    if not isinstance(value, str) or not value:
+        raise _must_be("a path", value)
+    if not (base / value).resolve().is_relative_to(base.resolve()):
+        raise ValueError(
+            f"must be inside the folder of {FILE}, not {_toml(value)}. Use the option instead."
+        )
+    return base / value
+
+
+def _switch(value: object, _: Path) -> bool:
+    if not isinstance(value, bool):
+        raise _must_be("true or false", value)
+    return value
+
+
+_RUN = frozenset({"run"})
+_RUNNING = _RUN | frozenset({"gate", "accept", "review"})
+_TIMED = _RUNNING | {"audit", "derive", "compare", "versions", "mutate"}
+
+SETTINGS: Mapping[str, Setting] = MappingProxyType(
+    {
+        "folders": Setting(
+            argument="folders",
+            kind="list of paths or names",
+            read=_folders,
+            commands=frozenset({"run", "list"}),
+        ),
+        "engines": Setting(
+            argument="engine",
+            kind="list of names",
+            read=_names,
+            commands=_RUNNING | {"list", "audit", "mutate"},
+        ),
+        "resolution": Setting(
+            argument="resolution",
+            kind="number",
+            read=_of_text(arguments.resolution),
+            commands=_RUNNING | {"compare", "versions"},
+        ),
+        "limit": Setting(
+            argument="limit", kind="number", read=_of_text(arguments.seconds), commands=_TIMED
+        ),
+        "memory": Setting(
+            argument="memory", kind="number", read=_of_text(arguments.memory), commands=_TIMED
+        ),
+        "jobs": Setting(
+            argument="jobs",
+            kind="whole number",
+            read=_of_text(arguments.positive),
+            commands=_RUNNING | {"audit", "versions", "mutate"},
+        ),
+        "cache": Setting(argument="cache", kind="path", read=_path, commands=_RUN | {"audit"}),
+        "baseline": Setting(argument="baseline", kind="path", read=_path, commands=_RUNNING),
+        "out": Setting(argument="out", kind="path", read=_path, commands=_RUN),
+        "strict": Setting(argument="strict", kind="boolean", read=_switch, commands=_RUN),
+        "history": Setting(argument="history", kind="boolean", read=_switch, commands=_RUN),
+        "require-engines": Setting(
+            argument="require_engines", kind="boolean", read=_switch, commands=_RUN
+        ),
+    }
+)
+"""All settings, by their names in the file."""
+
+_REFUSED: Mapping[str, str] = MappingProxyType(
+    {
+        "scheduler": "is not allowed in a file, since a scheduler can run code on this machine."
+        f" Use --scheduler ADDRESS, or set {arguments.SCHEDULER}.",
+    }
+)
+"""Settings that the file can't have: the reason and the remedy."""

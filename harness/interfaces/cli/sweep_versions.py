@@ -1,0 +1,110 @@
+"""`crosscheck sweep --versions`: the same cases under several versions of an engine."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
+from physics_crosscheck.harness.extras.sweep.versions import MOVED, Moved, moved
+from physics_crosscheck.harness.extras.versions.asked import asked_versions
+from physics_crosscheck.harness.extras.versions.environments import EnvironmentError_
+from physics_crosscheck.harness.extras.versions.launch import launch
+from physics_crosscheck.harness.extras.versions.run import interpreter_of
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.render.terminal.sweep import row_lines
+from physics_crosscheck.harness.results.status import counted
+
+_CHILD = """
+from physics_crosscheck.harness.interfaces.cli.main import program
+sys.argv[1:] = rest
+sys.exit(program())
+"""
+
+
+def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
+    """Run a sweep in each version's environment, and tell what is another; returns the exit code.
+
+    Args:
+        options: as they were given.
+        words: the command line in one spelling, from its program's name on.
+    """
+    only = options.only is not None
+    engine, versions = asked_versions(options.versions, "--versions", least=1 if only else 2)
+    if options.engine and set(options.engine) != {engine}:
+        raise FolderError(f"--versions {engine}: --engine names another engine. Remove --engine")
+    if options.scheduler:
+        raise FolderError(
+            "--versions: environments are on this machine; leave out --scheduler"
+            f" and {arguments.SCHEDULER}"
+        )
+    codes, outs = [], []
+    try:
+        found = [
+            (one, interpreter_of(engine, one, options.environments, _tell)) for one in versions
+        ]
+        for one, python in found:
+            out = options.out / f"{engine}-{one.version}"
+            _tell(f"{engine} {one.version}:")
+            given = [*words[1:], *([] if options.engine else ["--engine", engine])]
+            given += [*_local(options), "--out", str(out), "--under", engine, one.version]
+            code = launch(engine, one.version, python, _CHILD, given, range(256))
+            if code not in (AGREE, DIFFER, FAIL):
+                return code  # no sense, or stopped: it has said so
+            codes.append(code)
+            outs.append(out)
+    except EnvironmentError_ as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    worst = max(codes)
+    if only:
+        return worst
+    others = [
+        _told(f"{engine} {a.version} -> {b.version}", one, other)
+        for (a, one), (b, other) in pairwise(zip(versions, outs, strict=True))
+    ]
+    return max(worst, DIFFER if any(others) else AGREE)
+
+
+def _local(options: argparse.Namespace) -> list[str]:
+    """What of the words is no part of the plan, and goes to every version as well."""
+    found = []
+    if options.jobs:
+        found += ["--jobs", str(options.jobs)]
+    if options.only is not None:
+        found += ["--only", str(options.only)]
+    limits = arguments.limits_of(options)
+    return [*found, "--limit", repr(limits.seconds), "--memory", repr(limits.memory)]
+
+
+def _told(name: str, before: Path, after: Path) -> bool:
+    """Print what is another from one version to the next; whether anything is."""
+    plans = read_plan(before), read_plan(after)
+    if not all(plans):
+        return False
+    found = moved(read_rows(before), read_rows(after))
+    for line in _lines(name, found):
+        print(line)
+    return found.any
+
+
+def _lines(name: str, found: Moved) -> Iterator[str]:
+    counts = (
+        (found.verdicts, "with another verdict"),
+        (found.limits, "with another result"),
+        (found.errors, f"with an error at dt that changed by over {100 * MOVED:.0f} %"),
+    )
+    parts = [f"{count} {what}" for count, what in counts if count]
+    yield f"{name}: {counted(found.cases, 'case')}: {'; '.join(parts) or 'none changed'}"
+    for pair in found.largest:
+        for row in (pair.before, pair.after):
+            yield from row_lines(row)
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)

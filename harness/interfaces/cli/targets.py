@@ -1,0 +1,96 @@
+"""Targets of a command line: folders, robot files, and which of their cases."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
+from physics_crosscheck.harness.modelfiles.choice import Choice, NamedModel, chosen_models, matching
+from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFolders, named_folders
+from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.results.visible import visible
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Folders and files to run.
+
+    Attributes:
+        named: folders, and unknown names.
+        robots: robot files that run standalone.
+        choice: of their cases.
+    """
+
+    named: NamedFolders
+    robots: Sequence[Path]
+    choice: Choice
+
+    @property
+    def folders(self) -> Sequence[Path]:
+        """System folders."""
+        return self.named.folders
+
+
+def select_targets(options: argparse.Namespace) -> Targets:
+    """Return what the options select; nothing where `--last-failed` finds no failed case.
+
+    Raises:
+        FolderError: if nothing is left to run, or a choice can't be read.
+        ResultsError: for a last run that can't be read.
+    """
+    matching(options.words)
+    names, only = list(options.folders), None
+    if options.last_failed:
+        last = read_results(options.out / "results.json")
+        only = [(case.folder, case.id) for case in last.failed]
+        if not only:
+            print("crosscheck: the last run has no failed case; nothing to run", file=sys.stderr)
+            return Targets(NamedFolders([], {}), [], Choice(only=only))
+        names = names or list(dict.fromkeys(folder for folder, _ in only))
+    targets = resolve_targets(names, standalone=options.standalone)
+    if not targets.robots and not targets.folders:
+        raise FolderError("; ".join(targets.named.faults.values()))
+    return replace(targets, choice=replace(targets.choice, words=options.words, only=only))
+
+
+def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
+    """Return the folders, robot files and models that names mean, and the unknown names.
+
+    Args:
+        names: of a command line; none: all built-in folders.
+        standalone: whether files in a system folder are robot files, too.
+    """
+    models: dict[str, tuple[NamedModel, ...]] = {}
+    if not standalone:
+        names, models = chosen_models(names)
+    robots = robot_files(names)
+    has_files = bool(robots.files or robots.faults)
+    if robots.others or not has_files:
+        named = named_folders(robots.others, beside=has_files)
+    else:
+        named = NamedFolders([], {})
+    faults = {**robots.faults, **named.faults}
+    return Targets(NamedFolders(named.folders, faults), robots.files, Choice(models=models))
+
+
+def warn_unknown(named: NamedFolders) -> None:
+    """Print a warning for each unknown target, before the others run."""
+    for fault in named.faults.values():
+        print(f"crosscheck: {fault}; continuing with the others", file=sys.stderr, flush=True)
+
+
+def with_unknown(code: int, named: NamedFolders) -> int:
+    """Print the skipped targets at the end of a run; return the exit code.
+
+    An unknown target is wrong usage whatever the others came to, but hides no failure.
+    """
+    if not named.faults:
+        return code
+    names = ", ".join(visible(name) for name in named.faults)
+    print(f"crosscheck: skipped unknown targets: {names}", file=sys.stderr)
+    return max(code, USAGE)

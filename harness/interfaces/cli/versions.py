@@ -1,0 +1,79 @@
+"""`crosscheck versions`: the same models under several versions of an engine."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from physics_crosscheck.harness.extras.versions.asked import (
+    AskedModels,
+    asked_models,
+    asked_versions,
+)
+from physics_crosscheck.harness.extras.versions.environments import EnvironmentError_
+from physics_crosscheck.harness.extras.versions.run import VersionOptions, run_versions
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.interfaces.cli.keeping import check_page
+from physics_crosscheck.harness.modelfiles.folders import FolderError, system_folders
+from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
+from physics_crosscheck.harness.records.versions import Versions
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.render.html.versions import write_versions
+from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.versions import print_versions
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run the models under each version, print what changes, write the report."""
+    if len(options.engine) > 1:
+        raise FolderError("--engine is given twice: one engine at a time")
+    engine, versions = asked_versions(options.engine[0])
+    check_page(options.out / "index.html")
+    models = _models(options.folders, engine)
+    for line in models.left_out:
+        print(f"crosscheck: {line}", file=sys.stderr, flush=True)
+    wanted = VersionOptions(
+        out=options.out,
+        environments=options.environments,
+        resolution=options.resolution,
+        jobs=options.jobs,
+        limits=arguments.limits_of(options),
+        floating=options.floating,
+        diagnose=options.diagnose,
+    )
+    try:
+        found = run_versions(engine, versions, models, wanted, _tell)
+    except EnvironmentError_ as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    write_versions(options.out / "index.html", found)
+    if options.json:
+        write_whole(options.json, encoded(found, indent=1))
+    print_versions(terminal(), found)
+    print("  ".join(map(str, filter(None, (options.out / "index.html", options.json)))))
+    return code(found)
+
+
+def code(found: Versions) -> int:
+    """The exit code: as the gate's, what could not be compared is no pass."""
+    if found.incomplete:
+        return FAIL
+    return DIFFER if found.changed else AGREE
+
+
+def _models(names: list[str], engine: str) -> AskedModels:
+    """What the names mean.
+
+    Raises:
+        FolderError: where one means nothing, or nothing of it runs in the engine.
+    """
+    alone = robot_files(names)
+    if alone.faults:
+        raise FolderError("; ".join(alone.faults.values()))
+    folders = system_folders(alone.others) if alone.others or not names else []
+    return asked_models(engine, folders, alone.files)
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)

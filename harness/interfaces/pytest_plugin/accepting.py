@@ -1,0 +1,79 @@
+"""`--crosscheck-accept REASON`: what the selected cases do now becomes the baseline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.text import accepted_lines
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import Terms
+from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.results.github import in_ci
+
+
+class Accepting:
+    """What is to be accepted when all tests are done.
+
+    Args:
+        config: of the session.
+        folders: that are tested.
+        asked: how cases are run.
+
+    Attributes:
+        told: lines for the end of the run.
+
+    Raises:
+        pytest.UsageError: in CI, or without a reason.
+    """
+
+    def __init__(self, config: pytest.Config, folders: Sequence[Path], asked: Terms) -> None:
+        given = config.getoption("crosscheck_accept")
+        self._reason = None if given is None else " ".join(given.split())
+        self._folders, self._asked = folders, asked
+        self.told: tuple[str, ...] = ()
+        if self._reason is not None and in_ci():
+            raise pytest.UsageError("--crosscheck-accept needs a person and is refused in CI")
+        if self._reason == "":
+            raise pytest.UsageError(
+                "--crosscheck-accept is empty. State why the results are right."
+            )
+
+    def accept(self, config: pytest.Config) -> bool | None:
+        """Write what passed into the baseline; None where nothing is to be accepted.
+
+        What changed is run once more: only what was just seen is accepted, by the gate's judgement.
+        """
+        if not self._reason or hasattr(config, "workerinput"):  # xdist's workers have no reports
+            return None
+        passed = set(_passed(config))
+        found = gate(
+            list(self._folders),
+            GateOptions(
+                baseline=self._asked.baseline,
+                resolution=self._asked.resolution,
+                limits=self._asked.limits,
+                parents=(),
+            ),
+            lambda *_: None,
+        )
+        chosen = [change.id for change in found.changes if str(change.id) in passed]
+        try:
+            done = accept_each(found, dict.fromkeys(chosen, self._reason), (), self._asked.baseline)
+        except AcceptError as error:
+            self.told = (f"crosscheck: {error}",)
+            return False
+        self.told = tuple(accepted_lines(done.cases, done.files, terminal().width, with_cases=True))
+        return True
+
+
+def _passed(config: pytest.Config) -> list[str]:
+    """Names of the cases whose tests passed."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = [] if reporter is None else reporter.stats.get("passed", ())
+    known = [dict(r.user_properties) for r in reports if r.when == "call"]
+    return [facts["case"] for facts in known if "case" in facts]

@@ -1,0 +1,271 @@
+"""Tests of a system folder: one for each model file, engine and scenario, and one for each audit.
+
+Their ids are `system.py::drum_pendulum/robot.urdf/free`, after the folder's path. All tests of a
+folder belong to one file, so that xdist's `--dist loadfile` (or `loadscope`) prepares it once.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physics_crosscheck.harness.checks.not_run import barred_case, failed_case
+from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.table import largest
+from physics_crosscheck.harness.results.failure import (
+    diagnosis_lines,
+    failure_message,
+    figures,
+    in_brief,
+)
+from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
+from physics_crosscheck.harness.results.status import Decision, TestStatus, status_of
+from physics_crosscheck.harness.results.visible import visible_lines
+
+WORDS = {"and", "or", "not", "True", "False", "None"}
+"""What -m reads as something else than a marker's name."""
+
+MOST_FIXES = 3
+"""Numbers to change that a message names."""
+
+OURS = pytest.StashKey[set[str]]()
+
+
+class SystemFile(pytest.File):
+    """A folder's `system.py`. Collecting reads the declaration; it derives and judges nothing."""
+
+    def collect(self) -> Iterator[CrosscheckItem]:
+        """Yield the folder's tests; one that fails for whatever can't be read."""
+        folder = self.path.parent
+        system = self.config.stash[RUNNER].declared(folder)
+        if isinstance(system, Failure):
+            yield self._unread(folder.name, self.path.name, system.reason)
+            return
+        # What a library or a declaration warns of on import is told at the end of the run: where
+        # warnings are errors, that is meant for the project's own tests.
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            for warning in system.warned:
+                warning.again()
+            found = list(model_files(folder))
+        scenarios = list(system.scenarios)
+        audit = "audit" if "audit" not in scenarios else "audit of the model"
+        for one in found:
+            if isinstance(one, UnreadModel):
+                name = one.model if one.model != "-" else "no model file"
+                yield self._unread(system.name, name, one.reason)
+                continue
+            for engine in one.engines:
+                tail = f"[{engine}]" if len(one.engines) > 1 else ""
+                for scenario in (*scenarios, None):
+                    case = f"{system.name}/{one.model.name}/{scenario or audit}"
+                    yield CrosscheckItem.from_parent(
+                        self,
+                        name=_plain(case) + tail,
+                        system=system.name,
+                        sidecar=one,
+                        engine=engine,
+                        scenario=scenario,
+                    )
+
+    def _unread(self, system: str, file: str, reason: str) -> UnreadItem:
+        return UnreadItem.from_parent(
+            self, name=_plain(f"{system}/{file}"), system=system, reason=reason
+        )
+
+
+def _plain(name: str) -> str:
+    """A name without what has a meaning in a test's id."""
+    return name.replace("::", ":").replace("[", "(").replace("]", ")")
+
+
+class CrosscheckItem(pytest.Item):
+    """A case; or an audit, where `scenario` is None."""
+
+    def __init__(
+        self,
+        *,
+        system: str,
+        sidecar: Sidecar | None,
+        engine: str,
+        scenario: str | None,
+        **rest: Any,
+    ) -> None:
+        super().__init__(**rest)
+        self.system, self.sidecar, self.engine, self.scenario = system, sidecar, engine, scenario
+        self._brief = ""
+        self._where: SourceLine | None = None
+        kind = {"model": sidecar.model.name} if sidecar else {}
+        self.add_marker(
+            pytest.mark.crosscheck(
+                system=system, engine=engine, scenario=scenario or "audit", **kind
+            )
+        )
+        for name in (system, engine):
+            _mark(self, name)
+
+    def setup(self) -> None:
+        """Prepare the folder, so that its time is not counted as the first case's."""
+        runner = self.config.stash[RUNNER]
+        if self.sidecar and runner.hurdle(self.sidecar, self.engine) is None:
+            runner.prepared(self.path.parent)
+
+    def runtest(self) -> None:
+        """Run, and end as `status_of` says."""
+        record = self.record()
+        required = self.config.getoption("crosscheck_require_engines")
+        decision = status_of(record, require_engines=required, demands=self._demands(record))
+        if isinstance(record, Case):
+            self.user_properties += [("case", str(record.id)), *properties(record).items()]
+        codes = [record.code] if isinstance(record, Case) else [one.code for one in record.findings]
+        self.user_properties += [("code", code) for code in dict.fromkeys(filter(None, codes))]
+        if record.accepted:
+            self.user_properties.append(("accepted", record.accepted))
+        if decision.status is TestStatus.SKIP:
+            skipped = pytest.skip.Exception(decision.reason)
+            # Told as a skip of the model file, not of this line.
+            skipped._use_item_location = True
+            raise skipped
+        if decision.status is TestStatus.FAIL and not self._is_accepted(record):
+            self._fail(record, decision)
+
+    def _is_accepted(self, record: Case | Model) -> bool:
+        """Whether what was found is what is to be accepted: all but what could not be run."""
+        if not self.config.getoption("crosscheck_accept"):
+            return False
+        if isinstance(record, Model):
+            return not record.failures
+        return record.outcome in (Outcome.DIFFERS, Outcome.UNRESOLVED)
+
+    def _demands(self, record: Case | Model) -> list[str]:
+        """What the project asks beyond agreement, and this case does not meet."""
+        demands: list[str] = []
+        if isinstance(record, Case) and record.outcome is Outcome.AGREES:
+            for sentences in self.ihook.pytest_crosscheck_case(record=record):
+                demands += [sentences] if isinstance(sentences, str) else sentences or ()
+        return demands
+
+    def _fail(self, record: Case | Model, decision: Decision) -> None:
+        """End as a failure that names the cause."""
+        diagnosis: Diagnosis | None = None
+        if isinstance(record, Case) and record.outcome is Outcome.DIFFERS and self.sidecar:
+            diagnosis = self.config.stash[RUNNER].diagnosis(
+                self.path.parent, self.sidecar, self.engine
+            )
+            self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
+        self._brief, self._where = in_brief(record, decision, diagnosis)
+        cause, *more = failure_message(record, decision, diagnosis).splitlines()
+        text = "\n".join([cause, *self._fixes(record, diagnosis), *more])
+        pytest.fail(text, pytrace=False)
+
+    def _fixes(self, record: Case | Model, diagnosis: Diagnosis | None) -> list[str]:
+        """Return a line for each number to change, with its file and line."""
+        model = record if isinstance(record, Model) else self._model(diagnosis=diagnosis)
+        changes = dict.fromkeys(map(str, [*changes_of(model), *stated_changes(model)]))
+        lines = visible_lines("\n".join(f"Fix: change {change}" for change in changes))
+        return lines[:MOST_FIXES]
+
+    def _model(self, **fields: Any) -> Model:
+        """Return the record of the model, without its texts."""
+        return Model(
+            system=self.system,
+            model=self.sidecar.model.name if self.sidecar else "-",
+            engine=self.engine,
+            folder=str(self.path.parent),
+            text="",
+            sidecar="",
+            **fields,
+        )
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What is printed: the failure, no traceback; and in one line, with the literal's place."""
+        shown = super().repr_failure(excinfo, style)
+        crash = getattr(shown, "reprcrash", None)
+        if crash is not None and isinstance(excinfo.value, pytest.fail.Exception):
+            path = self.reportinfo()[0]
+            crash.path, crash.lineno = str(path), 1
+            if self._where and self._where.line:
+                crash.path, crash.lineno = str(path.parent / self._where.file), self._where.line
+            crash.message = self._brief
+        return shown
+
+    def record(self) -> Case | Model:
+        """Run the case or the audit; an audit that can't be had is a case that failed."""
+        assert self.sidecar is not None
+        runner, folder = self.config.stash[RUNNER], self.path.parent
+        one = CaseId(
+            system=self.system,
+            model=self.sidecar.model.name,
+            scenario=self.scenario or "-",
+            engine=self.engine,
+        )
+        why = runner.hurdle(self.sidecar, self.engine)
+        if why is not None:
+            return barred_case(one, str(folder), why)
+        if self.scenario is not None:
+            return runner.case(one, folder, self.sidecar)
+        found = runner.audit(folder, self.sidecar, self.engine)
+        if isinstance(found, Failure):
+            return failed_case(one, str(folder), found)
+        model = self._model(audit=found.findings, poses=found.poses)
+        return runner.marked(model, folder)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Where it is: the model file; and its name as `crosscheck run` has it."""
+        if self.sidecar is None:
+            # Not the id's ending, in which pytest's -v would take a dot for a separator.
+            return self.path, 0, self.name.replace("/", ": ", 1)
+        name = f"{self.system}/{self.sidecar.model.name}/{self.scenario or 'audit'}"
+        return self.sidecar.model, 0, f"{name} [{self.engine}]"
+
+
+class UnreadItem(CrosscheckItem):
+    """A folder or model file that can't be read: a test that fails with the reason."""
+
+    def __init__(self, *, reason: str, **rest: Any) -> None:
+        super().__init__(sidecar=None, engine="-", scenario=None, **rest)
+        self._reason = reason
+
+    def record(self) -> Case:
+        """What stands for its cases."""
+        one = CaseId(system=self.system, model=self.path.name, scenario="-", engine="-")
+        return failed_case(one, str(self.path.parent), Failure(self._reason, "", kind="sidecar"))
+
+
+def properties(case: Case) -> dict[str, str]:
+    """What a report has of a case by name: its outcome, and its numbers.
+
+    The largest numbers too, which `figures` has not: those of the component that decides are told.
+    """
+    found = {"outcome": str(case.outcome), **figures(case)}
+    if (worst := largest(case)) is not None:
+        found["largest"] = f"{worst:.3e}"
+    return found
+
+
+def _mark(item: pytest.Item, name: str) -> None:
+    """Mark an item by a name, unless that marker has a meaning already: a system named `skip`."""
+    name = re.sub(r"\W", "_", name).lstrip("_")
+    ours = item.config.stash.setdefault(OURS, set())
+    if not name or name in WORDS:
+        return
+    if name not in ours:
+        registered = item.config.getini("markers")
+        if name in {re.split(r"[:(]", line)[0].strip() for line in registered}:
+            return
+        item.config.addinivalue_line("markers", f"{name}: cases of --crosscheck with {name}")
+        ours.add(name)
+    item.add_marker(name)

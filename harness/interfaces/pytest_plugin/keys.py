@@ -1,0 +1,9 @@
+"""Keys of what the plugin keeps in pytest's configuration."""
+
+from __future__ import annotations
+
+import pytest
+
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+
+RUNNER = pytest.StashKey[CaseRunner]()

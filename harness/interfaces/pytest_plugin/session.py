@@ -1,0 +1,69 @@
+"""What a pytest session with something to check has: collection, one runner, a summary."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.baseline.store import BaselineError
+from physics_crosscheck.harness.interfaces.pytest_plugin.accepting import Accepting
+from physics_crosscheck.harness.interfaces.pytest_plugin.collect import SystemFile
+from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
+from physics_crosscheck.harness.interfaces.pytest_plugin.paths import DECLARATION, meant, to_collect
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.interfaces.pytest_plugin.summary import summarize, untested
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import terms
+from physics_crosscheck.harness.modelfiles.model_files import absent_lines
+
+ABOUT = (
+    "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
+    " -m 'crosscheck(engine=\"NAME\")', or by the names of its engine and system: -m NAME"
+)
+
+
+class CrosscheckSession:
+    """The part of the plugin that is registered where there is something to check."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        asked = terms(config)
+        folders = meant(config)
+        config.args = to_collect(config, folders)
+        config.args_source = config.ArgsSource.ARGS
+        self._folders = {f.resolve() for found in folders.values() for f in found}
+        try:
+            self._runner = CaseRunner(asked.resolution, asked.limits, asked.baseline)
+        except BaselineError as error:
+            raise pytest.UsageError(f"--crosscheck: {error}") from None
+        config.stash[RUNNER] = self._runner
+        config.addinivalue_line("markers", ABOUT)
+        self._accepting = Accepting(config, sorted(self._folders), asked)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(
+        self, file_path: Path, parent: pytest.Collector
+    ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+        """Collect a declaration as the tests of its folder; its model files are no test modules."""
+        found = yield
+        if file_path.parent.resolve() not in self._folders:
+            return found
+        if file_path.name == DECLARATION:
+            return [SystemFile.from_parent(parent, path=file_path)]
+        return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """End the worker process; a run whose cases were all skipped tested nothing: no pass."""
+        self._runner.close()
+        if session.exitstatus == pytest.ExitCode.OK and untested(session.config):
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        if self._accepting.accept(session.config) is False:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Tell how the cases came out, what was accepted, and what was not run."""
+        summarize(terminalreporter)
+        for line in self._accepting.told:
+            terminalreporter.write_line(line)
+        for line in absent_lines(sorted(self._folders)):
+            terminalreporter.write_line(f"crosscheck: {line}")

@@ -1,0 +1,62 @@
+"""The plugin's lines at the end of a pytest run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.comparison import WORDS
+from physics_crosscheck.harness.results.status import counted
+
+
+def summarize(reporter: pytest.TerminalReporter) -> None:
+    """Write how the cases came out, what passed because it is accepted, and what was skipped.
+
+    Everything is taken from the reports, which xdist brings from its workers.
+    """
+    reports = _reports(reporter)
+    if not reports:
+        return
+    reporter.ensure_newline()
+    reporter.section("crosscheck")
+    known = [(report, dict(report.user_properties)) for report in reports]
+    counts = Counter(facts["outcome"] for _, facts in known if "outcome" in facts)
+    parts = [f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one]]
+    agreeing = [facts for _, facts in known if facts.get("outcome") == Outcome.AGREES]
+    worst = max((float(facts["largest"]) for facts in agreeing if "largest" in facts), default=None)
+    size = "" if worst is None else f"; largest difference of the ok cases: {worst:.1e}"
+    reporter.write_line(", ".join(parts) + size)
+    for report, facts in known:
+        if report.passed and "accepted" in facts:
+            outcome = facts.get("outcome", "audit")
+            reporter.write_line(f"accepted: {outcome} {report.nodeid}: {facts['accepted']}")
+    skipped = Counter(report.longrepr[2] for report, _ in known if report.skipped)
+    for reason, number in skipped.items():
+        reporter.write_line(
+            f"skipped: {counted(number, 'test')}: {reason.removeprefix('Skipped: ')}"
+        )
+    if untested(reporter.config):
+        reporter.write_line(
+            "nothing was tested: no engine of these models is installed."
+            " Run pip install 'physics-crosscheck[engines]'."
+        )
+
+
+def untested(config: pytest.Config) -> bool:
+    """Whether there were cases, and all of them were skipped."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = [] if reporter is None else _reports(reporter)
+    return bool(reports) and all(report.skipped for report in reports)
+
+
+def _reports(reporter: pytest.TerminalReporter) -> list[Any]:
+    """Those of the cases and audits, in any order."""
+    return [
+        report
+        for kind in ("passed", "failed", "skipped")
+        for report in reporter.stats.get(kind, ())
+        if report.when == "call" and "crosscheck" in report.keywords
+    ]

@@ -1,0 +1,1 @@
+"""The job graph, worker processes, limits, and records of what code reads."""

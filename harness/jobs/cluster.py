@@ -1,0 +1,388 @@
+"""Tasks on an existing cluster of dask.distributed.
+
+A task is sent as bytes to whichever worker dask picks, and done there by a process of its own: see
+`harness.jobs.remote_workers`. A worker that is new to the run says so, gets the files, and the task
+is asked for again. A task whose worker is lost goes to another: that is dask's affair.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import os
+import pickle
+import queue
+import re
+import sys
+import time
+import uuid
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from physics_crosscheck.harness.jobs import payload
+from physics_crosscheck.harness.jobs.executor import MOMENT, ClusterError, Executor, Pending
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.remote_workers import Terms, installed
+
+try:
+    import distributed
+except ImportError as error:
+    raise ClusterError(
+        f"--scheduler needs dask.distributed, which can't be imported ({error}). "
+        "Run: pip install 'physics-crosscheck[cluster]'"
+    ) from None
+
+ANSWER = 10.0
+"""Seconds in which a scheduler has to answer."""
+
+LOOK = 2.0
+"""Seconds between two looks at which workers there are."""
+
+AHEAD = 4
+"""Tasks in flight for each thread of the cluster at most; at half of these, others are sent."""
+
+FEWEST = 4
+"""Tasks in flight where there are hardly any threads yet."""
+
+MESSAGE = 2**22
+"""Bytes of tasks in one message after which the next is begun; dask warns of 10 MB."""
+
+_TRIES = 5
+"""Times that a task may meet workers that don't know the run: they come and go."""
+
+_NO_FILE, _NO_MODULE = os.strerror(errno.ENOENT), "No module named"
+_PATH = re.compile(r"[^\s'\":;,()]+")
+
+_COPIES = (
+    "the workers of a cluster have only the folder and the files that its models "
+    "name; put everything else that it reads into the folder"
+)
+
+_STRANGE = (
+    f"{_TRIES + 1} workers of the cluster took this task and left before they had the run's files"
+)
+
+
+_Sent = tuple[Pending[Any], bytes, int]
+"""A task in flight, as it is packed, and how often it has met a worker that is new to the run."""
+
+
+@dataclass(frozen=True)
+class _Stranger:
+    """A worker that does not know the run."""
+
+    address: str
+
+
+class Cluster(Executor):
+    """Workers of a cluster; use it as a context manager.
+
+    Args:
+        address: of its scheduler.
+        jobs: tasks in flight at most; 0: some for each thread that the cluster has.
+        limits: of each task.
+        files: files and folders that tasks read, as they are named here.
+        engines: whose versions must be the same there; none: all that are installed here.
+
+    Raises:
+        ClusterError: where nobody answers, or what is installed there is other than here.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        jobs: int = 0,
+        limits: Limits | None = None,
+        files: Sequence[Path] = (),
+        engines: Sequence[str] = (),
+    ) -> None:
+        super().__init__()
+        self._address, self._jobs = address, jobs
+        self._run = f"crosscheck-{uuid.uuid4().hex[:16]}"
+        self._places = frozenset(os.path.abspath(file) for file in files)
+        terms = Terms(
+            run=self._run,
+            limits=limits or Limits(),
+            cwd=str(Path.cwd()),
+            versions=installed(tuple(engines)),
+            engines=tuple(engines),
+        )
+        self._told = pickle.dumps((terms, _luggage(files)))
+        self._flying: dict[Any, _Sent] = {}
+        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._threads, self._looked = 0, -LOOK
+        self._do = _sent("do")
+        self._client = _connected(address)
+        try:
+            self._check(self._client)
+            self._receive()
+        except BaseException:
+            self.close()
+            raise
+
+    def turn(self) -> list[Pending[Any]]:
+        """Send tasks, wait a moment for something to happen, and return those that ended.
+
+        Raises:
+            ClusterError: where the scheduler is lost, or a new worker does not fit.
+        """
+        ended = self._send()
+        if ended:
+            return ended
+        futures = []
+        with contextlib.suppress(queue.Empty):
+            futures.append(self._ended.get(timeout=MOMENT))
+            while True:
+                futures.append(self._ended.get_nowait())
+        return self._take(futures)
+
+    def close(self) -> None:
+        """Take back what is in flight, end what is being done, and leave the cluster."""
+        with contextlib.suppress(Exception):
+            if self._flying:
+                self._client.cancel(list(self._flying), force=True)
+        self._flying.clear()
+        with contextlib.suppress(Exception):
+            if self._client.status == "running":  # else it would wait for a scheduler that is gone
+                self._client.run(_sent("leave"), self._run, on_error="ignore")
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=ANSWER)
+
+    def _check(self, client: Any) -> None:
+        """Refuse other versions of what client and workers talk with, Python first."""
+        found = client.get_versions()
+        here = _talking(found["client"])
+        others = {"its scheduler": found["scheduler"], **found["workers"]}
+        for name, there in others.items():
+            other = [
+                f"{what} {version} (here {here[what]})"
+                for what, version in _talking(there).items()
+                if version != here[what]
+            ]
+            if other:
+                raise self._other(name, ", ".join(other))
+
+    def _other(self, worker: str, what: str) -> ClusterError:
+        return ClusterError(
+            f"--scheduler {self._address}: {worker} has {what}, so its results "
+            "could differ from this machine's; install the same version there, or "
+            "choose other engines with --engine"
+        )
+
+    def _without(self, worker: str, error: ImportError) -> ClusterError:
+        return ClusterError(
+            f"--scheduler {self._address}: {worker} can't import physics-crosscheck ({error}):"
+            " install it there, in the same version"
+        )
+
+    def _receive(self, workers: Sequence[str] | None = None) -> None:
+        """Send the run to workers; None: to all that there are."""
+        answers = self._client.run(_sent("receive"), self._told, workers=workers, on_error="return")
+        for worker, answer in answers.items():
+            if isinstance(answer, ImportError):
+                raise self._without(worker, answer)
+            if isinstance(answer, OSError) and workers is not None:
+                continue  # it is gone: its tasks go elsewhere
+            if isinstance(answer, BaseException):
+                said = f"{type(answer).__name__}: {answer}"
+                raise ClusterError(
+                    f"--scheduler {self._address}: {worker} can't take the run: {said}"
+                )
+            if answer:
+                raise self._other(worker, answer)
+
+    def _room(self) -> int:
+        """Tasks that may be in flight."""
+        if self._jobs:
+            return self._jobs
+        if time.monotonic() - self._looked > LOOK:
+            threads = sum(self._client.nthreads().values())
+            if not threads and (self._threads or self._looked < 0):
+                print(
+                    f"crosscheck: the cluster at {self._address} has no workers; waiting for one",
+                    file=sys.stderr,
+                )
+            self._threads, self._looked = threads, time.monotonic()
+        return max(FEWEST, AHEAD * self._threads)
+
+    def _send(self) -> list[Pending[Any]]:
+        """Send waiting tasks where there is room; returns those that can't be sent."""
+        lost: list[Pending[Any]] = []
+        room = self._room() if self._waiting else 0
+        if len(self._flying) > room // 2:
+            return lost
+        sent: list[_Sent] = []
+        while self._waiting and len(self._flying) + len(sent) < room:
+            pending = self._waiting.popleft()
+            task = (pending.function, pending.argument)
+            try:
+                sent.append((pending, payload.packed(task, places=self._places), 0))
+            except Exception as error:
+                pending.end(Failure(f"{type(error).__name__}: {error}", ""))
+                lost.append(pending)
+        self._fly(sent)
+        return lost
+
+    def _fly(self, sent: Sequence[_Sent]) -> None:
+        """Send tasks, many at once: each message costs the scheduler as much as some tasks."""
+        message: list[_Sent] = []
+        size = 0
+        for one in sent:
+            message.append(one)
+            size += len(one[1])
+            if size > MESSAGE:
+                self._fly_together(message)
+                message, size = [], 0
+        self._fly_together(message)
+
+    def _fly_together(self, sent: Sequence[_Sent]) -> None:
+        if not sent:
+            return
+        tasks = [data for _, data, _ in sent]
+        keys = [f"{_name(one.function)}-{uuid.uuid4().hex}" for one, _, _ in sent]
+        futures = self._client.map(partial(self._do, self._run), tasks, key=keys, pure=False)
+        self._flying |= zip(futures, sent, strict=True)
+        for future in futures:
+            future.add_done_callback(self._ended.put)
+
+    def _take(self, futures: Sequence[Any]) -> list[Pending[Any]]:
+        """The tasks of futures that are done, ended; those sent to strangers are sent again."""
+        ended, strangers = [], dict[str, None]()
+        again = []
+        for future, reply in self._replies(futures):
+            pending, data, tries = self._flying.pop(future)
+            value = self._value(reply)
+            if isinstance(value, _Stranger) and tries < _TRIES:
+                strangers[value.address] = None
+                again.append((pending, data, tries + 1))
+                continue
+            pending.end(Failure(_STRANGE, "") if isinstance(value, _Stranger) else value)
+            ended.append(pending)
+        if strangers:
+            self._receive(list(strangers))
+        self._fly(again)
+        return ended
+
+    def _replies(self, futures: Sequence[Any]) -> list[tuple[Any, Callable[[], Any]]]:
+        """Futures that are done, each with what has its reply or raises; fetched all at once."""
+        with contextlib.suppress(Exception):  # of any of them, to be told one by one
+            fetched = self._client.gather(list(futures))
+            return [
+                (one, partial(_same, reply)) for one, reply in zip(futures, fetched, strict=True)
+            ]
+        return [(one, one.result) for one in futures]
+
+    def _value(self, reply_of: Callable[[], Any]) -> Any:
+        """The value of a task, or a `Failure`; or which worker is new to the run."""
+        try:
+            address, reply = reply_of()
+        except distributed.CancelledError:
+            raise ClusterError(
+                f"--scheduler {self._address}: the scheduler stopped or dropped the "
+                "run's tasks; finished cases are kept, and --resume continues"
+            ) from None
+        except ImportError as error:
+            raise self._without("a new worker", error) from None
+        except distributed.KilledWorker as error:
+            return Failure(f"several workers were lost while they ran it: {error}", "")
+        except Exception as error:
+            return Failure(f"the cluster: {type(error).__name__}: {error}", "")
+        if reply is None:
+            return _Stranger(address)
+        try:
+            return _hinted(reply) if isinstance(reply, Failure) else payload.unpacked(reply)
+        except Exception as error:
+            return Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
+
+
+def _hinted(failure: Failure) -> Failure:
+    """A failure for want of a file that is here, with why it was not there."""
+    lacks = _NO_FILE in failure.reason and any(map(os.path.exists, _PATH.findall(failure.reason)))
+    if not lacks and _NO_MODULE not in failure.reason:
+        return failure
+    return replace(failure, reason=f"{failure.reason}; {_COPIES}")
+
+
+def _name(function: object) -> str:
+    """What the dashboard calls a task: dask takes what stands before the last `-` for its kind."""
+    return str(getattr(getattr(function, "func", function), "__name__", "task"))
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _luggage(files: Sequence[Path]) -> bytes:
+    try:
+        return payload.luggage(files)
+    except payload.ParcelError as error:
+        raise ClusterError(str(error)) from None
+
+
+def _connected(address: str) -> Any:
+    """A client of the scheduler.
+
+    Raises:
+        ClusterError: where nobody answers.
+    """
+    # What it says of lost connections is told in our own words, or mended by dask itself.
+    for name in ("distributed", "distributed.client", "distributed.core"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # other versions are told below
+            return distributed.Client(
+                address, timeout=ANSWER, set_as_default=False, name="physics-crosscheck"
+            )
+    except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise ClusterError(
+            f"--scheduler {address}: no scheduler answers there ({said}). Start one "
+            "with `dask scheduler`, which prints its address (tcp://HOST:8786)"
+        ) from None
+
+
+def _talking(found: Any) -> dict[str, str]:
+    """Versions that have to be the same for anything to be understood."""
+    if not isinstance(found, dict):
+        return {"dask.distributed": f"of an unknown version ({found})"}
+    host, packages = found["host"], found["packages"]
+    return {
+        "Python": ".".join(host["python"].split(".")[:2]),
+        "dask.distributed": str(packages["distributed"]),
+    }
+
+
+def _sent(name: str) -> Callable[..., Any]:
+    """A function of `harness.jobs.remote_workers`, to be called in a worker.
+
+    These are sent as code, not by their names: the scheduler reads them too and need not have this
+    package, and in a worker the names are to be bound to our packages before they are looked up.
+    """
+
+    def receive(told: bytes, dask_worker: Any = None) -> Any:
+        from physics_crosscheck.harness.jobs import remote_workers
+
+        return remote_workers.receive(told, dask_worker.local_directory)
+
+    def do(run: str, data: bytes) -> Any:
+        import distributed as there
+
+        from physics_crosscheck.harness.jobs import remote_workers
+
+        return there.get_worker().address, remote_workers.do(run, data)
+
+    def leave(run: str) -> None:
+        from physics_crosscheck.harness.jobs import remote_workers
+
+        remote_workers.leave(run)
+
+    functions: dict[str, Callable[..., Any]] = {"receive": receive, "do": do, "leave": leave}
+    return functions[name]

@@ -1,0 +1,250 @@
+"""A run's post in a cluster's worker: does its tasks in processes of its own, within its limits.
+
+A dask worker calls `receive`, `do` and `leave`. It does no task itself: one that crashes would end
+it, and a thread can't be stopped. Its own process is a child of its nanny's that may have none by
+multiprocessing's rule for daemons; since nothing here relies on that, the rule is put aside.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib.metadata
+import multiprocessing
+import os
+import pickle
+import platform
+import queue
+import shutil
+import tempfile
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from multiprocessing.util import Finalize
+from pathlib import Path
+from typing import Any, cast
+
+import msgspec
+
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs import payload
+from physics_crosscheck.harness.jobs.executor import Pending
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.paths import PACKAGE, SOURCES
+
+IDLE = 60.0
+"""Seconds without a task after which a post's processes end; the next task starts others."""
+
+_MANY = 10_000
+"""Processes: dask itself asks for no more tasks at once than its worker has threads."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Terms:
+    """How a run's tasks are done.
+
+    Attributes:
+        run: its name.
+        limits: of each.
+        cwd: the working folder of the program that asks for them, there.
+        versions: what is installed there.
+        engines: whose versions count; empty: those of all that are installed there.
+    """
+
+    run: str
+    limits: Limits
+    cwd: str
+    versions: Mapping[str, str]
+    engines: tuple[str, ...] = ()
+
+
+def installed(only: tuple[str, ...] = ()) -> dict[str, str]:
+    """Versions that outcomes depend on; engines that are not installed are left out.
+
+    Args:
+        only: of these engines; empty: of all.
+    """
+    known = {"python": ".".join(platform.python_version_tuple()[:2])}
+    for name in ("physics-crosscheck", "numpy", "scipy", "sympy", "msgspec"):
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            known[name] = importlib.metadata.version(name)
+    known["physics-crosscheck's files"] = _sources()
+    for name, engine in engines().items():
+        version = engine.version() if not only or name in only else None
+        if version is not None:
+            known[name] = version
+    return known
+
+
+@functools.cache
+def _sources() -> str:
+    """A hash of our own code: two checkouts may have one version."""
+    whole = hashlib.sha256()
+    for folder in SOURCES:
+        for file in sorted(folder.rglob("*.py")):
+            if file.is_relative_to(folder / "models"):
+                continue
+            whole.update(f"{file.relative_to(PACKAGE)}\0".encode())
+            whole.update(file.read_bytes())
+    return whole.hexdigest()[:12]
+
+
+def _misfit(terms: Terms) -> str:
+    """What is other here than there, in words; empty where nothing is."""
+    here = installed(terms.engines)
+    return ", ".join(
+        f"{name} {here.get(name, 'not installed')} (here {version})"
+        for name, version in terms.versions.items()
+        if here.get(name) != version
+    )
+
+
+_posts: dict[str, Post] = {}
+_lock = threading.Lock()
+
+
+class Post:
+    """The copies of what a run reads, and processes that do its tasks.
+
+    Args:
+        root: folder of the copies.
+        terms: of the run.
+    """
+
+    def __init__(self, root: Path, terms: Terms) -> None:
+        self._root, self._terms = str(root), terms
+        self._asked: queue.SimpleQueue[tuple[bytes, Future[object]] | None] = queue.SimpleQueue()
+        self._woken, self._wake = multiprocessing.Pipe(duplex=False)
+        self._asking = threading.Lock()
+        self._closed = False
+        self._thread = threading.Thread(target=self._manage, daemon=True)
+        self._thread.start()
+
+    def do(self, data: bytes) -> bytes | Failure | None:
+        """Do a task that was packed; its value, packed, or why it has none; None: it is closed."""
+        future: Future[object] = Future()
+        with self._asking:
+            if self._closed:
+                return None
+            self._asked.put((data, future))
+            self._wake.send_bytes(b".")
+        value = future.result()
+        return self._told(value) if isinstance(value, Failure) else cast(bytes | None, value)
+
+    def close(self) -> None:
+        """End its processes, with what they are doing, and remove the copies."""
+        with self._asking:
+            if not self._closed:
+                self._closed = True
+                self._asked.put(None)
+                self._wake.send_bytes(b".")
+        self._thread.join()
+        shutil.rmtree(self._root, ignore_errors=True)
+
+    def _told(self, failure: Failure) -> Failure:
+        """A failure with the paths that its files have where the run is."""
+        reason, stdout = (text.replace(self._root, "") for text in (failure.reason, failure.stdout))
+        locations = tuple(
+            msgspec.structs.replace(one, file=one.file.replace(self._root, ""))
+            for one in failure.locations
+        )
+        return replace(failure, reason=reason, stdout=stdout, locations=locations)
+
+    def _manage(self) -> None:
+        """Hand tasks to processes until the run leaves: multiprocessing is used by this thread."""
+        flying: dict[Pending[Any], Future[object]] = {}
+        while not self._closed:
+            asked = self._next(IDLE)
+            if asked is None:
+                continue
+            try:
+                with self._workers() as workers:
+                    self._work(workers, flying, asked)
+            except Exception as error:
+                said = f"its machine runs no tasks: {type(error).__name__}: {error}"
+                for future in flying.values():
+                    future.set_result(Failure(said, ""))
+                flying.clear()
+        for future in flying.values():
+            future.set_result(None)
+        while (asked := self._next(0.0)) is not None:
+            asked[1].set_result(None)
+
+    def _workers(self) -> Workers:
+        cwd = Path(self._root + self._terms.cwd)
+        return Workers(_MANY, self._terms.limits, cwd=cwd, wake=self._woken, alone=True)
+
+    def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
+        """The next task that is asked for, if one is in a time and the run has not left."""
+        with contextlib.suppress(queue.Empty):
+            return self._asked.get(block=seconds > 0, timeout=seconds)
+        return None
+
+    def _work(
+        self,
+        workers: Workers,
+        flying: dict[Pending[Any], Future[object]],
+        asked: tuple[bytes, Future[object]] | None,
+    ) -> None:
+        """Do this task and those that come, until none has for a while."""
+        while True:
+            while asked is not None:
+                data, future = asked
+                flying[workers.submit(payload.done, (data, self._root))] = future
+                asked = self._next(0.0)
+            if self._closed:
+                return
+            if not flying:
+                asked = self._next(IDLE)
+                if asked is None:
+                    return
+                continue
+            while self._woken.poll():
+                self._woken.recv_bytes()
+            for pending in workers.turn():
+                flying.pop(pending).set_result(pending.value)
+            asked = self._next(0.0)
+
+
+def receive(told: bytes, beside: str) -> str:
+    """Take a run; a second time changes nothing.
+
+    Args:
+        told: its terms, and copies of its files, pickled.
+        beside: a folder for temporary files.
+
+    Returns:
+        What is other here than there, in words; empty where nothing is, and the run is taken.
+    """
+    terms, packet = cast(tuple[Terms, bytes], pickle.loads(told))
+    if other := _misfit(terms):
+        return other
+    with _lock:
+        if terms.run not in _posts:
+            root = Path(tempfile.mkdtemp(prefix="crosscheck-", dir=beside)).resolve()
+            payload.unload(packet, root)
+            (root / terms.cwd.lstrip(os.sep)).mkdir(parents=True, exist_ok=True)
+            # By multiprocessing's own rule: of a process that it did start, not the one it is.
+            multiprocessing.current_process().daemon = False
+            _posts[terms.run] = Post(root, terms)
+            # Before multiprocessing waits for children, as it does where a process ends.
+            Finalize(None, leave, args=(terms.run,), exitpriority=10)
+    return ""
+
+
+def do(run: str, data: bytes) -> bytes | Failure | None:
+    """Do a task of a run; None where this worker does not know the run."""
+    post = _posts.get(run)
+    return None if post is None else post.do(data)
+
+
+def leave(run: str) -> None:
+    """A run has ended."""
+    with _lock:
+        post = _posts.pop(run, None)
+    if post is not None:
+        post.close()

@@ -1,0 +1,265 @@
+"""A worker process from within: one task after the other, each with its limits.
+
+What a task prints, C code included, goes to a file of the worker's. So does, to another, where in
+the Python files it was when it died: `Workers` tells of it from there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
+from typing import Any, NoReturn
+
+from physics_crosscheck.harness.jobs.failure import Failure, failure_of
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.source import user_line
+from physics_crosscheck.harness.jobs.stop import SIGNALS
+
+MOST_WRITTEN = 2**28
+"""Bytes of one file that a worker may write: a task that prints for ever fills no disk."""
+
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+
+try:
+    import resource
+except ImportError:  # not there on Windows, which has none of these limits
+    _LIMITED = False
+else:
+    _LIMITED = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Station:
+    """Where a worker works.
+
+    Attributes:
+        cwd: the working folder of the program that started it.
+        scratch: folder for temporary files; it is removed with the last worker.
+        log: file for what is printed.
+        trace: file for where it died.
+        limits: of each task.
+    """
+
+    cwd: str
+    scratch: Path
+    log: Path
+    trace: Path
+    limits: Limits
+
+
+def serve(tasks: Connection, station: Station) -> NoReturn:
+    """Do tasks until no more come: the main function of a worker process."""
+    with contextlib.suppress(OSError):
+        os.setpgid(0, 0)  # whatever a task starts ends with it; Ctrl-C is the program's, not ours
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # held by what started us
+    threading.Thread(target=_end_with_the_program, args=[station.scratch], daemon=True).start()
+    with contextlib.suppress(OSError):
+        os.chdir(station.cwd)
+    tempfile.tempdir = str(station.scratch)
+    _redirect(station)
+    _limit(station.limits)
+    found = _Surroundings.now()
+    while True:
+        try:
+            function, argument = tasks.recv()
+        except EOFError:
+            os._exit(0)
+        except Exception as error:
+            _answer(tasks, Failure(f"its task can't be sent: {_said(error)}", ""), last=False)
+            continue
+        value, full = _done(function, argument, station)
+        if os.getpid() != found.process:
+            os._exit(0)  # a task forked, and this is the other one of the two: it has no answer
+        found.restore(station)
+        # Where memory ran out, what it holds is not given back: the next task has another worker.
+        _answer(tasks, value, last=full)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Surroundings:
+    """What a worker's tasks share, which one of them may have changed for those after it."""
+
+    process: int
+    path: tuple[str, ...]
+    environment: Mapping[str, str]
+
+    @staticmethod
+    def now() -> _Surroundings:
+        """As they are."""
+        return _Surroundings(
+            process=os.getpid(), path=tuple(sys.path), environment=dict(os.environ)
+        )
+
+    def restore(self, station: Station) -> None:
+        """As they were."""
+        sys.path[:] = self.path
+        if os.environ != self.environment:
+            os.environ.clear()
+            os.environ.update(self.environment)
+        with contextlib.suppress(OSError):
+            os.chdir(station.cwd)
+        sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
+        _redirect_streams(station)
+
+
+def _end_with_the_program(scratch: Path) -> None:
+    """Leave nothing behind where the program that started us is gone, killed perhaps."""
+    program = multiprocessing.parent_process()
+    if program is not None:
+        program.join()
+        shutil.rmtree(scratch, ignore_errors=True)
+        os._exit(1)
+
+
+def _redirect(station: Station) -> None:
+    """Send everything that is printed to the log, and last words to the trace."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    _redirect_streams(station)
+    trace = os.open(station.trace, _APPEND)
+    faulthandler.enable(trace, all_threads=False)
+    for name in ("SIGPROF", "SIGTERM"):
+        if hasattr(signal, name) and hasattr(faulthandler, "register"):
+            faulthandler.register(getattr(signal, name), trace, all_threads=False, chain=True)
+    leave = os._exit
+
+    def told(status: int) -> NoReturn:
+        """`os._exit`, which else says nothing of who called it."""
+        faulthandler.dump_traceback(trace, all_threads=False)
+        leave(status)
+
+    os._exit = told
+
+
+def _redirect_streams(station: Station) -> None:
+    log = os.open(station.log, _APPEND)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    if log > 2:  # where one was closed, it is that itself
+        os.close(log)
+
+
+def _limit(limits: Limits) -> None:
+    """What holds for the whole life of a worker; the system looks after it."""
+    if not _LIMITED:
+        return
+    data = int(limits.memory * 2**30) + _held()
+    for kind, most in (
+        (resource.RLIMIT_DATA, data),
+        (resource.RLIMIT_FSIZE, MOST_WRITTEN),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        _, highest = resource.getrlimit(kind)
+        most = most if highest == resource.RLIM_INFINITY else min(most, highest)
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(kind, (most, highest))
+
+
+def _held() -> int:
+    """Bytes that a worker has before its first task: a library has some for every processor."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+def _done(
+    function: Callable[[Any], Any], argument: object, station: Station
+) -> tuple[object, bool]:
+    """The value of a task, or a `Failure`; and whether memory ran out.
+
+    What it raises comes back as a sentence: an exception may be one that can't be sent, and a
+    `sys.exit` in someone's model file would end the process.
+    """
+    for file in (station.log, station.trace):
+        with contextlib.suppress(OSError):
+            os.truncate(file, 0)
+    _count_down(station.limits.seconds)
+    try:
+        return function(argument), False
+    except BaseException as error:
+        return _failure(error, station.limits), _shortage(error) is not None
+    finally:
+        _count_down(0.0)
+        with contextlib.suppress(Exception):
+            sys.stdout.flush()
+            sys.stderr.flush()
+
+
+def _count_down(seconds: float) -> None:
+    """End this process by a signal, C code or not, when it has used so much processor; 0: never."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
+def _failure(error: BaseException, limits: Limits) -> Failure:
+    """What was raised, in a sentence."""
+    shortage = _shortage(error)
+    if shortage is not None:
+        return Failure(_at(shortage, limits.full), "", kind="memory limit")
+    # Our own errors, of these kinds, carry a sentence; anything else is told with its own kind.
+    ours = type(error).__module__.startswith("physics_crosscheck.")
+    if ours and isinstance(error, ValueError | RuntimeError):
+        return failure_of(error, _words(error))
+    # What is no Exception is meant to pass through whoever runs the file: say which file it was.
+    said = _said(error)
+    return Failure(said if isinstance(error, Exception) else _at(error, said), "")
+
+
+def _shortage(error: BaseException) -> MemoryError | None:
+    """That memory ran out, be it that something else was raised for it."""
+    seen: set[int] = set()
+    cause: BaseException | None = error
+    while cause is not None and id(cause) not in seen:
+        if isinstance(cause, MemoryError):
+            return cause
+        seen.add(id(cause))
+        cause = cause.__cause__ or cause.__context__
+    return None
+
+
+def _at(error: BaseException, sentence: str) -> str:
+    """A sentence with the line of a user's file that was being run, if any."""
+    frames = [(f.filename, f.lineno) for f in traceback.extract_tb(error.__traceback__)]
+    line = user_line(reversed(frames))
+    return f"{line}: {sentence}" if line else sentence
+
+
+def _said(error: BaseException) -> str:
+    words = _words(error)
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def _words(error: BaseException) -> str:
+    try:
+        return str(error)
+    except BaseException as worse:
+        return f"its message can't be shown ({type(worse).__name__})"
+
+
+def _answer(tasks: Connection, value: object, *, last: bool) -> None:
+    """Send a value, and whether it is the last; one that can't be sent is a failure saying so."""
+    try:
+        data = ForkingPickler.dumps((value, last))
+    except BaseException as error:
+        lost = Failure(f"its value can't be sent: {_said(error)}", "")
+        data = ForkingPickler.dumps((lost, last))
+    try:
+        tasks.send_bytes(data)
+    except OSError:  # nobody listens any more
+        os._exit(1)

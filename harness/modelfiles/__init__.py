@@ -1,0 +1,1 @@
+"""Model files and system folders on disk: readers, numbers with their places, edits, bindings."""

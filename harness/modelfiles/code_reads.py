@@ -1,0 +1,569 @@
+"""What a folder's code reads and looks for beside the folder's own files: recorded as it is run.
+
+`system.py` and a Python model file may open data or import modules from anywhere. What they read is
+what the outcome depends on, and so is what they looked for and did not find, the names that they
+listed, and the sizes and times that they asked for. Each is kept as it was just before it was
+asked for (`modelfiles.path_states`). Left out is what comes with Python or was installed: its
+version is another matter. So is what programs keep for themselves in the user's cache, as engines
+that compile do, what the code made itself, and what Python does not see: the environment, a
+network, another process, a file that a library in C opens by itself.
+"""
+
+from __future__ import annotations
+
+import builtins
+import contextlib
+import functools
+import importlib.machinery
+import importlib.util
+import os
+import site
+import sys
+import sysconfig
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from importlib.abc import PathEntryFinder
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import FrameType, ModuleType
+from typing import Any
+
+from physics_crosscheck.harness.jobs.source import package_folders
+from physics_crosscheck.harness.modelfiles import path_states as states
+from physics_crosscheck.harness.modelfiles.path_states import ABSENT, UNREADABLE, Way
+from physics_crosscheck.harness.paths import PACKAGE, SOURCES, is_own
+
+_SYSTEM = ("/proc", "/dev", "/sys", "/etc", "/usr/share")
+
+
+class Reads:
+    """Paths that were read or looked for, each with its state before that.
+
+    Args:
+        folder: whose code is run.
+        caller: the frame in which that is asked for; what it does itself is not the code's.
+    """
+
+    def __init__(self, folder: Path, caller: FrameType | None = None) -> None:
+        self._folder, self._caller = os.path.abspath(folder), caller
+        self._path = tuple(sys.path)
+        self._words: dict[str, dict[Way, str]] = {}
+        self._modules: dict[str, dict[str, str]] = {}
+        self._made: set[str] = set()
+        self._removed: set[str] = set()
+
+    def is_of_code(self) -> bool:
+        """Return whether the folder's code asks for what is being asked for now.
+
+        Between it and what is asked there may be installed packages, and nothing of ours.
+        """
+        frame = _asking()
+        while frame is not None and frame is not self._caller:
+            file = frame.f_code.co_filename
+            if self._is_within(os.path.abspath(file)) or _whose(file) == "code":
+                return True
+            if _whose(file) == "ours":
+                return False
+            frame = frame.f_back
+        return frame is None  # a thread that is none of ours
+
+    def lose(self) -> None:
+        """Something was asked for whose place can't be known: nothing may rest on this."""
+        self._words["(a folder that was open)"] = {states.content: UNREADABLE}
+
+    def note(self, path: str, way: Way) -> None:
+        """Keep the state of a path, unless it is known or of no account."""
+        known = self._words.get(path, {})
+        if way in known or not self._counts(path):
+            return
+        try:
+            word = way(path)
+        except OSError:
+            word = UNREADABLE
+        self._words.setdefault(path, {})[way] = word
+
+    def note_module(self, folder: str, name: str) -> None:
+        """Keep which file of a folder an import of a name finds."""
+        if self._counts(os.path.join(folder, "")):
+            known = self._modules.setdefault(folder, {})
+            known.setdefault(name, states.module_file(folder, name))
+
+    def note_search(self, name: str) -> None:
+        """Keep what an import of a name finds in the folders that the code put on `sys.path`."""
+        for folder in sys.path:
+            here = os.path.abspath(folder)
+            if folder not in self._path:
+                self.note_module(here, name)
+
+    def note_link(self, path: str) -> None:
+        """Keep where a symbolic link points; one above the folder moves all with it."""
+        if not self._folder.startswith(os.path.join(path, "")):
+            self.note(path, states.link)
+
+    def make(self, path: str) -> None:
+        """A path that the code makes anew is no input of it, nor is what lies in it."""
+        if path not in self._words:
+            self._made.add(path)
+
+    def move(self, path: str, target: str) -> None:
+        """A path gets another name, or goes where there is no target."""
+        if path in self._words:
+            self._removed.add(path)
+        elif target and path in self._made:
+            self.make(target)
+
+    def states(self) -> dict[str, str]:
+        """Return the states by path, relative to the folder."""
+        return {
+            Path(os.path.relpath(path, self._folder)).as_posix(): found
+            for path, found in self._kept().items()
+        }
+
+    def _kept(self) -> dict[str, str]:
+        words = {path: dict.fromkeys(self._plain(path)) for path in self._words}
+        for folder, found in self._modules.items():
+            words.setdefault(folder, {})[states.modules(found)] = None
+        return {path: states.joined(found) for path, found in words.items() if found}
+
+    def _plain(self, path: str) -> Iterator[str]:
+        """The words of a path: what is known of it by a better one is left out.
+
+        A copy that a library in C has made, and that is gone, is nothing the code depends on.
+        """
+        words = self._words[path]
+        gone = path not in self._removed and not os.path.lexists(path)
+        for way, word in words.items():
+            if gone and word not in (ABSENT, UNREADABLE):
+                continue
+            if way is states.kind and word != ABSENT and len(words) > 1:
+                continue
+            yield word
+
+    def _counts(self, path: str) -> bool:
+        """Whether a path is an input: neither installed nor made by the code itself."""
+        if not self._is_within(path) and _installed(path):
+            return False
+        return not self._made or self._made.isdisjoint((path, *map(str, Path(path).parents)))
+
+    def _is_within(self, path: str) -> bool:
+        return path.startswith(f"{self._folder}{os.sep}")
+
+
+_METADATA = (".dist-info", ".egg-info")
+"""Folders that say what is installed, wherever the package is; engines are looked up there."""
+
+
+def _installed(path: str) -> bool:
+    """Whether a file belongs to Python, to an installed package, to us or to the machine."""
+    return path.startswith(_roots()) or os.path.dirname(path).endswith(_METADATA)
+
+
+def user_cache() -> Path:
+    """Where programs keep for a user what can be made again, as the platform has it."""
+    if os.name == "nt":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+@lru_cache(maxsize=1)
+def _roots() -> tuple[str, ...]:
+    known = sysconfig.get_paths()
+    roots = {known[name] for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")}
+    roots |= {*site.getsitepackages(), site.getusersitepackages(), *package_folders(), *_SYSTEM}
+    roots |= {str(folder) for folder in (PACKAGE, *SOURCES)}
+    # A virtual environment has its packages here and its standard library elsewhere.
+    roots |= {str(Path(os.__file__).parent)}
+    version = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"  # where Python may be zipped
+    roots |= {str(user_cache()), str(Path(os.__file__).parents[1] / version)}
+    if sys.pycache_prefix:  # our own modules' bytecode; a folder's is not read
+        roots |= {sys.pycache_prefix}
+    both = {os.path.abspath(root) for root in roots} | {os.path.realpath(root) for root in roots}
+    return tuple(sorted(f"{root}{os.sep}" for root in both))
+
+
+@lru_cache(maxsize=1024)
+def _whose(file: str) -> str:
+    """Return whose a source file is: `code`, as of a folder, `ours`, or else `installed`."""
+    here = os.path.abspath(file)
+    if is_own(here):
+        return "ours"
+    return "installed" if file.startswith("<") or _installed(here) else "code"
+
+
+@lru_cache(maxsize=1024)
+def _standard_module(file: str) -> str:
+    """Return the name of the standard library's module that a file is; of another file none."""
+    if file.startswith("<frozen "):
+        return file.removeprefix("<frozen ").rstrip(">").partition(".")[0]
+    for name in ("stdlib", "platstdlib"):
+        root = os.path.join(os.path.realpath(sysconfig.get_path(name)), "")
+        here = os.path.realpath(file)
+        if here.startswith(root) and not here.startswith(os.path.join(root, "site-packages")):
+            return here.removeprefix(root).replace(os.sep, "/").partition("/")[0].split(".")[0]
+    return ""
+
+
+def _asking() -> FrameType | None:
+    """Return the frame that asks for what is being noted: the innermost outside this file."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_code.co_filename == __file__:
+        frame = frame.f_back
+    return frame
+
+
+_recordings: list[Reads] = []
+"""Those that go on, the innermost last: each is told all."""
+
+
+class _Noting(threading.local):
+    """Whether this thread is noting something, which looks at paths itself."""
+
+    on = False
+
+
+_noting = _Noting()
+
+
+def _quietly(function: Callable[..., None], *arguments: Any) -> None:
+    """Call what notes something; it must not raise, since that would end what is run."""
+    if not _recordings or _noting.on:
+        return
+    _noting.on = True
+    try:
+        with contextlib.suppress(Exception):
+            function(*arguments)
+    finally:
+        _noting.on = False
+
+
+def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+    """Note what is opened, listed, made and moved."""
+    if _recordings and event in _EVENTS:
+        _quietly(_EVENTS[event], *arguments)
+
+
+def _note(path: Any, way: Way) -> None:
+    """Note what the folder's code asks of a path."""
+    here = os.path.abspath(os.fsdecode(path))
+    for reads in _recordings:
+        if reads.is_of_code():
+            reads.note(here, way)
+
+
+def _opened(path: Any, mode: str | None, flags: int) -> None:
+    """A file is about to be opened: to be read, or to be made."""
+    if isinstance(path, int):  # it was opened before
+        return
+    here = _source_of(os.path.abspath(os.fsdecode(path)))
+    if mode is None:  # os.open tells flags alone
+        makes = bool(flags & os.O_TRUNC) or flags & _NEW == _NEW
+        reads = flags & (os.O_WRONLY | os.O_APPEND) != os.O_WRONLY
+    else:
+        makes, reads = not {"w", "x"}.isdisjoint(mode), True
+    if mode is not None and "x" in mode:
+        _note(here, states.kind)
+    if makes:
+        _made(here, anew="w" not in (mode or "") and not flags & os.O_TRUNC)
+    elif reads:
+        _read(here)
+
+
+_NEW = os.O_CREAT | os.O_EXCL
+
+
+def _read(here: str) -> None:
+    """A file counts whoever reads it; what is none counts where the folder's code looks for it."""
+    if states.kind(here) != "file":
+        _note(here, states.content)
+        return
+    for reads in _recordings:
+        reads.note(here, states.content)
+
+
+def _source_of(path: str) -> str:
+    """Return the source of a bytecode file that Python keeps, which it is read in place of."""
+    with contextlib.suppress(ValueError):
+        source = importlib.util.source_from_cache(path)
+        if os.path.isfile(source):
+            return source
+    return path
+
+
+def _made(path: Any, mode: int = 0, dir_fd: int = -1, *, anew: bool = True) -> None:
+    """A path is made; `anew`: which fails where it is there."""
+    if dir_fd != -1:  # it lies in a folder that was opened, and made, before
+        return
+    here = os.path.abspath(os.fsdecode(path))
+    if not (anew and os.path.lexists(here)):
+        for reads in _recordings:
+            reads.make(here)
+
+
+def _linked(_: Any, path: Any, *dir_fds: int) -> None:
+    _made(path, dir_fd=max(dir_fds))
+
+
+def _moved(path: Any, target: Any, *dir_fds: int) -> None:
+    if max((-1, *dir_fds)) != -1 or (isinstance(target, int) and target != -1):
+        return
+    where = "" if isinstance(target, int) else os.path.abspath(os.fsdecode(target))
+    for reads in _recordings:
+        reads.move(os.path.abspath(os.fsdecode(path)), where)
+
+
+def _listed(path: Any = None, *, entries: bool = False) -> None:
+    """A folder is listed; who goes through its entries may ask for their sizes and times."""
+    asking = _asking()
+    if isinstance(path, int) or asking is None:  # it was opened before
+        return
+    module = _standard_module(asking.f_code.co_filename)
+    if module != "importlib":  # what it looks for there is noted by name
+        way = states.entries if entries and not module else states.names
+        _note("." if path is None else path, way)
+
+
+def _database(path: Any) -> None:
+    """C opens it; its name may be that of a resource, `file:PATH?mode=ro`."""
+    name = os.fsdecode(path)
+    _note(name.removeprefix("file:").partition("?")[0] if "file:" in name else name, states.content)
+
+
+_EVENTS: Mapping[str, Callable[..., None]] = {
+    "open": _opened,
+    "os.listdir": _listed,
+    "os.scandir": functools.partial(_listed, entries=True),
+    "os.mkdir": _made,
+    "os.symlink": _linked,
+    "os.link": _linked,
+    "os.rename": _moved,
+    "os.remove": _moved,
+    "sqlite3.connect": _database,
+    "ctypes.dlopen": lambda path: _note(path, states.content),
+}
+"""Audit events of Python: https://docs.python.org/3/library/audit_events.html."""
+
+
+def _looked_up(path: Any, dir_fd: int | None = None, follow_symlinks: bool = True) -> None:
+    """Something was asked of a path for which there is no audit event."""
+    asked = _asked()
+    if asked is None:
+        return
+    where = _place(path, dir_fd)
+    if where is None:
+        for reads in filter(Reads.is_of_code, _recordings):
+            reads.lose()
+    elif not follow_symlinks and os.path.islink(where):
+        _note(where, states.link)
+    else:
+        _note(where, asked)
+
+
+def _asked() -> Way | None:
+    """Return what is asked of a path: its kind or its times; None where that is no matter.
+
+    `exists`, `is_file` and their like ask for the kind alone, and so do all modules of the standard
+    library that compare or copy files. Of what `realpath` finds, links alone count.
+    """
+    frame = _asking()
+    while frame is not None:
+        module = _standard_module(frame.f_code.co_filename)
+        if module not in ("genericpath", "posixpath", "ntpath", "pathlib"):
+            return states.kind if module else states.times
+        if frame.f_code.co_name in ("resolve", "realpath", "_joinrealpath"):
+            return None
+        if frame.f_code.co_name not in _ASK_TIMES:
+            return states.kind
+        frame = frame.f_back
+    return states.times
+
+
+_ASK_TIMES = ("stat", "lstat", "getsize", "getmtime", "getatime", "getctime")
+
+
+def _place(path: Any, dir_fd: int | None) -> str | None:
+    """Return where a path is, of one relative to an open folder too; None: it can't be told."""
+    try:
+        if isinstance(path, int):
+            return os.readlink(f"/proc/self/fd/{path}")
+        base = "" if dir_fd is None else os.readlink(f"/proc/self/fd/{dir_fd}")
+    except OSError:
+        return None
+    return os.path.join(base, os.fsdecode(path))
+
+
+def _noted_stat(path: Any, *rest: Any, dir_fd: int | None = None, **more: Any) -> None:
+    _looked_up(path, dir_fd, more.get("follow_symlinks", True))
+
+
+def _noted_link(path: Any, *rest: Any, dir_fd: int | None = None, **more: Any) -> None:
+    """Of a link its target counts, save above the folder: all else is relative to that."""
+    where = _place(path, dir_fd)
+    if where is not None:
+        here = os.path.abspath(where)
+        for reads in filter(Reads.is_of_code, _recordings):
+            reads.note_link(here)
+
+
+def _noted_access(path: Any, *rest: Any, dir_fd: int | None = None, **more: Any) -> None:
+    where = _place(path, dir_fd)
+    if where is not None:
+        _note(where, states.access)
+
+
+def _noted_lstat(path: Any, *, dir_fd: int | None = None) -> None:
+    _looked_up(path, dir_fd, follow_symlinks=False)
+
+
+def _noted_open(path: Any, flags: int, *rest: Any, dir_fd: int | None = None) -> None:
+    """A file in a folder that is open: of all others there is an event."""
+    if dir_fd is not None:
+        where = _place(path, dir_fd)
+        if where is None:
+            for reads in filter(Reads.is_of_code, _recordings):
+                reads.lose()
+        else:
+            _opened(where, None, flags)
+
+
+def _wrapped(function: Callable[..., Any], note: Callable[..., None]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def noted(*arguments: Any, **named: Any) -> Any:
+        _quietly(functools.partial(note, *arguments, **named))
+        if named.get("dir_fd") is None or _noting.on:
+            return function(*arguments, **named)
+        _noting.on = True  # its event would not say relative to which folder
+        try:
+            return function(*arguments, **named)
+        finally:
+            _noting.on = False
+
+    for having in (os.supports_dir_fd, os.supports_fd, os.supports_follow_symlinks):
+        if function in having:
+            having.add(noted)
+    return noted
+
+
+_LOOK_UPS: Mapping[str, Callable[..., Any]] = {
+    "stat": _wrapped(os.stat, _noted_stat),
+    "lstat": _wrapped(os.lstat, _noted_lstat),
+    "fstat": _wrapped(os.fstat, _noted_stat),
+    "access": _wrapped(os.access, _noted_access),
+    "readlink": _wrapped(os.readlink, _noted_link),
+    "open": _wrapped(os.open, _noted_open),
+}
+"""Functions of `os` that tell something of a path and raise no audit event, or half of one."""
+
+
+@contextlib.contextmanager
+def recorded(folder: Path) -> Iterator[Reads]:
+    """Record what is read and looked for meanwhile by what is run of a folder.
+
+    Modules that an earlier folder's code has imported from where nothing is installed are
+    forgotten: each folder gets, and is seen to read, its own. Their bytecode is neither read nor
+    written, so that what counts is the source.
+    """
+    _hook_once()
+    _forget()
+    reads = Reads(folder, sys._getframe(2))
+    path = list(sys.path)
+    imports = builtins.__import__
+    before = {name: getattr(os, name) for name in _LOOK_UPS}
+    _recordings.append(reads)
+    try:
+        for name, function in _LOOK_UPS.items():
+            setattr(os, name, function)
+        builtins.__import__ = _imports
+        with _sources_alone():
+            yield reads
+    finally:
+        builtins.__import__ = imports
+        for name, function in before.items():
+            setattr(os, name, function)
+        _recordings.remove(reads)
+        sys.path[:] = path
+
+
+def _imports(name: str, *rest: Any, **more: Any) -> Any:
+    """What `import` calls: a module that is loaded already is looked for nowhere."""
+    if _recordings and _whose(sys._getframe(1).f_code.co_filename) == "code":
+        _quietly(_searched, name.partition(".")[0])
+    return _import(name, *rest, **more)
+
+
+_import = builtins.__import__
+
+
+def _searched(name: str) -> None:
+    for reads in _recordings:
+        reads.note_search(name)
+
+
+@lru_cache(maxsize=1)
+def _hook_once() -> None:
+    sys.addaudithook(_hook)  # stays as long as the process
+
+
+def _forget() -> None:
+    """Drop modules from where nothing is installed; all of ours have been imported long since."""
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if isinstance(file, str) and name != "__main__" and getattr(module, _MARK, False):
+            del sys.modules[name]
+
+
+_MARK = "_crosscheck_local"
+
+
+class _SourceLoader(importlib.machinery.SourceFileLoader):
+    """Reads a module's source and never its bytecode, which may be of another source."""
+
+    def get_code(self, fullname: str) -> Any:
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+    def exec_module(self, module: Any) -> None:
+        setattr(module, _MARK, True)
+        super().exec_module(module)
+
+
+class _Finder(importlib.machinery.FileFinder):
+    """Notes what is looked for in a folder, found or not: what appears there may come first."""
+
+    def find_spec(self, fullname: str, target: ModuleType | None = None) -> ModuleSpec | None:
+        _quietly(self._note, fullname.rpartition(".")[2])
+        return super().find_spec(fullname, target)
+
+    def _note(self, name: str) -> None:
+        for reads in filter(Reads.is_of_code, _recordings):
+            reads.note_module(self.path, name)
+            found = os.path.join(self.path, states.module_file(self.path, name))
+            if found.endswith(tuple(importlib.machinery.EXTENSION_SUFFIXES)):
+                reads.note(found, states.content)  # C loads it
+
+
+def _finder(path: str) -> PathEntryFinder:
+    """A finder for folders in which nothing is installed, be they not there yet."""
+    if os.path.isfile(path) or _installed(os.path.join(os.path.abspath(path or "."), "")):
+        raise ImportError
+    details: list[tuple[Any, list[str]]] = [
+        (importlib.machinery.ExtensionFileLoader, importlib.machinery.EXTENSION_SUFFIXES),
+        (_SourceLoader, importlib.machinery.SOURCE_SUFFIXES),
+        (importlib.machinery.SourcelessFileLoader, importlib.machinery.BYTECODE_SUFFIXES),
+    ]
+    return _Finder(path, *details)
+
+
+@contextlib.contextmanager
+def _sources_alone() -> Iterator[None]:
+    cache = dict(sys.path_importer_cache)
+    sys.path_importer_cache.clear()
+    sys.path_hooks.insert(0, _finder)
+    try:
+        yield
+    finally:
+        sys.path_hooks.remove(_finder)
+        sys.path_importer_cache.clear()
+        sys.path_importer_cache.update(cache)

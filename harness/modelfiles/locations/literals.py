@@ -1,0 +1,85 @@
+"""Every number that a file holds, with or without an address, and what stands around it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.modelfiles.locations.location import Location, LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.python import parsed
+from physics_crosscheck.harness.modelfiles.locations.toml import toml_numbers
+from physics_crosscheck.harness.modelfiles.locations.xml import (
+    attribute_words,
+    read_elements,
+    text_words,
+)
+
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Literal:
+    """A number of a file.
+
+    Attributes:
+        location: its bytes.
+        path: the tags that lead to it and its attribute, as in `robot/link/visual/origin@xyz`; of
+            TOML its key; of Python the name that it is assigned to, or nothing.
+    """
+
+    location: Location
+    path: str
+
+
+def xml_literals(source: Source) -> Iterator[Literal]:
+    """Those of attributes and of elements that hold nothing else."""
+    paths: dict[int, str] = {}
+    for element in read_elements(source):
+        outer = "" if element.parent is None else f"{paths[id(element.parent)]}/"
+        path = paths[id(element)] = f"{outer}{element.tag}"
+        for name in element.attributes:
+            with suppress(LocationError):
+                spans, words = attribute_words(element, name, source, name)
+                yield from _words(source, spans, words, f"{path}@{name}")
+        if element.text.strip() and not element.children:
+            with suppress(LocationError):
+                spans, words = text_words(element, source, element.tag)
+                yield from _words(source, spans, words, path)
+
+
+def _words(
+    source: Source, spans: list[tuple[int, int]], words: list[str], path: str
+) -> Iterator[Literal]:
+    """A list of numbers; a name that looks like one among other words is none."""
+    if len(spans) == len(words) and all(map(_DECIMAL.fullmatch, words)):
+        for span, word in zip(spans, words, strict=True):
+            yield Literal(source.place((span, float(word)), path), path)
+
+
+def python_literals(source: Source) -> Iterator[Literal]:
+    """Those anywhere in the code."""
+    tree, starts = parsed(source)
+    for statement in tree.body:
+        name = ""
+        if isinstance(statement, (ast.Assign, ast.AnnAssign)):
+            target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
+            name = target.id if isinstance(target, ast.Name) else ""
+        for node in ast.walk(statement):
+            if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+                assert isinstance(node.value, (int, float))
+                assert node.end_lineno is not None
+                assert node.end_col_offset is not None
+                start = starts[node.lineno - 1] + node.col_offset
+                end = starts[node.end_lineno - 1] + node.end_col_offset
+                with suppress(LocationError):
+                    yield Literal(source.place(((start, end), float(node.value)), name), name)
+
+
+def toml_literals(source: Source) -> Iterator[Literal]:
+    """Those that are values, or in lists and tables."""
+    for key, span, value in toml_numbers(source):
+        with suppress(LocationError):
+            yield Literal(source.place((span, value), key), key)

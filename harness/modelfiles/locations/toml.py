@@ -1,0 +1,201 @@
+"""Numbers in TOML, by keys such as `spring[0].stiffness`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+from physics_crosscheck.harness.modelfiles.locations.location import (
+    LocationError,
+    Resolve,
+    Source,
+    Span,
+    nearest,
+)
+from physics_crosscheck.harness.modelfiles.reading import TomlError, toml_document
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_STRING = re.compile(
+    r'"""(?:\\.|[^\\])*?"""(?:"{0,2})' r"|'''.*?'''(?:'{0,2})" r'|"(?:\\.|[^"\\])*"' r"|'[^']*'",
+    re.DOTALL,
+)
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_SCALAR = re.compile(r"\d{4}-\d\d-\d\d [\d:.Z+-]+|[^\s,\]}#]+")
+_PART = re.compile(rf"(?:{_BARE.pattern}|{_STRING.pattern})|\[\d{{1,9}}\]|\.", re.DOTALL)
+
+_Key = tuple[str | int, ...]
+
+
+def toml_keys(source: Source) -> Resolve:
+    """Numbers by their keys; tomllib reads them, a scan of what it has read finds their bytes."""
+    text, data = _read(source)
+    values = _toml_values(text)
+    numbers = {key: span for key, span in values.items() if _is_number(_at(data, key))}
+
+    def offset(index: int) -> int:
+        return len(text[:index].encode("utf-8"))
+
+    def resolve(address: str) -> tuple[Span, float]:
+        key = _toml_key(address)
+        if key is None:
+            raise source.error(address, "is not an address; write it like 'spring[0].stiffness'")
+        if key not in numbers:
+            near = nearest(address, map(_spell_key, numbers)) or "none"
+            raise source.error(
+                address,
+                f"does not name a number; nearest: {near}",
+                offset(values[key][0]) if key in values else None,
+            )
+        start, end = numbers[key]
+        return (offset(start), offset(end)), float(_at(data, key))
+
+    return resolve
+
+
+def toml_numbers(source: Source) -> Iterator[tuple[str, Span, float]]:
+    """Every number with its key and its bytes."""
+    text, data = _read(source)
+    for key, (start, end) in _toml_values(text).items():
+        if _is_number(value := _at(data, key)):
+            before = len(text[:start].encode("utf-8"))
+            yield _spell_key(key), (before, before + len(text[start:end].encode("utf-8"))), value
+
+
+def toml_offset(source: Source, address: str) -> int | None:
+    """First byte of the value of a key, or of the first in it; None where there is none."""
+    text, _ = _read(source)
+    key = _toml_key(address)
+    if key is None:
+        return None
+    spans = [span for k, span in _toml_values(text).items() if k[: len(key)] == key]
+    return len(text[: min(spans)[0]].encode("utf-8")) if spans else None
+
+
+def _read(source: Source) -> tuple[str, dict[str, Any]]:
+    text = source.data.decode("utf-8")
+    try:
+        return text, toml_document(text)
+    except TomlError as error:
+        raise LocationError(f"{source.file}{error}") from None
+
+
+def _toml_values(text: str) -> dict[_Key, Span]:
+    """Where each value of a well-formed document is written."""
+    found: dict[_Key, Span] = {}
+    last: dict[_Key, int] = {}
+    table: _Key = ()
+    at = _skip(_BLANK, text, 0)
+    while at < len(text):
+        if text[at] == "[":
+            brackets = 2 if text.startswith("[[", at) else 1
+            key, at = _read_key(text, at + brackets)
+            table = ()
+            for i, part in enumerate(key):
+                table += (part,)
+                if brackets == 2 and i == len(key) - 1:
+                    last[table] = last.get(table, -1) + 1
+                if table in last:
+                    table += (last[table],)
+            at += brackets
+        else:
+            key, at = _read_key(text, at)
+            at = _read_value(text, _skip(_SPACE, text, at + 1), (*table, *key), found)
+        at = _skip(_BLANK, text, at)
+    return found
+
+
+def _read_key(text: str, at: int) -> tuple[_Key, int]:
+    """A dotted key, and where the sign after it is."""
+    parts: list[str] = []
+    while True:
+        at = _skip(_SPACE, text, at)
+        match = _BARE.match(text, at) or _STRING.match(text, at)
+        assert match is not None  # tomllib has read the document
+        parts.append(_unquote(match[0]))
+        at = _skip(_SPACE, text, match.end())
+        if text[at] != ".":
+            return tuple(parts), at
+        at += 1
+
+
+def _read_value(text: str, at: int, key: _Key, found: dict[_Key, Span]) -> int:
+    """Note a value, or those in it; returns where it ends."""
+    if match := _STRING.match(text, at):
+        found[key] = match.span()
+        return match.end()
+    if text[at] not in "[{":
+        match = _SCALAR.match(text, at)
+        assert match is not None  # tomllib has read the document
+        found[key] = match.span()
+        return match.end()
+    array = text[at] == "["
+    at, index = _skip(_BLANK, text, at + 1), 0
+    while text[at] not in "]}":
+        inner: _Key = (index,)
+        if not array:
+            inner, at = _read_key(text, at)
+            at = _skip(_SPACE, text, at + 1)
+        at = _skip(_BLANK, text, _read_value(text, at, (*key, *inner), found))
+        if text[at] == ",":
+            at = _skip(_BLANK, text, at + 1)
+        index += 1
+    return at + 1
+
+
+def _skip(pattern: re.Pattern[str], text: str, at: int) -> int:
+    match = pattern.match(text, at)
+    return at if match is None else match.end()
+
+
+def _unquote(part: str) -> str:
+    return part if _BARE.fullmatch(part) else str(tomllib.loads(f"key = {part}")["key"])
+
+
+def _toml_key(address: str) -> _Key | None:
+    parts = [m[0] for m in _PART.finditer(address)]
+    if "".join(parts) != address or not parts:
+        return None
+    key: list[str | int] = []
+    dotted = True
+    for part in parts:
+        if part == ".":
+            if dotted:
+                return None
+            dotted = True
+        elif part[0] == "[":
+            if dotted:
+                return None
+            key.append(int(part[1:-1]))
+        else:
+            if not dotted:
+                return None
+            try:
+                key.append(_unquote(part))
+            except tomllib.TOMLDecodeError:  # a quoted key may hold no control character
+                return None
+            dotted = False
+    return None if dotted else tuple(key)
+
+
+def _spell_key(key: _Key) -> str:
+    spelled = ""
+    for part in key:
+        if isinstance(part, int):
+            spelled += f"[{part}]"
+        else:
+            plain = part if _BARE.fullmatch(part) else f'"{part}"'
+            spelled += f".{plain}" if spelled else plain
+    return spelled
+
+
+def _at(data: Any, key: _Key) -> Any:
+    for part in key:
+        data = data[part]
+    return data
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

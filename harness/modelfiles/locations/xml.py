@@ -1,0 +1,386 @@
+"""Numbers in XML, by paths such as `body[rod]/inertial@pos[2]`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from physics_crosscheck.harness.engines.mending import mended
+from physics_crosscheck.harness.modelfiles.locations.location import (
+    LocationError,
+    RefusedError,
+    Resolve,
+    Source,
+    Span,
+    nearest,
+)
+from physics_crosscheck.harness.modelfiles.quote import brief, cut
+from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
+
+_IDENTITIES = ("name", "reference", "joint", "class")
+_STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
+_ADDRESS = re.compile(
+    rf"(?P<steps>{_STEP.pattern}(?:/{_STEP.pattern})*)"
+    r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d{1,9})\])?)?"
+)
+ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+TAG = re.compile(rb"<[^\s/>]+")
+_ELEMENT = re.compile(rb"<[A-Za-z_]")
+MOST_DEPTH = 300
+"""Elements within elements: parsers of engines stop at some hundreds, or crash."""
+_DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
+_HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
+
+
+@dataclass
+class RawElement:
+    """An element as the parser finds it; `start` is its first byte, `end` that of its end tag."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    start: int
+    parent: RawElement | None
+    children: list[RawElement] = field(default_factory=list)
+    text: str = ""
+    end: int = 0
+
+    @property
+    def identity(self) -> str | None:
+        """What tells it from its like: its name, or else what it refers to."""
+        return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
+
+    @property
+    def depth(self) -> int:
+        """How many steps lead to it from the root, the root's own included."""
+        return 1 if self.parent is None else 1 + self.parent.depth
+
+    def spelled(self, steps: int) -> str:
+        """An address of it, of so many steps."""
+        own = self.tag if self.identity is None else f"{self.tag}[{self.identity}]"
+        if steps == 1 or self.parent is None:
+            return own
+        return f"{self.parent.spelled(steps - 1)}/{own}"
+
+
+def xml_paths(source: Source) -> Resolve:
+    """Numbers in attributes and elements; expat reads them and tells where elements begin."""
+    elements = read_elements(source)
+
+    def resolve(address: str) -> tuple[Span, float]:
+        match = _ADDRESS.fullmatch(address)
+        if match is None:
+            raise source.error(
+                address, "is not an address; write it like 'body[rod]/inertial@pos[2]'"
+            )
+        steps, index = _steps(match, elements)
+        found = _walk(elements, steps, address, source)
+        attribute = match["attribute"]
+        if attribute is not None:
+            having = [element for element in found if attribute in element.attributes]
+            if not having:
+                first = found[0]
+                near = nearest(attribute, first.attributes) or "none"
+                raise source.error(
+                    address,
+                    f"names <{first.tag}>, which has no {attribute}; it has {near}",
+                    first.start,
+                )
+            found = having
+        if len(found) > 1:
+            depth = len(steps) + (len({e.spelled(len(steps)) for e in found}) < len(found))
+            spelled = ", ".join(dict.fromkeys(e.spelled(depth) for e in found))
+            raise source.error(
+                address,
+                f"names several numbers ({source.lines(e.start for e in found)}); "
+                f"add its name or its parent's ({spelled})",
+                found[0].start,
+            )
+        if attribute is not None:
+            spans, words = attribute_words(found[0], attribute, source, address)
+            what = attribute
+        else:
+            spans, words = text_words(found[0], source, address)
+            what = f"<{found[0].tag}>"
+        return _component(spans, words, match["index"] or index, what, address, source)
+
+    return resolve
+
+
+def _steps(
+    match: re.Match[str], elements: list[RawElement]
+) -> tuple[list[tuple[str, str | None]], str | None]:
+    """Tags with names, and which number of the last one's text, as in `link[rod]/pose[2]`.
+
+    It is a name where an element is so called.
+    """
+    steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
+    tag, name = steps[-1]
+    listed = name is not None and re.fullmatch(r"\d{1,9}", name) and not match["attribute"]
+    if not listed or any(e.tag == tag and e.identity is not None for e in elements):
+        return steps, None
+    return [*steps[:-1], (tag, None)], name
+
+
+def xml_offset(source: Source, address: str) -> int | None:
+    """First byte of the first element, or attribute of one, that an address means.
+
+    Where no such element has the attribute, the element: its number is a default's, or computed.
+    """
+    match = _ADDRESS.fullmatch(address)
+    if match is None:
+        return None
+    elements = read_elements(source)
+    steps, _ = _steps(match, elements)
+    pool, found = iter(elements), list[RawElement]()
+    for tag, name in steps:
+        found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
+        pool = (child for e in found for child in _within(e))
+    attribute = match["attribute"]
+    for element in found:
+        if attribute in element.attributes:
+            return attribute_span(element, attribute, source)[0]
+    return found[0].start if found else None
+
+
+def _within(element: RawElement) -> Iterator[RawElement]:
+    """Children; MJCF's <frame> is no more than a bracket around them."""
+    for child in element.children:
+        yield child
+        if child.tag == "frame":
+            yield from _within(child)
+
+
+def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
+    """Addresses of the numbers whose element and attribute, as in `joint@damping`, are of `kinds`.
+
+    Of an element's text, the kind is its tag. Those that no names tell apart have no address.
+    """
+    resolve = xml_paths(source)
+    for element in read_elements(source):
+        words = {f"@{name}": text.split() for name, text in element.attributes.items()}
+        words[""] = [] if element.children else element.text.split()
+        for attribute, values in words.items():
+            if kinds.fullmatch(element.tag + attribute):
+                for index, value in enumerate(values):
+                    if _DECIMAL.fullmatch(value):
+                        ending = attribute + (f"[{index}]" if len(values) > 1 else "")
+                        yield from _address(resolve, element, ending)
+
+
+def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str]:
+    """The shortest address that means this element and begins with a name, where there is one."""
+    spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
+    for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
+        with suppress(LocationError):
+            resolve(path + ending)
+            yield path + ending
+            return
+
+
+def check_harmless(source: Source) -> None:
+    """Refuse what a reader of XML may be harmed with, well-formed or not.
+
+    Raises:
+        RefusedError: for a DTD, or elements nested beyond reason; with its line.
+    """
+    bare = _HIDDEN.sub(lambda hidden: b" " * len(hidden[0]), source.data)
+    if found := _DECLARATION.search(bare):
+        raise _declares(source, source.line(found.start()))
+    if bare.count(b"<") > MOST_DEPTH:
+        try:
+            read_elements(source)
+        except RefusedError:
+            raise
+        except LocationError:
+            return  # the engine's parser tells what is wrong with it
+
+
+def _declares(source: Source, line: int) -> RefusedError:
+    return RefusedError("refused: it declares entities or a DTD", file=source.file, line=line)
+
+
+def read_elements(source: Source) -> list[RawElement]:
+    """Every element of a file, in its order; entity expansion off."""
+    parser = expat.ParserCreate()
+    elements: list[RawElement] = []
+    open_: list[RawElement] = []
+
+    def declare(_version: str, encoding: str | None, _standalone: int) -> None:
+        if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
+            raise LocationError(
+                f"its encoding is {encoding}; save the file as UTF-8", file=source.file, line=1
+            )
+
+    def refuse(*_: object) -> None:
+        raise _declares(source, parser.CurrentLineNumber)
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_) == MOST_DEPTH:
+            told = f"refused: more than {MOST_DEPTH} nested elements"
+            raise RefusedError(told, file=source.file, line=parser.CurrentLineNumber)
+        parent = open_[-1] if open_ else None
+        element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
+        if parent is not None:
+            parent.children.append(element)
+        elements.append(element)
+        open_.append(element)
+
+    def read(text: str) -> None:
+        open_[-1].text += text
+
+    def finish(_tag: str) -> None:
+        open_.pop().end = parser.CurrentByteIndex
+
+    parser.XmlDeclHandler = declare
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.StartElementHandler = begin
+    parser.CharacterDataHandler = read
+    parser.EndElementHandler = finish
+    try:
+        parser.Parse(source.data, True)
+    except expat.ExpatError as error:
+        line, problem = _problem(source.data, error)
+        raise LocationError(problem, file=source.file, line=line) from None
+    return elements
+
+
+def no_xml(file: Path, *, strict: bool) -> str:
+    """Return why a file is no XML, with its line, at the cost of a parser that keeps nothing.
+
+    Args:
+        file: a model file; one that can't be read is left to who reads it.
+        strict: whether only well-formed XML is read. Otherwise an engine's own parser decides,
+            unless the file has no element at all, or is binary.
+
+    Returns:
+        A sentence that begins with the file; empty where it may be XML.
+    """
+    try:
+        data = mended(read_regular(file, MOST_MODEL))
+        expat.ParserCreate().Parse(data, True)
+    except expat.ExpatError as error:
+        if strict or b"\0" in data or not _ELEMENT.search(data):
+            line, problem = _problem(data, error)
+            return f"{file}:{line}: {problem}"
+    except OSError:
+        pass
+    return ""
+
+
+def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
+    """Return the line of what was parsed, and what is wrong: the column and the reason."""
+    if not data.strip():
+        return 1, "not XML: the file is empty"
+    if b"\0" in data:
+        return error.lineno, f"not XML at column {error.offset + 1}: the file is binary"
+    return error.lineno, f"not XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
+
+
+def _walk(
+    elements: list[RawElement], steps: list[tuple[str, str | None]], address: str, source: Source
+) -> list[RawElement]:
+    """The elements that the steps of an address lead to; at least one."""
+    pool, parents = elements, list[RawElement]()
+    for tag, name in steps:
+        found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
+        if not found:
+            step = tag if name is None else f"{tag}[{name}]"
+            within = f" in {parents[0].spelled(1)}" if parents else ""
+            near = [e.spelled(1) for e in pool if e.tag == tag and e.identity is not None]
+            near = near or [e.spelled(1) for e in pool]
+            raise source.error(
+                address,
+                f"names nothing: there is no {cut(step)}{cut(within)}; nearest: "
+                f"{nearest(step, near) or 'nothing'}",
+                parents[0].start if parents else None,
+            )
+        parents, pool = found, [child for e in found for child in e.children]
+    return found
+
+
+def attribute_span(element: RawElement, attribute: str, source: Source) -> Span:
+    """Where the value of an attribute is that the element has."""
+    tag = TAG.match(source.data, element.start)
+    assert tag is not None  # the parser has found an element here
+    at = tag.end()
+    while match := ATTRIBUTE.match(source.data, at):
+        if match[1].decode("utf-8") == attribute:
+            return match.span(2 if match[2] is not None else 3)
+        at = match.end()
+    raise AssertionError(f"{source.file}: the parser finds {attribute}, but the scan does not")
+
+
+def attribute_words(
+    element: RawElement, attribute: str, source: Source, address: str
+) -> tuple[list[Span], list[str]]:
+    """Where the words of an attribute's value are, and what the parser reads there."""
+    spans = find_words(source, *attribute_span(element, attribute, source), address)
+    return spans, element.attributes[attribute].split()
+
+
+def text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:
+    """The same of an element's text."""
+    if element.children:
+        remedy = "end the address with an attribute, as in '@mass', or with one of its elements"
+        raise source.error(
+            address, f"names <{element.tag}>, which is not a number; {remedy}", element.start
+        )
+    if not element.text.strip():
+        near = nearest("", element.attributes)
+        remedy = f"; its attributes are {near}, as in '@{near.split(', ')[0]}'" if near else ""
+        raise source.error(
+            address, f"names <{element.tag}>, which has no text{remedy}", element.start
+        )
+    tag = TAG.match(source.data, element.start)
+    assert tag is not None  # the parser has found an element here
+    at = tag.end()
+    while match := ATTRIBUTE.match(source.data, at):
+        at = match.end()
+    first = source.data.index(b">", at) + 1
+    return find_words(source, first, element.end, address), element.text.split()
+
+
+def find_words(source: Source, start: int, end: int, address: str) -> list[Span]:
+    """Words between two bytes, comments apart."""
+    written = source.data[start:end]
+    if re.search(rb"&|<!\[CDATA\[", written):
+        raise source.error(
+            address, "is written with a reference or CDATA; write a plain number", start
+        )
+    written = re.sub(rb"<!--.*?-->|<\?.*?\?>", lambda m: b" " * len(m[0]), written, flags=re.DOTALL)
+    return [(start + m.start(), start + m.end()) for m in re.finditer(rb"[^ \t\r\n]+", written)]
+
+
+def _component(
+    spans: list[Span],
+    words: list[str],
+    index: str | None,
+    what: str,
+    address: str,
+    source: Source,
+) -> tuple[Span, float]:
+    count = len(spans)
+    start = spans[0][0] if spans else None
+    if index is None and count != 1:
+        raise source.error(
+            address, f"names {count} numbers; choose one, as in '{address}[0]'", start
+        )
+    place = int(index or 0)
+    if place >= count:
+        raise source.error(address, f"is beyond {what}: it has {count} numbers, from [0]", start)
+    if len(words) != count:
+        raise source.error(
+            address, f"is interrupted by a comment in {what}; move the comment out", start
+        )
+    try:
+        # Python would read 1_000; no XML reader does.
+        return spans[place], float(words[place].replace("_", "?"))
+    except ValueError:
+        reason = f"is {brief(words[place])}; expected a number"
+        raise source.error(address, reason, spans[place][0]) from None

@@ -1,0 +1,1 @@
+"""MJCF files as trees of bodies: read from what an engine compiles."""

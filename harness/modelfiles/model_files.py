@@ -1,0 +1,119 @@
+"""The model files of a system folder, each with its sidecar."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import (
+    absent_extras,
+    engines,
+    model_formats,
+    standing,
+)
+from physics_crosscheck.harness.modelfiles.locations import line_of
+from physics_crosscheck.harness.modelfiles.parts import included
+from physics_crosscheck.harness.modelfiles.sidecar import (
+    Sidecar,
+    SidecarError,
+    left_to_others,
+    read_sidecar,
+)
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.visible import odd_name, visible
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnreadModel:
+    """A model file that can't be run for its sidecar.
+
+    Attributes:
+        model: its name; `-` where the folder has none.
+        reason: one sentence.
+    """
+
+    model: str
+    reason: str
+
+
+def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
+    """Every model file's sidecar; an `UnreadModel` for one that can't be read or has none.
+
+    What a model with a sidecar includes is a part of it, and no model of its own.
+    """
+    described: set[str] = set()
+    within: set[Path] = set()
+    found: list[Sidecar | UnreadModel] = []
+    for path in sorted(folder.glob("*.toml")):
+        name = path.with_suffix("").name
+        described.add(name)
+        within |= included(folder / name)
+        if (why := odd_name(name)) is not None:
+            found.append(UnreadModel(model=visible(name), reason=_renamed(path, why)))
+            continue
+        try:
+            sidecar = read_sidecar(path)
+            known = engines() if sidecar.springs else {}
+            for engine in filter(None, map(known.get, sidecar.engines)):
+                check_springs(sidecar, engine)
+            found.append(sidecar)
+        except SidecarError as error:
+            found.append(UnreadModel(model=name, reason=str(error)))
+    kept = iter(left_to_others(one for one in found if isinstance(one, Sidecar)))
+    yield from (next(kept) if isinstance(one, Sidecar) else one for one in found)
+    formats = model_formats()
+    for path in sorted(folder.iterdir()):
+        if path.suffix in formats and path.name not in described and path not in within:
+            if (why := odd_name(path.name)) is not None:
+                yield UnreadModel(model=visible(path.name), reason=_renamed(path, why))
+                continue
+            reason = (
+                f"{path}: this model file has no sidecar; write {path.name}.toml "
+                "with at least engines = "
+                f"{json.dumps([e.name for e in standing(path.suffix)])} (or other "
+                "engines)"
+            )
+            yield UnreadModel(model=path.name, reason=reason)
+    if not described:
+        reason = f"{folder}: no model file has a sidecar, so nothing ran; add one"
+        yield UnreadModel(model="-", reason=reason)
+
+
+def absent_lines(folders: Iterable[Path]) -> list[str]:
+    """What is to be told of engines of extras that sidecars name and that aren't installed."""
+    files = [one for folder in folders for one in model_files(folder)]
+    named = Counter(name for one in files if isinstance(one, Sidecar) for name in one.absent)
+    ways = absent_extras() if named else {}
+    return [
+        f"{ways[name]} ({counted(count, 'model file')} could run in it too)"
+        for name, count in sorted(named.items())
+    ]
+
+
+def _renamed(path: Path, why: str) -> str:
+    return f"{visible(str(path))}: its name has {why}; rename it"
+
+
+def check_springs(sidecar: Sidecar, engine: Engine) -> None:
+    """Refuse springs that an engine would read over.
+
+    Raises:
+        SidecarError: for springs in a format that has words of its own for them.
+    """
+    if sidecar.springs and sidecar.model.suffix not in engine.takes_springs:
+        at = line_of(Path(f"{sidecar.model}.toml"), "spring")
+        where = f"{sidecar.model}.toml" + ("" if at is None else f":{at}")
+        raise SidecarError(
+            f"{where}: [[spring]]: {engine.title} takes no springs from the sidecar "
+            f"of a {sidecar.model.suffix} file; write them into "
+            f"{sidecar.model.name} itself"
+        )
+
+
+def chosen_engines(sidecar: Sidecar, only: Sequence[str]) -> list[str]:
+    """The engines that a sidecar names, of those that are wanted; `only` empty: all."""
+    return [name for name in sidecar.engines if not only or name in only]

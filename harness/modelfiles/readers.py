@@ -1,0 +1,84 @@
+"""A robot's file, read by its ending: its tree, and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
+from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
+from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
+from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+
+class Numbers(Protocol):
+    """The numbers of a robot's file, and the tree that results where some of them are others."""
+
+    @property
+    def numerals(self) -> tuple[Numeral, ...]:
+        """All of them, in their order."""
+
+    @property
+    def saying(self) -> tuple[int, ...]:
+        """Indices of those that may say something of the tree."""
+
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """Why numbers of some of its files are not among these, a sentence each."""
+
+    def tree(self, values: Mapping[int, float]) -> Tree | None:
+        """The tree with other values of some, by their index; None where there is none."""
+
+    def taken(self) -> Iterable[tuple[str, Tree]]:
+        """What the engine that compiles the file does on its own: causes, each with its tree."""
+
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """The files, by their paths, with other values of some numbers."""
+
+
+def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
+    """Read a robot's file, by its ending.
+
+    Args:
+        file: the model file.
+        floating: whether the root link of a URDF moves freely; an SDFormat file says it.
+        model: which of several models of an SDFormat file; empty: the only one that moves.
+    """
+    if file.suffix == ".sdf":
+        return read_sdf_robot(file, model=model)
+    if file.suffix == ".urdf":
+        return read_urdf_robot(file, floating=floating)
+    return read_compiled_robot(file)
+
+
+def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
+    """The numbers of a robot's file that has a tree, by its ending.
+
+    Args:
+        file: the model file.
+        settings: with which engines run it.
+
+    Raises:
+        RobotError: where nothing that compiles the file is installed.
+    """
+    if file.suffix == ".sdf":
+        return SdfNumbers(file, str(settings.get("model", "")))
+    if file.suffix == ".urdf":
+        held = settings.get("held", [])
+        return UrdfNumbers(
+            file,
+            floating=bool(settings.get("floating")),
+            held=held if isinstance(held, list) else [],
+        )
+    engine = compiler(file.suffix)
+    if engine is None:
+        raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")
+    controls = settings.get("controls", [])
+    return CompiledNumbers(file, engine, controls if isinstance(controls, list) else [])

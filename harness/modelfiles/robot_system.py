@@ -1,0 +1,53 @@
+"""A robot's tree as a system whose equations can be asked."""
+
+from __future__ import annotations
+
+from physics_crosscheck.harness.modelfiles.robot import Obstacle, Robot
+from physics_crosscheck.harness.records.case import CaseKind
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+
+class RobotError(ValueError):
+    """A robot that can't be checked; the message names file, line and remedy.
+
+    Attributes:
+        obstacles: the problems that prevent building the tree, each with its line.
+        kind: of the first of them.
+    """
+
+    def __init__(self, message: str, obstacles: tuple[Obstacle, ...] = ()) -> None:
+        super().__init__(message)
+        self.obstacles = obstacles
+        self.kind: CaseKind = obstacles[0].kind if obstacles else "robot"
+
+
+def robot_system(robot: Robot) -> TreeSystem:
+    """The robot's joints as coordinates.
+
+    Raises:
+        RobotError: with all that is in the way, or the joints that are not covered.
+    """
+    if robot.tree is None:
+        raise RobotError("; ".join(map(str, robot.obstacles)), robot.obstacles)
+    if not robot.tree.links:
+        raise RobotError(f"{robot.file}: it has no joint that moves, so there is nothing to check")
+    return tree_system(
+        name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
+    )
+
+
+def names_of(tree: Tree) -> tuple[str, ...]:
+    """Its coordinates, as engines call them too, (nv,)."""
+    return tuple(name for link in tree.links for name, _ in coordinate_names(link.kind, link.name))
+
+
+def summary(robot: Robot) -> str:
+    """Such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
+    count = 0 if robot.tree is None else len(robot.tree.links)
+    mass = sum(part.mass for part in robot.parts)
+    links = counted(len(robot.parts), "link")
+    bodies = counted(count, "body", "bodies")
+    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass:.4g} kg"

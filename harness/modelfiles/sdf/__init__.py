@@ -1,0 +1,1 @@
+"""SDFormat files as trees of bodies."""

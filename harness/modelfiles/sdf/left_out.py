@@ -1,0 +1,142 @@
+"""What an SDFormat file states beyond the bodies and joints of one model, counted by its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from types import MappingProxyType
+
+from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
+from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Told, tallied
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.sdf.parts import SdfJoint
+
+_READ: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "world": ("model", "include", "gravity", "physics", "joint", "frame"),
+        "physics": ("max_step_size", "real_time_factor", "real_time_update_rate"),
+        "model": ("link", "joint", "frame", "pose", "static", "self_collide"),
+        "frame": ("pose",),
+        "link": ("inertial", "pose", "collision", "gravity", "self_collide"),
+        "inertial": ("pose", "mass", "inertia", "density"),
+        "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+        "joint": ("pose", "parent", "child", "axis"),
+        "axis": ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame"),
+        "dynamics": ("damping", "friction", "spring_stiffness", "spring_reference"),
+        "limit": ("lower", "upper", "effort", "velocity"),
+        "mimic": ("multiplier", "offset", "reference"),
+    }
+)
+"""What is read of an element, here or there, and of whose children the rest is told."""
+
+_SAID: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "world": ("name",),
+        "physics": ("name", "type", "default"),
+        "model": ("name", "canonical_link", "placement_frame"),
+        "frame": ("name", "attached_to"),
+        "link": ("name",),
+        "inertial": ("auto",),
+        "joint": ("name", "type"),
+        "pose": ("relative_to", "rotation_format", "degrees"),
+        "xyz": ("expressed_in",),
+        "mimic": ("joint", "axis"),
+    }
+)
+"""Attributes that have a meaning, by the element's tag; others have none."""
+
+_LOOKS = ("visual", "material", "light", "gui", "scene", "audio", "road")
+_WHOLE = ("model", "include", "collision")
+"""What is counted as a whole, whatever is in it."""
+
+
+def sdf_left_out(
+    document: Document,
+    model: RawElement,
+    world: RawElement | None,
+    joints: Mapping[str, SdfJoint],
+    followers: Collection[str],
+) -> tuple[LeftOut, ...]:
+    """Return all of it; looks are no loss, and are not counted."""
+    return tallied(_all(document, model, world, joints), followers)
+
+
+def is_static(model: RawElement) -> bool:
+    """Return whether a model says that nothing of it moves."""
+    return any(
+        one.tag == "static" and one.text.strip().lower() in ("1", "true") for one in model.children
+    )
+
+
+def _all(
+    document: Document,
+    model: RawElement,
+    world: RawElement | None,
+    joints: Mapping[str, SdfJoint],
+) -> Iterator[Told]:
+    for joint in joints.values():
+        yield from _of_joint(document, joint)
+    for element in model.children:
+        name = element.attributes.get("name", "")
+        if any(part.tag == "collision" for part in element.children):
+            yield "collision geometry", name
+        yield from _of_automatic(element, name)
+    yield from _unread(model, "")
+    for element in (*document.root.children, *(world.children if world is not None else ())):
+        name = element.attributes.get("name", "")
+        if element.tag == "model" and element is not model:
+            yield "static model" if is_static(element) else "another model that moves", name
+        elif element.tag == "include":
+            name = next((one.text.strip() for one in element.children if one.tag == "uri"), "")
+            yield "<include> of another file", name
+    if world is not None:
+        yield from _unread(world, world.attributes.get("name", ""))
+
+
+def _of_automatic(link: RawElement, name: str) -> Iterator[Told]:
+    """Yield what `<inertial auto="true">` makes meaningless."""
+    for inertial in link.children:
+        if inertial.tag == "inertial" and is_automatic(inertial.attributes.get("auto")):
+            for part in inertial.children:
+                if part.tag in ("pose", "inertia"):
+                    yield f"<{part.tag}> of an automatic <inertial>", name
+
+
+def _of_joint(document: Document, joint: SdfJoint) -> Iterator[Told]:
+    axis = document.child(joint.element, "axis")
+    if axis is None or joint.joint is None:
+        return
+    dynamics, limit = document.child(axis, "dynamics"), document.child(axis, "limit")
+    if _number(document, dynamics, "friction"):
+        yield "dry friction", joint.name
+    if document.child(axis, "mimic") is not None:
+        yield FREE_MIMIC, joint.name
+    if joint.joint.limits is not None:
+        yield "limits of position", joint.name
+    for key in ("effort", "velocity"):
+        if _number(document, limit, key) > 0:
+            yield f"limits of {key}", joint.name
+
+
+def _number(document: Document, holder: RawElement | None, key: str) -> float:
+    element = None if holder is None else document.child(holder, key)
+    found = None if element is None else read_numbers(element.text, 1)
+    return 0.0 if found is None else found[0]
+
+
+def _unread(element: RawElement, name: str) -> Iterator[Told]:
+    """Yield the elements and attributes within this element that mean nothing here."""
+    said = _SAID.get(element.tag, ())
+    for key, value in element.attributes.items():
+        if key not in said and value.strip() and not key.startswith("xmlns"):
+            yield f"{key} of <{element.tag}>", name
+    known = _READ.get(element.tag)
+    for child in element.children:
+        if child.tag in _LOOKS or (known is not None and child.tag in _WHOLE):
+            continue
+        own = name or child.attributes.get("name", "")
+        if known is None or child.tag not in known:
+            yield f"<{child.tag}> of <{element.tag}>", own
+        else:
+            yield from _unread(child, own)

@@ -1,0 +1,91 @@
+"""The inertia of an SDFormat link that follows from its collision shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
+from physics_crosscheck.harness.modelfiles.document import Document
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.sdf.frames import Frames, inverse, read_pose
+from physics_crosscheck.reference.mechanism.spatial_inertia import NOTHING, Lump
+
+
+def automatic_lump(
+    document: Document, frames: Frames, link: RawElement, inertial: RawElement, name: str
+) -> Lump:
+    """Return what `<inertial auto="true">` makes of the shapes of a link, in the link's frame.
+
+    A `<mass>` beside it scales the densities; `<pose>` and `<inertia>` have no meaning there.
+    What has no such inertia is noted in the document.
+
+    Args:
+        document: the file.
+        frames: of its model.
+        link, inertial: the elements.
+        name: of the link.
+    """
+    what, total = f"link {brief(name)}", NOTHING
+    collisions = [one for one in link.children if one.tag == "collision"]
+    if not collisions:
+        document.hinder(
+            inertial,
+            f'<inertial auto="true"> of {what} has no <collision> to compute it from',
+            "give the link a <collision>, or write its mass and inertia",
+        )
+    for collision in collisions:
+        density = _positive(
+            document,
+            document.child(collision, "density") or document.child(inertial, "density"),
+            (WATER,),
+            what,
+        )[0]
+        for own in _solid(document, collision, what, density):
+            pose = read_pose(document, collision, f"a <collision> of {what}")
+            place = pose.place
+            if pose.relative_to:
+                outer = inverse(frames.place(name)).of(frames.place(pose.relative_to))
+                place = outer.of(place)
+            total = total.with_(own.seen(place))
+    mass = document.child(inertial, "mass")
+    if mass is None or not total.mass:
+        return total
+    ratio = _positive(document, mass, (total.mass,), what)[0] / total.mass
+    return Lump(total.mass * ratio, total.center, total.inertia * ratio)
+
+
+def _solid(document: Document, collision: RawElement, what: str, density: float) -> Iterator[Lump]:
+    """Yield the body of a collision in its own frame; none where it has no such inertia."""
+    geometry = document.child(collision, "geometry")
+    shape = next(iter(geometry.children), None) if geometry is not None else None
+    if shape is None or shape.tag not in SIZES:
+        label = "an empty <geometry>" if shape is None else f"a <{shape.tag}>"
+        document.hinder(
+            shape or collision,
+            f'<inertial auto="true"> of {what} is not computed from {label}',
+            f"use {', '.join(SIZES)}, or write its mass and inertia",
+        )
+        return
+    sizes = [
+        size
+        for tag, default in SIZES[shape.tag].items()
+        for size in _positive(document, document.child(shape, tag), default, what)
+    ]
+    volume, height, moments = solid(shape.tag, sizes)
+    mass = density * volume
+    yield Lump(mass, np.array([0.0, 0.0, height]), mass * np.diag(moments))
+
+
+def _positive(
+    document: Document, element: RawElement | None, default: tuple[float, ...], what: str
+) -> tuple[float, ...]:
+    found = document.text_numbers(element, default, what)
+    if element is not None and min(found) <= 0:
+        document.hinder(
+            element, f"<{element.tag}> of {what} is not positive", "write a positive number"
+        )
+        return default
+    return found

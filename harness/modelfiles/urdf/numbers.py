@@ -1,0 +1,112 @@
+"""The numbers of a URDF, and the tree that results where some of them are others.
+
+A changed number is read again with its link or its joint; the rest stays as it was read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+from physics_crosscheck.harness.modelfiles.couplings import couplings
+from physics_crosscheck.harness.modelfiles.document import Document
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.numbers import Numeral, numerals, put, with_values
+from physics_crosscheck.harness.modelfiles.urdf.parts import (
+    read_joint,
+    read_joints,
+    read_link,
+    read_links,
+    read_mimics,
+    read_springs,
+)
+from physics_crosscheck.harness.modelfiles.urdf.read import GRAVITY
+from physics_crosscheck.harness.modelfiles.urdf.root import IMPLICIT, root_of
+from physics_crosscheck.harness.modelfiles.urdf.tree import held_still, planned
+from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+_SAYING = re.compile(
+    r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping|joint/mimic@.*"
+    r"|gazebo/spring(Stiffness|Reference))"
+)
+"""Numbers that a tree is made of."""
+
+
+class UrdfNumbers:
+    """The numbers of a URDF that has a tree.
+
+    Args:
+        path: of the file.
+        floating: whether its root moves freely.
+        held: joints that stand still.
+
+    Attributes:
+        numerals: all of them, in the file's order.
+        saying: indices of those that may say something of the tree.
+        unread: none, since a file that is no XML is refused.
+    """
+
+    unread: tuple[str, ...] = ()
+
+    def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
+        self._document = Document(path)
+        self._links, self._joints = read_links(self._document), read_joints(self._document)
+        self._root = root_of(self._document, self._links, self._joints)
+        self._held = held
+        self._floating = floating and self._root != IMPLICIT
+        self.numerals: tuple[Numeral, ...] = numerals(self._document)
+        owners = {id(link.element) for link in self._links.values()}
+        owners |= {id(joint.element) for joint in self._joints.values()}
+        owners |= {id(one) for one in self._document.root.children if one.tag == "gazebo"}
+        self.saying = tuple(
+            i
+            for i, one in enumerate(self.numerals)
+            if _SAYING.fullmatch(one.path) and id(_owner(one.element)) in owners
+        )
+
+    def tree(self, values: Mapping[int, float]) -> Tree | None:
+        """The tree with other values of some numbers, by their index; None where there is none."""
+        document, root = self._document, self._root
+        if root is None:
+            return None
+        known = len(document.obstacles)
+        with ExitStack() as restored:
+            for index, value in values.items():
+                put(self.numerals[index], value, restored)
+            elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
+            links, joints = dict(self._links), dict(self._joints)
+            for element in elements.values():
+                name = element.attributes.get("name", "")
+                if element.tag == "link":
+                    links[name] = read_link(document, element, name)
+                elif element.tag == "joint":
+                    joints[name] = read_joint(document, element, name)
+            moving = held_still(joints, self._held)
+            springs, mimics = read_springs(document), read_mimics(document, moving)
+            bodies = planned(root, links, moving, self._floating).with_springs(springs)
+            tree = assembled(bodies, GRAVITY, couplings=couplings(mimics)).tree
+        if len(document.obstacles) > known:
+            del document.obstacles[known:]
+            return None
+        return tree
+
+    def taken(self) -> tuple[tuple[str, Tree], ...]:
+        """None: no engine compiles it."""
+        return ()
+
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """The file with other values of some numbers."""
+        return {self._document.path: with_values(self._document.data, self.numerals, values)}
+
+    def _owner(self, index: int) -> RawElement | None:
+        return _owner(self.numerals[index].element)
+
+
+def _owner(element: RawElement) -> RawElement | None:
+    """The element of the root in which another one is."""
+    while element.parent is not None and element.parent.parent is not None:
+        element = element.parent
+    return None if element.parent is None else element

@@ -1,0 +1,96 @@
+"""Links and joints of a URDF put together: what hangs from what, each link a body."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from physics_crosscheck.harness.modelfiles.urdf.parts import ENDLESS, UrdfJoint, UrdfLink
+from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody
+
+Springs = Mapping[str, tuple[float, float]]
+"""Stiffness and rest by the joint's name."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What hangs from what.
+
+    Attributes:
+        bodies: the links, each after the one that carries it.
+    """
+
+    bodies: tuple[RigidBody, ...]
+
+    def with_springs(self, springs: Springs) -> tuple[RigidBody, ...]:
+        """The bodies with springs on their hinges and slides."""
+        return tuple(
+            replace(body, joints=tuple(_sprung(one, springs) for one in body.joints))
+            for body in self.bodies
+        )
+
+
+def _sprung(joint: Joint, springs: Springs) -> Joint:
+    if not joint.single or joint.name not in springs:
+        return joint
+    stiffness, rest = springs[joint.name]
+    return replace(joint, stiffness=stiffness, rest=rest)
+
+
+def held_still(joints: Mapping[str, UrdfJoint], names: Collection[str]) -> dict[str, UrdfJoint]:
+    """The joints with some of them fixed where the file draws them."""
+    return {name: replace(one, kind=None) if name in names else one for name, one in joints.items()}
+
+
+def planned(
+    root: str, links: Mapping[str, UrdfLink], joints: Mapping[str, UrdfJoint], floating: bool
+) -> Plan:
+    """Bodies depth first, from the root; joints of one link in the file's order."""
+    return Plan(tuple(_bodies(root, links, joints, floating)))
+
+
+def _bodies(
+    root: str, links: Mapping[str, UrdfLink], joints: Mapping[str, UrdfJoint], floating: bool
+) -> Iterator[RigidBody]:
+    below: dict[str, list[UrdfJoint]] = {}
+    for joint in joints.values():
+        below.setdefault(joint.parent, []).append(joint)
+    carried = root in links
+    if carried:
+        yield replace(links[root].body, joints=_free(root, joints) if floating else ())
+    waiting = list(reversed(below.get(root, [])))
+    while waiting:
+        joint = waiting.pop()
+        # What moves freely beside a root that stands still counts from the world, as engines do.
+        loose = joint.kind == "free" and joint.parent == root and not floating
+        yield replace(
+            links[joint.child].body,
+            parent=joint.parent if carried or joint.parent != root else None,
+            position=ZERO if loose else joint.at,
+            rpy=ZERO if loose else joint.rpy,
+            joints=_own(joint),
+        )
+        waiting += reversed(below.get(joint.child, []))
+
+
+def _own(joint: UrdfJoint) -> tuple[Joint, ...]:
+    """None of a fixed one."""
+    if joint.kind is None:
+        return ()
+    return (
+        Joint(
+            name=joint.name,
+            kind=joint.kind,
+            axis=joint.axis,
+            damping=0.0 if joint.kind == "free" else joint.damping,
+            limits=None if joint.bounds == ENDLESS else joint.bounds,
+        ),
+    )
+
+
+def _free(root: str, joints: Mapping[str, UrdfJoint]) -> tuple[Joint, ...]:
+    """The joint of a root that moves freely: called as the link, unless a joint is."""
+    name = root
+    while name in joints:
+        name += "_free"
+    return (Joint(name=name, kind="free"),)

@@ -1,0 +1,80 @@
+"""What is to be done of a system folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from physics_crosscheck.harness.baseline.inputs import inputs, with_reads_of_system
+from physics_crosscheck.harness.jobs.graph import Task
+from physics_crosscheck.harness.planning.cache import models_inputs, piece_of_folder
+from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.planning.prepared import FolderFacts, task_function
+from physics_crosscheck.harness.planning.result_builder import Collected, stand_in
+from physics_crosscheck.harness.planning.target_plan import PlaceWork
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import CaseId, ModelKey
+
+
+class FolderWork(PlaceWork[FolderFacts]):
+    """The work of a run in one folder.
+
+    Args:
+        folder: of the system.
+        options: of the run.
+        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
+        found: what the jobs bring.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        options: Options,
+        snapshots: Mapping[CaseId, Snapshot],
+        found: Collected,
+    ) -> None:
+        cache = options.cache
+        piece = piece_of_folder(folder, described=options.described) if cache else None
+        super().__init__(folder, options, found, piece)
+        self._snapshots = snapshots
+        # As it is before anything of it is run: what changes meanwhile is another folder's.
+        wanted = found.keeps or cache
+        known = inputs(folder, options.resolution, options.baseline) if wanted else {}
+        self._known = models_inputs(known) if wanted else {}
+
+    @property
+    def stand_in(self) -> CaseId:
+        """Its `system.py`."""
+        return stand_in(self.place)
+
+    @property
+    def reads(self) -> Mapping[str, str]:
+        """States of what `system.py` has read."""
+        return self.facts.reads
+
+    def _known_facts(self) -> FolderFacts | None:
+        """Those with a derivation serve as well where none is asked for."""
+        known = super()._known_facts()
+        if known is None and self.options.cache and not self.options.described:
+            known = self._had(piece_of_folder(self.place, described=True))
+        return known
+
+    def _preparing(self) -> Task[Any, Any]:
+        return Task(task_function("folder", described=self.options.described), self.place)
+
+    def _inputs(self, key: ModelKey) -> str:
+        return self._known.get(key, "")
+
+    def _inputs_of_journal(self, key: ModelKey) -> str:
+        return with_reads_of_system(self._inputs(key), key, self.facts.reads)
+
+    def is_measured(self, case: CaseId) -> bool:
+        """Whether what a case's model does is wanted."""
+        return super().is_measured(case) or case in self._snapshots
+
+    def snapshot(self, case: CaseId) -> Snapshot | None:
+        """The one that was accepted of a case, or is to be repeated."""
+        if self.options.selection is None:
+            return self._snapshots.get(case)
+        return super().snapshot(case)

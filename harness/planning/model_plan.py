@@ -1,0 +1,102 @@
+"""A model file of a folder in an engine: its record, and what every kind of folder does with it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from physics_crosscheck.harness.checks.not_run import barred_case, hurdle
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.jobs.graph import Job
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.reading import read_regular
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.planning.folder_plan import FolderWork
+from physics_crosscheck.harness.planning.result_builder import Jobs
+from physics_crosscheck.harness.planning.target_plan import Done, Failed
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+
+
+class ModelPlan(ABC):
+    """The jobs of a model in an engine.
+
+    Args:
+        work: of its folder.
+        known: all engines.
+        sidecar: the model.
+        engine: that runs it.
+        cases: those that are wanted.
+    """
+
+    def __init__(
+        self,
+        work: FolderWork,
+        known: Mapping[str, Engine],
+        sidecar: Sidecar,
+        engine: str,
+        cases: Sequence[CaseId],
+    ) -> None:
+        self.work, self.sidecar, self.engine, self.cases = work, sidecar, engine, cases
+        self.folder, self.options = str(work.place), work.options
+        self.key = self.folder, sidecar.model.name, engine
+        self._engines = known
+
+    def jobs(self) -> Iterator[Job[Any]]:
+        """All that is to be done; of a model that can't be run it is told at once."""
+        if why := hurdle(self._engines, self.engine, self.sidecar):
+            for case in self.cases:
+                self.work.found.add(barred_case(case, self.folder, why))
+            return
+        yield from self._jobs()
+
+    def audit(self) -> Iterator[Job[Any]]:
+        """Its audit, and nothing else of it."""
+        self.begin()
+        yield from self._audit()
+
+    @abstractmethod
+    def _jobs(self) -> Iterator[Job[Any]]:
+        """Of a model that can be run."""
+
+    @abstractmethod
+    def _audit(self) -> Iterator[Job[Any]]:
+        """What is read of its file without a motion."""
+
+    def begin(self) -> None:
+        """It is run: its file and its sidecar, as they are; nothing is found of it yet."""
+        file = self.sidecar.model
+        self.work.found.models[self.key] = Model(
+            system=self.work.facts.record.name,
+            model=file.name,
+            engine=self.engine,
+            folder=self.folder,
+            text=text_of(file),
+            sidecar=text_of(file.with_name(f"{file.name}.toml")),
+        )
+
+    def _do(
+        self, kind: str, done: Done, failed: Failed, *, scenario: str = ""
+    ) -> Iterator[Job[Any]]:
+        """Do a kind of work of it, unless its value is known."""
+        return self.work.do(kind, self.key, done, failed, sidecar=self.sidecar, scenario=scenario)
+
+    def diagnosed(self, value: Diagnosis) -> Jobs:
+        """A diagnosis goes to the model's record."""
+        self.work.found.amend(self.key, diagnosis=value)
+        return ()
+
+    def undiagnosed(self, failure: Failure) -> Jobs:
+        """Why there is none, likewise."""
+        return self.diagnosed(Diagnosis(failure=failure.reason))
+
+
+def text_of(path: Path) -> str:
+    """A file's text; of one that has gone meanwhile none, and its cases say so."""
+    try:
+        return read_regular(path).decode("utf-8", errors="replace")
+    except OSError:
+        return ""

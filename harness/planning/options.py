@@ -1,0 +1,157 @@
+"""Options of a run: cases, engines, resolution, limits, and results beside the verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
+
+from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
+from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import CaseId, ModelKey
+
+RESOLVED = (1e-13, 1e-2)
+"""Resolutions that double precision can serve."""
+
+
+def check_text(value: object, name: str, *, path: bool = False) -> None:
+    """Check an argument that is a string, or a path.
+
+    Raises:
+        TypeError: naming the argument and the expected type.
+    """
+    if not isinstance(value, str | PathLike if path else str):
+        what = "a path" if path else "a string"
+        raise TypeError(f"{name} must be {what}, not {brief(value)}")
+
+
+def check_names(value: object, name: str) -> None:
+    """Check an argument that is a sequence of names.
+
+    Raises:
+        TypeError: naming the argument and the expected type.
+    """
+    if isinstance(value, str):
+        raise TypeError(f"{name} must be a list, not {value!r}; write {name}=[{value!r}]")
+    if not isinstance(value, Sequence) or not all(isinstance(one, str) for one in value):
+        raise TypeError(f"{name} must be a list of names, not {brief(value)}")
+
+
+def check_number(
+    value: object, name: str, least: float, most: float, unit: str = "", *, whole: bool = False
+) -> float:
+    """Return an argument that is a number from `least` to `most`; numpy's numbers are accepted.
+
+    Raises:
+        TypeError: for anything but a number, or a whole number if `whole`.
+        ValueError: for a number out of bounds.
+    """
+    kind = f"{'a whole number' if whole else 'a number'}{unit and ' of '}{unit}"
+    expected = f"{name} must be {kind}"
+    if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
+        raise TypeError(f"{expected}, not {brief(value)}")
+    number = float(value)
+    if not least <= number <= most:
+        raise ValueError(f"{expected} from {least:g} to {most:g}, not {brief(value)}")
+    return number
+
+
+def check_resolution(value: object) -> float:
+    """Return a resolution.
+
+    Raises:
+        TypeError, ValueError: for one that double precision can't serve.
+    """
+    return check_number(value, "resolution", *RESOLVED)
+
+
+def check_limits(seconds: object, memory: object, options: str) -> Limits:
+    """Return the limits of a task.
+
+    Args:
+        seconds: of the processor.
+        memory: GiB.
+        options: prefix of both names in messages.
+
+    Raises:
+        TypeError, ValueError: for an invalid limit.
+    """
+    return Limits(
+        seconds=check_number(seconds, "limit", LEAST_SECONDS, MOST, "seconds"),
+        memory=check_number(memory, "memory", LEAST_MEMORY, MOST, "GiB"),
+        options=options,
+    )
+
+
+def resolvable(resolution: float) -> bool:
+    """Return whether double precision can serve a resolution."""
+    least, most = RESOLVED
+    return least <= resolution <= most
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The part of a run that a comparison needs: the motion of each case's model.
+
+    Attributes:
+        models: those to run; None: all.
+        snapshots: accepted segments, by case.
+        repeated: other segments, by folder and case: two folders may have systems of one name.
+        diagnose: whether models that differ are diagnosed.
+        described: whether linearizations and the derivation for a report are computed.
+    """
+
+    models: frozenset[ModelKey] | None
+    snapshots: Mapping[CaseId, Snapshot] = field(default_factory=dict)
+    repeated: Mapping[tuple[str, CaseId], Snapshot] = field(default_factory=dict)
+    diagnose: bool = False
+    described: bool = False
+
+    def includes(self, model: ModelKey) -> bool:
+        """Return whether a model is to be run."""
+        return self.models is None or model in self.models
+
+    def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
+        """Return the segments that a case repeats, if any."""
+        return self.repeated.get((folder, case)) or self.snapshots.get(case)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of `crosscheck run`.
+
+    Attributes:
+        baseline: the folder with accepted differences.
+        floating: whether the root link of a standalone URDF moves.
+        model: the model to read from an SDFormat file that has several.
+        choice: the cases to run.
+        scheduler: address of a cluster's scheduler; empty for processes of this machine.
+        cache: results of earlier runs, reused where their inputs have not changed.
+    """
+
+    engines: tuple[str, ...] = ()
+    resolution: float = 1e-9
+    jobs: int = 0
+    limits: Limits = field(default_factory=Limits)
+    baseline: Path | None = None
+    selection: Selection | None = None
+    floating: bool = False
+    model: str = ""
+    choice: Choice = field(default_factory=Choice)
+    scheduler: str = ""
+    cache: Cache | None = None
+
+    @property
+    def described(self) -> bool:
+        """Whether linearizations and the derivation for a report are computed."""
+        return self.selection is None or self.selection.described
+
+    @property
+    def diagnosed(self) -> bool:
+        """Whether models that differ are diagnosed."""
+        return self.selection is None or self.selection.diagnose

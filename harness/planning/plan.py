@@ -1,0 +1,96 @@
+"""The jobs of a run's system folders, what follows from each, and what they bring together.
+
+A folder brings the jobs of its models; a model's last case brings its diagnosis, if one differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from physics_crosscheck.harness.checks.not_run import failed_case
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.graph import Job
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+)
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.planning.bodies_plan import BodiesModel
+from physics_crosscheck.harness.planning.energies_plan import EnergiesModel
+from physics_crosscheck.harness.planning.folder_plan import FolderWork
+from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.planning.result_builder import Collected, stand_in
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import CaseId
+
+
+class Plan:
+    """What is to be done for a run; values go to `found`.
+
+    Args:
+        options: of the run.
+        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
+        found: what the jobs bring.
+    """
+
+    def __init__(
+        self, options: Options, snapshots: Mapping[CaseId, Snapshot], found: Collected
+    ) -> None:
+        self._options, self._snapshots, self._found = options, snapshots, found
+        self._engines = engines()
+
+    def folder(self, folder: Path) -> Iterator[Job[Any]]:
+        """Prepare a folder, then run its models."""
+        self._found.expect(str(folder), [stand_in(folder)])
+        work = FolderWork(folder, self._options, self._snapshots, self._found)
+        yield from work.begun(partial(self._models, work))
+
+    def _models(self, work: FolderWork) -> Iterator[Job[Any]]:
+        """Every model of a folder in every engine; those that can't be run are told at once."""
+        self._found.systems.append(work.facts.record)
+        name, folder = work.facts.record.name, str(work.place)
+        files = list(model_files(work.place))
+        unread = [
+            (CaseId(system=name, model=one.model, scenario="-", engine="-"), one.reason)
+            for one in files
+            if isinstance(one, UnreadModel)
+        ]
+        bad = [one for one in unread if self._options.choice.includes(folder, one[0])]
+        chosen = [
+            (sidecar, engine, cases)
+            for sidecar in files
+            if isinstance(sidecar, Sidecar)
+            for engine in self._chosen(folder, sidecar)
+            if (cases := self._wanted(work, sidecar, engine))
+        ]
+        awaited = [case for *_, cases in chosen for case in cases]
+        self._found.expect(folder, [*(case for case, _ in bad), *awaited])
+        for case, reason in bad:
+            self._found.add(failed_case(case, folder, Failure(reason, "", kind="sidecar")))
+        model = BodiesModel if work.facts.bodies else EnergiesModel
+        for sidecar, engine, cases in chosen:
+            yield from model(work, self._engines, sidecar, engine, cases).jobs()
+
+    def _wanted(self, work: FolderWork, sidecar: Sidecar, engine: str) -> list[CaseId]:
+        """The cases of a model in an engine that are wanted, as scenarios are declared."""
+        record = work.facts.record
+        cases = [
+            CaseId(system=record.name, model=sidecar.model.name, scenario=one.name, engine=engine)
+            for one in record.scenarios
+        ]
+        choice = self._options.choice
+        return [case for case in cases if choice.includes(str(work.place), case)]
+
+    def _chosen(self, folder: str, sidecar: Sidecar) -> list[str]:
+        """The engines in which a model is to be run."""
+        selection = self._options.selection
+        return [
+            engine
+            for engine in chosen_engines(sidecar, self._options.engines)
+            if selection is None or selection.includes((folder, sidecar.model.name, engine))
+        ]

@@ -1,0 +1,92 @@
+"""A prepared folder or robot file, and the arguments of the tasks that start from it.
+
+Workers resolve a task by its name in `planning.tasks`, so that planning imports no equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pkgutil import resolve_name
+from typing import Any
+
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.system import System
+
+TASKS = "physics_crosscheck.harness.planning.tasks"
+
+
+class FolderFacts(Record, frozen=True, kw_only=True):
+    """Facts about a prepared folder, without its equations.
+
+    Attributes:
+        record: the system's entry in the results.
+        bodies: whether it declares bodies, and not energies.
+        reads: states of the files that `system.py` reads, by name relative to the folder.
+    """
+
+    record: System
+    bodies: bool
+    reads: dict[str, str]
+
+
+class RobotFacts(Record, frozen=True, kw_only=True):
+    """Facts about a prepared robot file, without its equations.
+
+    Attributes:
+        record: the robot's entry in the results.
+        left_out: statements of the file beyond the equations.
+        findings: inertias that no body can have.
+    """
+
+    record: System
+    left_out: tuple[str, ...]
+    findings: tuple[AuditFinding, ...]
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """The facts of a folder or a file, and its solved equations, which its tasks start from."""
+
+    facts: FolderFacts | RobotFacts
+    solved: object
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelTask:
+    """Arguments of a task of one model in one engine; `sidecar` is None for a file alone.
+
+    Attributes:
+        scenario: of a case or a measurement.
+        snapshot: the accepted one that a measurement repeats.
+    """
+
+    engine: str
+    resolution: float
+    sidecar: Sidecar | None = None
+    scenario: str = ""
+    snapshot: Snapshot | None = None
+
+
+@dataclass(frozen=True)
+class NamedFunction:
+    """A function by its dotted path, imported where it is called: in a worker."""
+
+    path: str
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Call it."""
+        return resolve_name(self.path)(*arguments, **options)
+
+    @property
+    def __name__(self) -> str:
+        return self.path.rpartition(".")[-1]
+
+
+def task_function(kind: str, **options: object) -> Callable[[Any], Any]:
+    """Return the function of `planning.tasks` that does a kind of work, with options bound."""
+    return partial(NamedFunction(f"{TASKS}.{kind}"), **options)

@@ -1,0 +1,192 @@
+"""The jobs of robots' files: each is read and solved once, and run in every engine for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from msgspec import structs
+
+from physics_crosscheck.harness.checks.not_run import absent, barred_case, failed_case
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import readers, runners
+from physics_crosscheck.harness.jobs.graph import Job, Task
+from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.planning.cache import piece_of_robot, robot_inputs
+from physics_crosscheck.harness.planning.model_plan import text_of
+from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.planning.prepared import RobotFacts, task_function
+from physics_crosscheck.harness.planning.result_builder import Collected, Jobs
+from physics_crosscheck.harness.planning.target_plan import PlaceWork
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+
+MJCF = ".xml"
+"""The ending of files that their engine's own parser reads, more leniently than XML allows."""
+
+GIVE_XML = "write well-formed XML"
+
+
+class RobotWork(PlaceWork[RobotFacts]):
+    """The work of a run on one file.
+
+    Args:
+        file: the model file.
+        options: of the run.
+        found: what the jobs bring.
+    """
+
+    def __init__(self, file: Path, options: Options, found: Collected) -> None:
+        wanted = found.keeps or options.cache
+        own = {"floating": options.floating, "model": options.model}
+        known = piece_of_robot(file, own) if wanted else None
+        super().__init__(file, options, found, known)
+
+    @property
+    def stand_in(self) -> CaseId:
+        """The file."""
+        return _stand_in(self.place)
+
+    @property
+    def reads(self) -> Mapping[str, str]:
+        """None: what a file names is in its hash."""
+        return {}
+
+    def _preparing(self) -> Task[Any, Any]:
+        options = self.options
+        prepare = task_function("robot", floating=options.floating, model=options.model)
+        return Task(prepare, self.place)
+
+    def _inputs(self, key: ModelKey) -> str:
+        assert self._piece is not None  # nothing is asked for without a cache or a journal
+        return robot_inputs(self._piece, key[-1], self.options.resolution)
+
+    def _told(self, failure: Failure) -> Failure:
+        return replace(failure, reason=failure.about(self.place))
+
+
+class RobotPlan:
+    """What is to be done for robots' files; values go to `found`."""
+
+    def __init__(self, options: Options, found: Collected) -> None:
+        self._options, self._found = options, found
+
+    def readable(self, files: Sequence[Path]) -> list[Path]:
+        """Files that may be XML; the others FAILED, before a worker process is started for them."""
+        found = []
+        for file in files:
+            self._found.expect(str(file), [_stand_in(file)])
+        for file in files:
+            if why := no_xml(file, strict=file.suffix != MJCF):
+                failure = Failure(f"{why}; {GIVE_XML}", "", kind="file")
+                self._found.add(failed_case(_stand_in(file), str(file), failure))
+            else:
+                found.append(file)
+        return found
+
+    def file(self, file: Path) -> Iterator[Job[Any]]:
+        """Prepare a file, then run it."""
+        work = RobotWork(file, self._options, self._found)
+        yield from work.begun(partial(self._engines, work))
+
+    def _engines(self, work: RobotWork) -> Iterator[Job[Any]]:
+        """The file in every engine that reads its format, or in those that are wanted."""
+        file, facts = work.place, work.facts
+        self._found.systems.append(facts.record)
+        wanted = [
+            engine
+            for engine in (readers if self._options.engines else runners)(file.suffix)
+            if not self._options.engines or engine.name in self._options.engines
+        ]
+        found = [(engine, _id(work, engine)) for engine in wanted]
+        choice = self._options.choice
+        chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
+        self._found.left.pop((str(file), work.stand_in), None)
+        self._found.expect(str(file), [case for _, case in chosen])
+        begun: list[ModelKey] = []
+        for engine, case in chosen:
+            if why := absent(engine):
+                self._found.add(barred_case(case, str(file), why))
+                continue
+            model = _model(work, engine)
+            self._found.models[model.key] = model
+            begun.append(model.key)
+            yield from self._case(work, model.key, case)
+        if begun and self._options.selection is None:
+            yield from self._coverage(work, begun)
+
+    def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
+        """A case; one that differs is diagnosed, and what it does measured if wanted."""
+
+        def done(value: Case) -> Iterator[Job[Any]]:
+            self._found.add(value)
+            if value.outcome is not Outcome.REFUSED:
+                yield from work.measure(case)
+            if self._options.diagnosed and value.outcome is Outcome.DIFFERS:
+                yield from self._diagnosis(work, key)
+
+        def failed(failure: Failure) -> Jobs:
+            told = replace(failure, reason=failure.about(work.place))
+            self._found.add(failed_case(case, str(work.place), told))
+            return ()
+
+        return work.do("case", key, done, failed, scenario=case.scenario)
+
+    def _diagnosis(self, work: RobotWork, key: ModelKey) -> Iterator[Job[Any]]:
+        def done(value: Diagnosis) -> Jobs:
+            self._found.amend(key, diagnosis=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Diagnosis(failure=failure.reason))
+
+        return work.do("diagnosis", key, done, failed)
+
+    def _coverage(self, work: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
+        """The numbers of a file, counted once for all engines."""
+
+        def done(value: Coverage) -> Jobs:
+            for key in keys:
+                known = self._found.models[key].coverage or Coverage()
+                self._found.amend(key, coverage=structs.replace(value, left_out=known.left_out))
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Coverage(note=failure.reason))
+
+        return work.do("coverage", keys[0], done, failed)
+
+
+def _stand_in(file: Path) -> CaseId:
+    return CaseId(system=file.stem, model=file.name, scenario="-", engine="-")
+
+
+def _id(work: RobotWork, engine: Engine) -> CaseId:
+    record = work.facts.record
+    return CaseId(
+        system=record.name,
+        model=work.place.name,
+        scenario=record.scenarios[0].name,
+        engine=engine.name,
+    )
+
+
+def _model(work: RobotWork, engine: Engine) -> Model:
+    file, facts = work.place, work.facts
+    return Model(
+        system=facts.record.name,
+        model=file.name,
+        engine=engine.name,
+        folder=str(file),
+        text=text_of(file),
+        sidecar="",
+        audit=facts.findings,
+        coverage=Coverage(left_out=facts.left_out),
+    )

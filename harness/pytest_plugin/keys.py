@@ -1,9 +1,0 @@
-"""Keys of what the plugin keeps in pytest's configuration."""
-
-from __future__ import annotations
-
-import pytest
-
-from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
-
-RUNNER = pytest.StashKey[CaseRunner]()

@@ -1,0 +1,301 @@
+"""The plots of one case: motion, phase portrait, errors, energy, convergence, work-precision."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from physics_crosscheck.harness.records.outcome import FLOOR
+from physics_crosscheck.harness.render.html.packs import Array, Chart, Curve
+from physics_crosscheck.harness.render.html.runs import (
+    Run,
+    coarse_to_fine,
+    ends,
+    largest,
+    single,
+    values,
+)
+from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
+
+OVERLAID = 9
+"""Other runs in one plot at most: more can't be told apart."""
+
+MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time step", "Energy"
+
+
+def case_charts(
+    run: Run, others: Sequence[Run], units: Sequence[str], reach: Sequence[float]
+) -> tuple[Chart, ...]:
+    """The plots of a case.
+
+    Args:
+        run: its own.
+        others: those of other models and engines in its scenario.
+        units: of each component.
+        reach: largest magnitude of each component in the system's motions.
+    """
+    half = len(run.reference) // 2
+    names = run.series.components
+    telling = names.index(run.verdict.component) if run.verdict.component in names else 0
+    # A series may be of nothing: then nothing leads.
+    motions = _led((_motion(run, others, i, units[i]) for i in range(half)), telling % max(half, 1))
+    errors = _led((_error(run, i, units[i], reach[i]) for i in range(2 * half)), telling)
+    return (
+        *motions,
+        *(_phase(run, i, units) for i in range(half)),
+        *errors,
+        *_energy(run),
+        _convergence(run),
+        *_work(run, others),
+    )
+
+
+def _led(charts: Iterable[Chart], leading: int) -> list[Chart]:
+    """The same, of which one is seen before the others."""
+    return [replace(chart, lead=i == leading) for i, chart in enumerate(charts)]
+
+
+def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
+    series = run.series
+    name = shown(series.components[i])
+    reference, engine = values(series.reference[i]), values(series.engine[i])
+    low, high = ends(reference)
+    span = (high - low) or 1.0
+    least, most = ends(engine)
+    away = least < low - span or most > high + span
+    return Chart(
+        part=MOTION,
+        title=f"{name}: reference and engines",
+        x_label="t [s]",
+        y_label=f"{name} [{shown(unit)}]",
+        curves=(
+            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
+            *(
+                Curve(label=other.label, role="other", place=place, x=other.t, y=other.engine[i])
+                for place, other in enumerate(others)
+            ),
+            Curve(
+                label=f"this: {run.label}, {run.step}",
+                role="engine",
+                place=0,
+                x=run.t,
+                y=run.engine[i],
+            ),
+        ),
+        key=(
+            "Wide line: the solution of the equations. Dashes: this engine at its time "
+            "step. Thin lines: the others. The legend hides and shows each."
+        ),
+        summary=f"{name} over {quantity(series.t[-1], 's')}: the reference stays between {low:.3g}"
+        f" and {high:.3g} {shown(unit)}; this engine differs by at"
+        f" most {largest(series.error[i]):.2g} {shown(unit)}.",
+        over_time=True,
+        y_limits=(low - span, high + span) if away else None,
+    )
+
+
+def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
+    names = [shown(name) for name in run.series.components]
+    half = len(names) // 2
+    position, speed = (values(run.series.reference[k]) for k in (i, half + i))
+    limits = ends(speed)
+    reach = (limits[1] - limits[0]) or 1.0
+    return Chart(
+        part=MOTION,
+        title=f"Phase portrait of {names[i]}",
+        x_label=f"{names[i]} [{shown(units[i])}]",
+        y_label=f"{names[half + i]} [{shown(units[half + i])}]",
+        curves=(
+            Curve(
+                label="reference",
+                role="reference",
+                place=0,
+                x=run.reference[i],
+                y=run.reference[half + i],
+            ),
+            Curve(
+                label=f"this: {run.label}, {run.step}",
+                role="engine",
+                place=0,
+                x=run.engine[i],
+                y=run.engine[half + i],
+            ),
+        ),
+        key="Velocity over position, drawn as the motion.",
+        summary=f"The reference reaches {largest(position):.3g} {shown(units[i])} and"
+        f" {largest(speed):.3g} {shown(units[half + i])}.",
+        y_limits=(limits[0] - 0.3 * reach, limits[1] + 0.3 * reach),
+    )
+
+
+def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
+    series = run.series
+    name = shown(series.components[i])
+    size = max(largest(series.reference[i]), FLOOR * reach) or 1.0
+    error = single(series.error[i]) / size
+    defect, bound = values(series.defect[i]), values(series.defect_uncertainty[i])
+    segment_t = run.pack.column(series.segment_t, 6)
+    return Chart(
+        part=ERROR,
+        title=f"{name}: error against uncertainty",
+        x_label="t [s]",
+        y_label="relative error",
+        curves=(
+            Curve(
+                label="uncertainty", role="band", place=0, x=segment_t, y=run.pack.column(bound, 3)
+            ),
+            Curve(
+                label="global", role="global_error", place=0, x=run.t, y=run.pack.column(error, 4)
+            ),
+            Curve(
+                label="extrapolated",
+                role="defect",
+                place=0,
+                x=segment_t,
+                y=run.pack.column(defect, 3),
+            ),
+        ),
+        key=(
+            "Line: engine − reference of the full run at dt, over the amplitude "
+            f"({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted "
+            "where it is behind (−). Triangles: the defect of each extrapolated "
+            "segment, over its displacement; up and filled for +, down and hollow for "
+            "−. Grey: its uncertainty; the model differs where a triangle stands above "
+            "the grey."
+        ),
+        summary=(
+            f"Largest among these samples: error at dt {percent(largest(error))}, "
+            f"defect of an extrapolated segment {sci(largest(defect))}, its uncertainty "
+            f"{sci(largest(bound))}."
+        ),
+        log_y=True,
+        over_time=True,
+        over_error=True,
+    )
+
+
+def _energy(run: Run) -> Iterator[Chart]:
+    energy = run.series.energy
+    if energy is None:
+        return
+    held, supplied = single(energy.held), single(energy.supplied)
+    dissipated = single(energy.dissipated)
+    gap = held - supplied + dissipated
+    shares = (
+        ("gained, T + V", held),
+        ("work of the inputs", supplied),
+        ("taken by dampers", dissipated),
+        ("unaccounted for", gap),
+    )
+    yield Chart(
+        part=ENERGY,
+        title="Energy balance of this engine",
+        x_label="t [s]",
+        y_label="energy [J]",
+        curves=tuple(
+            Curve(label=label, role="share", place=place, x=run.t, y=run.pack.column(row, 5))
+            for place, (label, row) in enumerate(shares)
+        ),
+        key=(
+            "Since the start, at dt. The gain equals the work of the inputs minus the "
+            "energy that dampers take. The rest is the integrator's error."
+        ),
+        summary=(
+            f"At most {largest(gap):.2g} J is unaccounted for, "
+            f"{percent(run.full_run.energy_error)} of the energy exchanged."
+        ),
+        over_time=True,
+    )
+
+
+def _convergence(run: Run) -> Chart:
+    found, full = run.series.convergence, run.series.full_runs
+    steps = values(full.h)[coarse_to_fine(full)]
+    h, defect, increments = values(found.h), values(found.defect), values(found.increments)
+    column = run.pack.column
+    curves = [
+        Curve(label="segments", role="rungs", place=0, x=column(h, 6), y=column(defect, 4)),
+        Curve(
+            label="increments of the limit",
+            role="increments",
+            place=0,
+            x=column(h[1 : len(increments) + 1], 6),
+            y=column(increments, 4),
+        ),
+        Curve(label="full run", role="full_run", place=0, x=column(steps, 6), y=run.error),
+    ]
+    wanted = [(entry.step, entry.target) for entry in run.full_run.steps_for if entry.step]
+    if wanted:
+        x, y = np.array(wanted).T
+        targets = ", ".join(f"{100 * target:g} %" for _, target in wanted)
+        curves.append(Curve(label=targets, role="target", place=0, x=column(x, 6), y=column(y, 6)))
+    slope, whose = run.verdict.order, "observed"
+    if slope is None:
+        slope, whose = run.verdict.claimed_order, "claimed"
+    if len(h) > 1 and defect[-1] > 0:
+        reach = np.array(ends(np.concatenate([h, steps])))
+        guide = defect[-1] * (reach / h[-1]) ** slope
+        label = f"slope {slope:.2f} ({whose})"
+        curves.append(
+            Curve(label=label, role="guide", place=0, x=column(reach, 6), y=column(guide, 4))
+        )
+    return Chart(
+        part=COST,
+        title="Convergence",
+        x_label="step h [s]",
+        y_label="relative error",
+        curves=tuple(curves),
+        key=(
+            "Circles: root mean square over the segments, step by step. Squares: full "
+            "runs, largest error. Triangles: how far each finer step moved the limit. "
+            "Dots: the slope."
+        )
+        + (" Diamonds: the steps that would give these errors." if wanted else ""),
+        summary=f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')},"
+        f" the error of the segments falls from {sci(_at(defect, 0))} to {sci(_at(defect, -1))};"
+        f" the last one moved the extrapolated limit by {sci(_at(increments, -1))}.",
+        log_x=True,
+        log_y=True,
+    )
+
+
+def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
+    if run.seconds is None:
+        return
+    curves = [
+        Curve(label=f"this: {_method(run)}", role="full_run", place=0, x=run.seconds, y=run.error)
+    ]
+    curves += [
+        Curve(label=_method(other), role="work", place=place, x=other.seconds, y=other.error)
+        for place, other in enumerate(others)
+        if other.seconds is not None
+    ]
+    runs = run.series.full_runs
+    finest = int(coarse_to_fine(runs)[-1])
+    yield Chart(
+        part=COST,
+        title="Work and precision",
+        x_label="time of the run [s]",
+        y_label="relative error",
+        curves=tuple(curves),
+        key=(
+            "Time of each engine's full run against its error, at dt and at other "
+            "steps, each half or twice the last. Further to the lower left is better."
+        ),
+        summary=f"This engine takes {quantity(runs.seconds[0], 's', 2)} for an error of"
+        f" {percent(runs.error[0])}, and {quantity(runs.seconds[finest], 's', 2)} for"
+        f" {percent(runs.error[finest])}.",
+        log_x=True,
+        log_y=True,
+    )
+
+
+def _method(run: Run) -> str:
+    integrator = shown(run.full_run.integrator)
+    return f"{run.label}, {integrator}" if integrator else run.label
+
+
+def _at(found: Array, place: int) -> float | None:
+    return float(found[place]) if len(found) and np.isfinite(found[place]) else None

@@ -1,0 +1,315 @@
+"""What the report shows of one case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.records.case import (
+    Case,
+    ForwardDynamics,
+    FullRun,
+    Stepping,
+    Verdict,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.system import Scenario
+from physics_crosscheck.harness.render.html.text import (
+    NOTHING,
+    agreeing_digits,
+    percent,
+    quantity,
+    sci,
+    shown,
+)
+from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC, is_chaotic
+
+SYMBOLS = {
+    Outcome.AGREES: "✓",
+    Outcome.ABSENT: "○",
+    Outcome.REFUSED: "⊘",
+    Outcome.UNRESOLVED: "?",
+    Outcome.DIFFERS: "≠",
+    Outcome.FAILED: "✕",
+}
+
+Fact = tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseView:
+    """One case.
+
+    Attributes:
+        id: its permalink.
+        outcome, symbol: what became of it.
+        model, engine, scenario: its name.
+        judged: whether it ran to an end with a discrepancy.
+        chaotic: whether it agrees, and no step could follow its whole motion: what is a hair
+            apart at the start is far apart at the end, which is no fault.
+        digits: that agree in every component.
+        discrepancy, uncertainty: of the component that decides.
+        global_error: as the matrix shows it.
+        reason: for what is not AGREES.
+        stdout: what a failed case printed.
+        accepted: why its difference is accepted, where it is.
+        facts: titled lists of everything else, (title, ((what, value), ...)).
+        cost: what its step costs, in one sentence.
+        steps: (error, step that gives it).
+        pack: id of its numbers and plots; empty without series.
+        sorts: of digits, E, U, global error and step, as numbers that sort.
+    """
+
+    id: str
+    outcome: Outcome
+    symbol: str
+    system: str
+    model: str
+    engine: str
+    scenario: str
+    judged: bool
+    chaotic: bool
+    digits: str
+    discrepancy: str
+    uncertainty: str
+    global_error: str
+    reason: str
+    stdout: str
+    accepted: str
+    facts: tuple[tuple[str, tuple[Fact, ...]], ...]
+    cost: str
+    steps: tuple[Fact, ...]
+    step: str
+    pack: str
+    sorts: tuple[str, ...]
+
+
+def severity(case: Case) -> tuple[int, float]:
+    """Sorts cases worst first."""
+    discrepancy = case.verdict.discrepancy if case.verdict else None
+    return -case.outcome.severity, -(discrepancy or 0.0)
+
+
+def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -> CaseView:
+    """The view of one case.
+
+    Args:
+        case: its record.
+        identity: its permalink.
+        pack: id of its numbers and plots; empty without series.
+        scenario: the system's record of its scenario; None where the system could not be read.
+    """
+    verdict, full_run = case.verdict, case.full_run
+    judged = is_judged(case)
+    chaotic = is_chaotic(case)
+    facts = (
+        ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
+        ("At dt", () if full_run is None else _at_shipped_step(full_run)),
+        ("Accelerations", () if case.forward_dynamics is None else _told(case.forward_dynamics)),
+        ("One step", () if case.stepping is None else _one_step(case.stepping)),
+        ("Other steps", () if full_run is None else tuple(_steps(full_run))),
+        ("Run", tuple(_run(case, scenario))),
+    )
+    return CaseView(
+        id=identity,
+        outcome=case.outcome,
+        symbol=SYMBOLS[case.outcome],
+        system=shown(case.system),
+        model=shown(case.model),
+        engine=shown(case.engine),
+        scenario=shown(case.scenario),
+        judged=judged,
+        chaotic=chaotic,
+        digits=digits_of(case),
+        discrepancy=sci(None if verdict is None else verdict.discrepancy),
+        uncertainty=sci(None if verdict is None else verdict.uncertainty),
+        global_error=CHAOTIC if chaotic else _global_error(full_run),
+        reason=shown(case.reason),
+        stdout=shown(case.stdout),
+        accepted=shown(case.accepted),
+        facts=tuple((title, rows) for title, rows in facts if rows),
+        cost=_cost(full_run, case.outcome, chaotic) if full_run and judged else "",
+        steps=() if full_run is None else _steps_for(full_run),
+        step=quantity(None if full_run is None else full_run.time_step, "s", 3),
+        pack=pack,
+        sorts=_sorts(verdict, full_run, judged),
+    )
+
+
+def is_judged(case: Case) -> bool:
+    """Whether a case ran to an end with a discrepancy."""
+    known = case.verdict is not None and case.verdict.discrepancy is not None
+    return known and case.outcome is not Outcome.FAILED
+
+
+def _global_error(full_run: FullRun | None) -> str:
+    return percent(None if full_run is None else full_run.global_error)
+
+
+def digits_of(case: Case) -> str:
+    """How many digits agree, in every component; none are claimed of what was not judged."""
+    if case.verdict is None or not is_judged(case):
+        return NOTHING
+    return agreeing_digits(case.verdict.largest_discrepancy, case.verdict.largest_uncertainty)
+
+
+def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> tuple[str, ...]:
+    """Numbers that sort: what is missing is worse than any number."""
+    columns: list[float | None] = [None] * 5
+    if verdict is not None:
+        worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty or 0.0)
+        known = judged and verdict.largest_uncertainty is not None
+        columns[:3] = worst if known else None, verdict.discrepancy, verdict.uncertainty
+    if full_run is not None:
+        columns[3:] = full_run.global_error, full_run.time_step
+    return tuple("" if value is None else f"{value:.6g}" for value in columns)
+
+
+def _cost(full_run: FullRun, outcome: Outcome, chaotic: bool) -> str:
+    """What the step costs, and where the cost goes."""
+    if full_run.global_error is None:
+        return ""
+    step, error = quantity(full_run.time_step, "s", 3), percent(full_run.global_error)
+    if chaotic:
+        until = quantity(full_run.resolved_until, "s", 3)
+        followed = f", here until {until}" if full_run.resolved_until else ""
+        return (
+            "The motion is chaotic: small differences grow, so any time step "
+            f"follows it only for a while{followed}. Later the error is {error} of "
+            f"the amplitude (dt = {step}). This is not a fault of the model: the "
+            "verdict uses short segments."
+        )
+    if outcome is Outcome.DIFFERS:
+        said = (
+            f"At dt = {step}, the error of the whole motion is at most {error} of "
+            "the amplitude, from the time step and the difference"
+        )
+    else:
+        said = f"At dt = {step}, the error is {error} of the amplitude over the whole motion"
+    parts = full_run.decomposition
+    if parts is None:
+        return f"{said}."
+    return (
+        f"{said}: by the end the amplitude is {_signed(parts.amplitude)} off and the phase"
+        f" {quantity(_size(parts.phase), 'rad', 2)} {_late(parts.phase)}."
+    )
+
+
+def _signed(value: float | None) -> str:
+    return percent(value) if value is None or value < 0 else f"+{percent(value)}"
+
+
+def _size(value: float | None) -> float | None:
+    return None if value is None else abs(value)
+
+
+def _late(phase: float | None) -> str:
+    return "" if phase is None else "late" if phase > 0 else "early"
+
+
+def _steps_for(full_run: FullRun) -> tuple[Fact, ...]:
+    return tuple(
+        (f"{100 * entry.target:g}\u00a0%", quantity(entry.step, "s", 3))
+        for entry in full_run.steps_for
+        if entry.step is not None
+    )
+
+
+def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
+    if verdict.discrepancy is None and verdict.uncertainty is None:
+        return ()
+    order = quantity(verdict.order, "", 4)
+    return (
+        ("agreeing digits", digits),
+        ("worst component", shown(verdict.component)),
+        ("discrepancy E", sci(verdict.discrepancy)),
+        ("uncertainty U", sci(verdict.uncertainty)),
+        ("largest E", sci(verdict.largest_discrepancy)),
+        ("largest U", sci(verdict.largest_uncertainty)),
+        ("segment at", quantity(verdict.time, "s")),
+        ("order", f"{order} measured, {verdict.claimed_order} claimed"),
+    )
+
+
+def _told(dynamics: ForwardDynamics) -> tuple[Fact, ...]:
+    """What the engine accelerates with, without a step."""
+    return (
+        ("its own, by the equations", f"{dynamics.outcome} ({dynamics.component})"),
+        ("states", str(dynamics.states)),
+        ("discrepancy", sci(dynamics.discrepancy)),
+        ("uncertainty", sci(dynamics.uncertainty)),
+        *((f"{term.name} off", sci(term.discrepancy)) for term in dynamics.terms),
+    )
+
+
+def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
+    """The engine's very next state."""
+    rows = [
+        ("engine's rule", stepping.rule),
+        ("its next state, by the equations", f"{stepping.outcome} ({stepping.component})"),
+        ("discrepancy", sci(stepping.discrepancy)),
+        ("uncertainty", sci(stepping.uncertainty)),
+        ("last digits of the largest, after 1, 10 and 1000 steps", _digits(stepping)),
+    ]
+    if stepping.besides:
+        rows.append(("also acts", stepping.besides))
+    return tuple(rows)
+
+
+def _digits(stepping: Stepping) -> str:
+    told = (stepping.digits, stepping.digits_later, stepping.digits_long)
+    first, ten, thousand = (NOTHING if one is None else f"{one:.2g}" for one in told)
+    return f"{first}, {ten} and {thousand}"
+
+
+def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
+    if full_run.time_step is None and full_run.global_error is None:
+        return ()
+    rows = [
+        ("step", quantity(full_run.time_step, "s")),
+        ("error at dt", percent(full_run.global_error)),
+    ]
+    if full_run.velocity_error is not None:
+        rows.append(("velocity error at dt", percent(full_run.velocity_error)))
+    parts = full_run.decomposition
+    if parts is not None:
+        rows += [
+            ("amplitude, at the end", percent(parts.amplitude)),
+            ("phase, at the end", quantity(parts.phase, "rad", 3)),
+            ("frequency", percent(parts.frequency)),
+            ("damping ratio", quantity(parts.damping, "", 3)),
+            ("explained share of the error", percent(parts.explained)),
+        ]
+    if full_run.energy_error is not None:
+        rows.append(("energy balance", percent(full_run.energy_error)))
+    if full_run.constraint_drift is not None:
+        rows.append(("constraint drift", f"{full_run.constraint_drift:.2g} (engine units)"))
+    return tuple(rows)
+
+
+def _steps(full_run: FullRun) -> Iterator[Fact]:
+    if full_run.order is not None:
+        yield "order of full runs", f"{full_run.order:.3f}"
+    checked = full_run.checked_step
+    if checked is not None:
+        yield (
+            "checked by a run",
+            f"{percent(checked.measured)} at {quantity(checked.step, 's', 3)},"
+            f" {100 * checked.target:g}\u00a0% predicted",
+        )
+
+
+def _run(case: Case, scenario: Scenario | None) -> Iterator[Fact]:
+    if scenario is not None:
+        yield "scenario", shown(scenario.description)
+        for name, text in scenario.inputs.items():
+            yield shown(name), shown(text)
+    if case.full_run is not None and case.full_run.integrator:
+        yield "integrator", shown(case.full_run.integrator)
+    if case.verdict is not None:
+        steps = f"{case.verdict.steps:,}".replace(",", "\u202f")
+        yield "engine steps for the limits", steps
+        if case.verdict.rungs:
+            yield "steps a segment", ", ".join(str(rung) for rung in case.verdict.rungs)
+    if case.seconds:
+        yield "took", quantity(case.seconds, "s", 2)

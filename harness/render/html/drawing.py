@@ -1,0 +1,249 @@
+"""A sketch from results as SVG: shapes in their own coordinates, each put in place by a matrix.
+
+The page moves them by matrices alone, so that what a spring looks like is told here once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.records.system import Shape, Sketch, SketchTree
+from physics_crosscheck.harness.render.html.text import shown
+
+ANNOTATIONS = ("measure", "angle")
+"""What explains the sketch and does not move with it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeView:
+    """One shape: what to draw along (0, 0) to (1, 0), or about (0, 0), and where."""
+
+    number: int
+    kind: str
+    path: str
+    matrix: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """A symbol, its index set lower."""
+
+    x: str
+    y: str
+    letter: str
+    index: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A sketch, y down as SVG has it.
+
+    Attributes:
+        box: the view box.
+        size: of the letters.
+        description: what is to be seen, in words.
+    """
+
+    box: str
+    size: str
+    shapes: tuple[ShapeView, ...]
+    labels: tuple[Label, ...]
+    description: str
+
+
+_NAMES = """alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma
+tau phi chi psi omega"""
+GREEK = dict(zip(_NAMES.split(), "αβγδεζηθικλμνξπρστφχψω", strict=True))
+
+
+def evaluate(tree: SketchTree | None, q: Sequence[float]) -> float:
+    """The value of a tree at positions q.
+
+    Raises:
+        ValueError: for no tree, and for an operation that is none.
+    """
+    if tree is None:
+        raise ValueError("a shape lacks a place or a size")
+    if isinstance(tree, (int, float)):
+        return float(tree)
+    name, *operands = tree
+    if name == "q":
+        return float(q[operands[0]])
+    values = [evaluate(operand, q) for operand in operands]
+    match name:
+        case "+":
+            return math.fsum(values)
+        case "*":
+            return math.prod(values)
+        case "^":
+            return float(values[0] ** values[1])
+        case "sin" | "cos" | "tan":
+            return float(getattr(math, name)(values[0]))
+    raise ValueError(f"unknown operation {name!r}")
+
+
+def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
+    """Draw a sketch in its pose."""
+    pose = _pose(sketch)
+    points = [p for shape in sketch.shapes for p in _extent(shape, pose)]
+    left, right = min(x for x, _ in points), max(x for x, _ in points)
+    low, high = min(y for _, y in points), max(y for _, y in points)
+    size = max(right - left, high - low) or 1.0
+    margin = 0.09 * size
+    shapes, labels = [], []
+    for number, shape in enumerate(sketch.shapes):
+        shapes.append(
+            ShapeView(
+                number=number,
+                kind=shape.kind,
+                path=_path(shape, pose, size),
+                matrix=_matrix(shape, pose),
+            )
+        )
+        if shape.label:
+            labels.append(_label(shape, pose, size))
+    box = (left - margin, -high - margin, right - left + 2 * margin, high - low + 2 * margin)
+    kinds = ", ".join(
+        f"{shape.kind} {shown(shape.label)}".strip()
+        for shape in sketch.shapes
+        if shape.kind not in (*ANNOTATIONS, "line")
+    )
+    where = ", ".join(f"{shown(n)} = {v:.3g}" for n, v in zip(coordinates, pose, strict=True))
+    return Drawing(
+        box=" ".join(_n(v) for v in box),
+        size=_n(0.062 * size),
+        shapes=tuple(shapes),
+        labels=tuple(labels),
+        description=f"Sketch of the mechanism at {where}: {kinds}.",
+    )
+
+
+def _pose(sketch: Sketch) -> list[float]:
+    return [0.0 if value is None else value for value in sketch.pose]
+
+
+def _at(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
+    """A point, which is a pair of trees."""
+    if not isinstance(point, list) or len(point) != 2:
+        raise ValueError(f"{point!r} is not a point")
+    return evaluate(point[0], q), evaluate(point[1], q)
+
+
+def _extent(shape: Shape, q: Sequence[float]) -> list[tuple[float, float]]:
+    if shape.at is None:
+        return [_at(shape.start, q), _at(shape.end, q)]
+    x, y = _at(shape.at, q)
+    if shape.kind == "angle":
+        r = evaluate(shape.radius, q)
+        return [(x, y), *((x + r * math.cos(a), y + r * math.sin(a)) for a in _arc(shape, q))]
+    w, h = evaluate(shape.width, q) / 2, evaluate(shape.height, q) / 2
+    return [(x - w, y - h), (x + w, y + h)]
+
+
+def _arc(shape: Shape, q: Sequence[float]) -> tuple[float, float, float]:
+    start, end = evaluate(shape.start, q), evaluate(shape.end, q)
+    return start, (start + end) / 2, end
+
+
+def _matrix(shape: Shape, q: Sequence[float]) -> str:
+    """As script/motion.js has it: what follows from the shape's places."""
+    if shape.kind == "angle":
+        x, y = _at(shape.at, q)
+        values = (1.0, 0.0, 0.0, 1.0, x, y)
+    elif shape.at is not None:
+        x, y = _at(shape.at, q)
+        w, h, a = (evaluate(tree, q) for tree in (shape.width, shape.height, shape.angle))
+        values = (
+            w * math.cos(a),
+            w * math.sin(a),
+            -h * math.sin(a),
+            h * math.cos(a),
+            x,
+            y,
+        )
+    else:
+        (x, y), (x2, y2) = _at(shape.start, q), _at(shape.end, q)
+        length = math.hypot(x2 - x, y2 - y) or 1.0
+        dx, dy = x2 - x, y2 - y
+        values = (dx, dy, -dy / length, dx / length, x, y)
+    return " ".join(_n(v) for v in values)
+
+
+def _path(shape: Shape, q: Sequence[float], size: float) -> str:
+    w = 0.028 * size
+    match shape.kind:
+        case "spring":
+            turns = "".join(
+                f"L{_n(0.14 + 0.72 * (i + 0.5) / 10)},{_n(w if i % 2 else -w)}" for i in range(10)
+            )
+            return f"M0,0L.14,0{turns}L.86,0L1,0"
+        case "damper":
+            v = 1.5 * w
+            cup = f"M.36,{_n(-v)}L.64,{_n(-v)}L.64,{_n(v)}L.36,{_n(v)}"
+            return f"M0,0L.48,0M.48,{_n(-w)}L.48,{_n(w)}{cup}M.64,0L1,0"
+        case "wall":
+            marks = "".join(f"M{_n((i + 0.5) / 12)},0l-.03,{_n(-0.8 * w)}" for i in range(12))
+            return f"M0,0L1,0{marks}"
+        case "measure":
+            length = math.dist(_at(shape.start, q), _at(shape.end, q)) or 1.0
+            tip = _n(1 - w / length)
+            return f"M0,0L1,0M{tip},{_n(0.5 * w)}L1,0L{tip},{_n(-0.5 * w)}"
+        case "block":
+            return "M-.5,-.5H.5V.5H-.5Z"
+        case "disc":
+            return "M.5,0A.5,.5 0 1 1 -.5,0A.5,.5 0 1 1 .5,0M0,0L.5,0"
+        case "spiral":
+            steps = [(0.5 * i / 48, 5 * math.pi * i / 48) for i in range(49)]
+            return "M" + "L".join(f"{_n(r * math.cos(a))},{_n(r * math.sin(a))}" for r, a in steps)
+        case "angle":
+            return _arc_path(shape, q, w)
+    return "M0,0L1,0"
+
+
+def _arc_path(shape: Shape, q: Sequence[float], w: float) -> str:
+    r = evaluate(shape.radius, q)
+    start, _, end = _arc(shape, q)
+    tip = end - math.copysign(min(w / r, abs(end - start)) if r else 0.0, end - start)
+    steps = [start + (end - start) * i / 24 for i in range(25)]
+    arc = "M" + "L".join(f"{_n(r * math.cos(a))},{_n(r * math.sin(a))}" for a in steps)
+    ends = [(r + s * 0.5 * w) for s in (1, -1)]
+    x, y = r * math.cos(end), r * math.sin(end)
+    head = "".join(
+        f"M{_n(e * math.cos(tip))},{_n(e * math.sin(tip))}L{_n(x)},{_n(y)}" for e in ends
+    )
+    return arc + head
+
+
+def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
+    if shape.kind == "angle":
+        x, y = _at(shape.at, q)
+        r = 1.18 * evaluate(shape.radius, q)
+        middle = _arc(shape, q)[1]
+        x, y = x + r * math.cos(middle), y + r * math.sin(middle)
+    elif shape.at is not None:
+        x, y = _at(shape.at, q)
+        if shape.kind == "disc":
+            # Below the centre, off the mark on the radius; beside a disc that is too small.
+            h = evaluate(shape.height, q)
+            x, y = (x, y - 0.22 * h) if h > 0.2 * size else (x + 0.5 * h + 0.05 * size, y)
+        elif shape.kind == "spiral":
+            x, y = x - 0.6 * evaluate(shape.width, q), y + 0.6 * evaluate(shape.height, q)
+    else:
+        (x, y), (x2, y2) = _at(shape.start, q), _at(shape.end, q)
+        length = math.hypot(x2 - x, y2 - y) or 1.0
+        off = (0.045 if shape.kind == "measure" else 0.075) * size
+        nx, ny = -(y2 - y) / length * off, (x2 - x) / length * off
+        # Above what lies, to the right of what hangs; below a damper: springs lie above it.
+        side = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
+        side = -side if shape.kind == "damper" else side
+        x, y = (x + x2) / 2 + side * nx, (y + y2) / 2 + side * ny
+    letter, _, index = shown(shape.label).partition("_")
+    if not index and len(letter) > 1 and letter[-1].isdigit():
+        letter, index = letter.rstrip("0123456789"), letter[len(letter.rstrip("0123456789")) :]
+    return Label(x=_n(x), y=_n(-y), letter=GREEK.get(letter, letter), index=GREEK.get(index, index))
+
+
+def _n(value: float) -> str:
+    return f"{value:.4g}"

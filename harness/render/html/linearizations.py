@@ -1,0 +1,181 @@
+"""What the report shows of linearizations: Taylor's, and every engine's own beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from physics_crosscheck.harness.records.model import (
+    DiscreteLinearization,
+    EngineLinearization,
+    EnginePole,
+    Model,
+)
+from physics_crosscheck.harness.records.system import (
+    Linearization,
+    Mode,
+    Pole,
+    Quantity,
+    System,
+    TransferFunction,
+)
+from physics_crosscheck.harness.render.html.maths import mathml
+from physics_crosscheck.harness.render.html.text import NOTHING, complex_number, sci, shown
+
+RIGID = 1e-6
+"""Poles below this share of the largest are those of a rigid mode, which is a double root: rounding
+moves such a pole by the square root of epsilon."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineLinearView:
+    """An engine's own linearization of a model beside Taylor's: errors, and its poles with theirs.
+
+    Attributes:
+        errors: of A, of B, of the transfer functions, of the mode shapes and of one step, and that
+            step's spectral radius.
+        poles: each with its distance from Taylor's.
+    """
+
+    model: str
+    engine: str
+    errors: tuple[str, ...]
+    poles: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearView:
+    """The linearizations about one equilibrium: Taylor's poles, then every engine's.
+
+    Attributes:
+        equations: the linear equations.
+        transfers: transfer functions.
+        modes: (rad/s, Hz, shape, remark) without damping.
+    """
+
+    equilibrium: str
+    equations: Markup
+    transfers: tuple[Markup, ...]
+    modes: tuple[tuple[str, ...], ...]
+    poles: tuple[tuple[str, str], ...]
+    engines: tuple[EngineLinearView, ...]
+
+
+def linear_views(system: System, models: Sequence[Model]) -> tuple[LinearView, ...]:
+    """The views of a system's linearizations, with those of its models."""
+    if system.derivation is None:
+        return ()
+    return tuple(_linear_view(one, system, models) for one in system.derivation.linearizations)
+
+
+def _linear_view(about: Linearization, system: System, models: Sequence[Model]) -> LinearView:
+    of_models = [
+        (model, one)
+        for model in models
+        for one in model.linearizations
+        if one.equilibrium == about.equilibrium
+    ]
+    taylor: Sequence[Pole | EnginePole] = about.poles
+    if of_models:
+        taylor = of_models[0][1].taylor_poles
+    size = _largest(taylor)
+    return LinearView(
+        equilibrium=shown(about.equilibrium),
+        equations=mathml(about.formula.latex, block=True),
+        transfers=tuple(_transfer(one, system) for one in about.transfer_functions),
+        modes=tuple(_mode(mode, system.coordinates) for mode in about.modes),
+        poles=tuple((_pole(taylor[i], size), _pace(taylor[i], size)) for i in _shown_poles(taylor)),
+        engines=tuple(_engine(model, one) for model, one in of_models),
+    )
+
+
+def _transfer(one: TransferFunction, system: System) -> Markup:
+    output = next(each.formula.latex for each in system.outputs if each.name == one.output)
+    source = next(each.latex for each in system.inputs if each.name == one.input)
+    return mathml(rf"\frac{{{output}}}{{{source}}} = {one.formula.latex}", block=True)
+
+
+def _mode(mode: Mode, coordinates: Sequence[Quantity]) -> tuple[str, ...]:
+    shape = ", ".join(
+        f"{shown(coordinate.name)} {_entry(value)}"
+        for coordinate, value in zip(coordinates, mode.shape, strict=True)
+    )
+    if mode.rigid:
+        return "0", "0", shape, "rigid body"
+    if mode.growth:
+        return NOTHING, NOTHING, shape, f"grows, {mode.growth:.5g} 1/s"
+    if mode.frequency is None:
+        return NOTHING, NOTHING, shape, ""
+    return f"{mode.frequency:.6g}", f"{mode.frequency / (2 * math.pi):.5g}", shape, ""
+
+
+def _entry(value: float | None) -> str:
+    if value is None:
+        return NOTHING
+    return f"{0.0 if abs(value) < 1e-12 else value:.4g}"
+
+
+def _engine(model: Model, one: EngineLinearization) -> EngineLinearView:
+    poles, taylor = one.poles, one.taylor_poles
+    size = _largest(taylor)
+    alike = one.mode_similarity
+    return EngineLinearView(
+        model=shown(model.model),
+        engine=shown(model.engine),
+        errors=(
+            sci(one.a_error),
+            sci(one.b_error),
+            sci(one.transfer_error),
+            NOTHING if alike is None else sci(max(0.0, 1.0 - alike)),
+            NOTHING if one.one_step is None else sci(one.one_step.error),
+            NOTHING if one.one_step is None else _radius(one.one_step),
+        ),
+        poles=tuple(
+            (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
+            for i in _shown_poles(taylor)
+        ),
+    )
+
+
+def _radius(one: DiscreteLinearization) -> str:
+    """How far a state grows in a step at most."""
+    return NOTHING if one.radius is None else f"{one.radius:.6f}"
+
+
+def _complex(pole: Pole | EnginePole) -> complex:
+    missing = float("nan")
+    return complex(
+        missing if pole.real is None else pole.real,
+        missing if pole.imaginary is None else pole.imaginary,
+    )
+
+
+def _shown_poles(poles: Sequence[Pole | EnginePole]) -> list[int]:
+    """One of each conjugate pair, and every real pole."""
+    return [i for i, pole in enumerate(poles) if (pole.imaginary or 0.0) >= 0.0]
+
+
+def _largest(poles: Sequence[Pole | EnginePole]) -> float:
+    return max((abs(_complex(pole)) for pole in poles), default=0.0) or 1.0
+
+
+def _pole(pole: Pole | EnginePole, size: float) -> str:
+    if abs(_complex(pole)) < RIGID * size:
+        return "0"
+    return complex_number(pole.real, pole.imaginary, bool(pole.imaginary))
+
+
+def _pace(pole: Pole | EnginePole, size: float) -> str:
+    if abs(_complex(pole)) < RIGID * size:
+        return "rigid"
+    if pole.real is None or not pole.frequency:
+        return NOTHING
+    if not pole.imaginary:
+        goes = "grows" if pole.real > 0 else "decays"
+        return f"{goes} in {1 / pole.frequency:.4g} s"
+    damping = pole.damping or 0.0
+    ratio = f"damping ratio {damping:.4g}" if abs(damping) > 1e-9 else "undamped"
+    return f"{pole.frequency:.5g} rad/s, {ratio}"

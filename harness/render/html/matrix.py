@@ -1,0 +1,213 @@
+"""Models by engines as one picture: what each comes to, what it costs, what it reads otherwise."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.render.html.cases import (
+    SYMBOLS,
+    CaseView,
+    digits_of,
+    severity,
+)
+from physics_crosscheck.harness.render.html.text import NOTHING, percent, shown
+from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC
+
+Pair = tuple[Case, CaseView]
+
+TOLD = frozenset({"reach", "unresolved", "rounded", "pose"})
+"""Kinds of notes that are of a model, and not of how an engine reads it."""
+
+MOST = 8
+"""What is told of one engine at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """A model in an engine: the worst of its scenarios.
+
+    Attributes:
+        id: permalink of the worst case.
+        outcome, symbol: its own.
+        counts: how many scenarios have its outcome, of how many.
+        digits: the fewest.
+        tint: as many, for the colour; empty where none agree.
+        global_error: the largest, of motions that a step can follow.
+        cost: wall-clock time per second simulated, the longest; empty where none was kept.
+        summary: all of these in words.
+        about: system, model and engine, as the list of cases has them.
+    """
+
+    id: str
+    outcome: str
+    symbol: str
+    counts: str
+    digits: str
+    tint: str
+    global_error: str
+    cost: str
+    summary: str
+    about: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatrixRow:
+    """One model.
+
+    Attributes:
+        id: of its system's page.
+        name: of its system.
+        first: whether it is the first of its system.
+        model: its file.
+        cells: by engine.
+    """
+
+    id: str
+    name: str
+    first: bool
+    model: str
+    cells: tuple[Cell | None, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What an engine, or its adapter, makes of files beside what they say."""
+
+    engine: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrix:
+    """Models by engines, worst systems first.
+
+    Attributes:
+        engines: of the columns.
+        rows: the models.
+        readings: of the engines of which something is to be told.
+    """
+
+    engines: tuple[str, ...]
+    rows: tuple[MatrixRow, ...]
+    readings: tuple[Reading, ...]
+
+
+def matrix(
+    pairs: Sequence[Pair],
+    models: Sequence[Model],
+    ids: Mapping[str, str],
+    names: Mapping[str, str],
+) -> Matrix:
+    """The matrix of cases.
+
+    Args:
+        pairs: the cases, with their views.
+        models: in their engines.
+        ids: of each folder's page.
+        names: of each folder's system.
+    """
+    cells: dict[str, dict[str, dict[str, list[Pair]]]] = {}
+    columns: Counter[str] = Counter()
+    for case, view in pairs:
+        row = cells.setdefault(case.folder, {}).setdefault(case.model, {})
+        columns[case.engine] += case.engine not in row
+        row.setdefault(case.engine, []).append((case, view))
+    engines = [engine for engine, _ in columns.most_common()]
+    rows = []
+    for folder in sorted(cells, key=lambda one: _worst(cells[one])):
+        for k, (model, row) in enumerate(cells[folder].items()):
+            rows.append(
+                MatrixRow(
+                    id=ids[folder],
+                    name=names[folder],
+                    first=k == 0,
+                    model=shown(model),
+                    cells=tuple(_cell(row.get(engine)) for engine in engines),
+                )
+            )
+    found = {engine: _notes(engine, models) for engine in engines}
+    return Matrix(
+        engines=tuple(map(shown, engines)),
+        rows=tuple(rows),
+        readings=tuple(
+            Reading(engine=shown(engine), notes=notes) for engine, notes in found.items() if notes
+        ),
+    )
+
+
+def _worst(models: Mapping[str, Mapping[str, Sequence[Pair]]]) -> tuple[int, float]:
+    every = (case for row in models.values() for pairs in row.values() for case, _ in pairs)
+    return min(map(severity, every))
+
+
+def _notes(engine: str, models: Sequence[Model]) -> tuple[str, ...]:
+    """Each once, those of most models first."""
+    told = Counter(
+        note.message
+        for model in models
+        if model.engine == engine
+        for note in model.audit or ()
+        if note.severity == "note" and note.kind not in TOLD
+    )
+    return tuple(shown(message) for message, _ in told.most_common(MOST))
+
+
+def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
+    if not pairs:
+        return None
+    worst, view = min(pairs, key=lambda pair: severity(pair[0]))
+    outcome = worst.outcome
+    alike = sum(case.outcome is outcome for case, _ in pairs)
+    judged = [case for case, v in pairs if v.judged]
+    digits = [digits_of(case) for case in judged]
+    known = [d for d in digits if d not in (NOTHING, "all")]
+    fewest = min(known, key=float, default="all" if "all" in digits else NOTHING)
+    largest = _largest_error(pairs)
+    costs = [took for case in judged if (took := _cost(case)) is not None]
+    cost = _pace(max(costs)) if costs else ""
+    counts = f"{alike} of {len(pairs)}"
+    return Cell(
+        id=view.id,
+        outcome=outcome,
+        symbol=SYMBOLS[outcome],
+        counts=counts,
+        digits=fewest,
+        tint=fewest if known else "",
+        global_error=largest,
+        cost=cost,
+        summary=(
+            f"{counts} {outcome}, {fewest} digits, error at dt {largest}, {view.scenario} worst"
+        ),
+        about=f"{view.system} {view.model} {view.engine}",
+    )
+
+
+def _largest_error(pairs: Sequence[Pair]) -> str:
+    """The largest global error that says something of the step."""
+    errors = [
+        case.full_run.global_error
+        for case, view in pairs
+        if view.judged and not view.chaotic and case.full_run is not None
+    ]
+    known = [error for error in errors if error is not None]
+    if not known and any(view.chaotic for _, view in pairs):
+        return CHAOTIC
+    return percent(max(known, default=None))
+
+
+def _pace(cost: float) -> str:
+    """Seconds, or milliseconds, for one simulated."""
+    return f"{cost:.2g} s/s" if cost >= 0.1 else f"{1e3 * cost:.2g} ms/s"
+
+
+def _cost(case: Case) -> float | None:
+    """Wall-clock seconds of the engine's for one simulated, at the shipped step."""
+    series = case.series
+    if series is None or not series.full_runs.seconds or not series.t:
+        return None
+    took, until = series.full_runs.seconds[0], series.t[-1]
+    return None if took is None or not until else took / until

@@ -1,0 +1,266 @@
+"""The plots of a model, a system and a diagnosis: linear equations, and what explains a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from physics_crosscheck.harness.records.base import Rows
+from physics_crosscheck.harness.records.case import Series
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario, Diagnosis
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.render.html.diagnoses import named
+from physics_crosscheck.harness.render.html.packs import Array, Chart, Column, Curve, Pack
+from physics_crosscheck.harness.render.html.runs import Run, ends, largest, single, values
+from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
+
+PAIRS = 6
+"""Pairs of output and input in one plot at most."""
+
+LINEAR, CAUSE = "Linear equations", "Does it explain the motion?"
+
+
+def responses(pack: Pack, model: Model, system: System) -> tuple[Chart, ...]:
+    """Frequency response of an engine's own linearization over the transfer functions."""
+    pairs = [
+        f"{shown(output.name)} / {shown(source.name)}"
+        for output in system.outputs
+        for source in system.inputs
+    ]
+    return tuple(
+        _response(pack, one, pairs)
+        for one in model.linearizations
+        if pairs
+        and one.frequencies
+        and _grid(one.response).shape == (len(one.frequencies), len(pairs))
+    )
+
+
+def _grid(response: Sequence[Rows]) -> Array:
+    """A row a frequency, a column a pair of output and input."""
+    return np.array([np.ravel(np.array(row, dtype=float)) for row in response])
+
+
+def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Chart:
+    w = pack.column(one.frequencies, 5)
+    taylor, engine = _grid(one.taylor_response), _grid(one.response)
+    curves: list[Curve] = []
+    for place, label in enumerate(pairs[:PAIRS]):
+        curves += [
+            Curve(
+                label=label, role="transfer", place=place, x=w, y=pack.column(taylor[:, place], 5)
+            ),
+            Curve(
+                label=label, role="response", place=place, x=w, y=pack.column(engine[:, place], 5)
+            ),
+        ]
+    return Chart(
+        part=LINEAR,
+        title=f"Frequency response about “{shown(one.equilibrium)}”",
+        x_label="frequency [rad/s]",
+        y_label="output per input, SI units",
+        curves=tuple(curves),
+        key="Wide line: the transfer function of the linearized equations. Dashes: that of the"
+        " engine, linearized by itself.",
+        summary=(
+            f"From {quantity(one.frequencies[0], 'rad/s', 3)} to "
+            f"{quantity(one.frequencies[-1], 'rad/s', 3)}; they differ by at most "
+            f"{sci(one.transfer_error)} of the largest value."
+        ),
+        log_x=True,
+        log_y=True,
+    )
+
+
+def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
+    """How far the linear equations hold: their error over amplitude."""
+    found = system.derivation.linearity if system.derivation else ()
+    if not found:
+        return ()
+    curves = tuple(
+        Curve(
+            label=f"{shown(one.equilibrium)}, mode {one.mode + 1}",
+            role="reach",
+            place=place,
+            x=pack.column(one.amplitudes, 5),
+            y=pack.column(one.errors, 4),
+        )
+        for place, one in enumerate(found)
+    )
+    first = found[0]
+    return (
+        Chart(
+            part=LINEAR,
+            title="Linear against nonlinear",
+            x_label="amplitude [SI units]",
+            y_label="relative error",
+            curves=curves,
+            key="Largest error of the linear equations over one period of each mode, released at"
+            " rest in its shape, relative to the amplitude.",
+            summary=(
+                f"At an amplitude of {first.amplitudes[0]:g} the error of the linear "
+                f"equations is {percent(first.errors[0])} in the first of these modes, "
+                f"at {first.amplitudes[-1]:g} it is {percent(first.errors[-1])}."
+            ),
+            log_x=True,
+            log_y=True,
+        ),
+    )
+
+
+def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
+    """What each hypothesis leaves of the discrepancy."""
+    ranked = diagnosis.explanations
+    if not ranked:
+        return ()
+    count = len(ranked)
+    # The best at the top.
+    rows: Array = np.arange(count, dtype=np.float64)[::-1] + 0.5
+    left = np.array([max(one.remaining, 1e-16) for one in ranked])
+    floor = max(diagnosis.floor or 0.0, 1e-16)
+    y = pack.column(rows, 4)
+    line = np.array([0.0, count])
+    return (
+        Chart(
+            part="Which cause?",
+            title="Ranked hypotheses",
+            x_label="residual share of the discrepancy",
+            y_label="",
+            curves=(
+                Curve(label="left", role="lollipop", place=0, x=pack.column(left, 4), y=y),
+                Curve(
+                    label="uncertainty",
+                    role="guide",
+                    place=0,
+                    x=pack.column([floor, floor], 4),
+                    y=pack.column(line, 4),
+                ),
+            ),
+            key=(
+                "Each hypothesis is one number, fitted to the motion; further to the "
+                "left explains more. Dots: the residual from uncertainty alone."
+            ),
+            summary=(
+                f"The best, {named(ranked[0].causes)}, leaves a residual of "
+                f"{sci(ranked[0].remaining)}; the last of these, "
+                f"{sci(ranked[-1].remaining)}."
+            ),
+            log_x=True,
+            names=tuple(named(one.causes) for one in reversed(ranked)),
+        ),
+    )
+
+
+def corrected(
+    pack: Pack, motion: CorrectedMotion, runs: Mapping[str, Run], units: Sequence[str]
+) -> Iterator[Chart]:
+    """The motion with the values that were found, and what they leave of the defects.
+
+    Args:
+        runs: of the model, by scenario.
+        units: of each component.
+    """
+    for one in motion.scenarios:
+        run = runs.get(one.scenario)
+        if run is None:
+            continue
+        for i in range(len(run.reference) // 2):
+            yield _corrected(pack, motion, one, run, i, shown(units[i]))
+        yield _defects(pack, one, run)
+
+
+def _corrected(
+    pack: Pack, motion: CorrectedMotion, one: CorrectedScenario, run: Run, i: int, unit: str
+) -> Chart:
+    """Of the i-th coordinate."""
+    name, put_in = shown(run.series.components[i]), _values_put_in(motion.causes)
+    then, now = _apart(motion, one, run.series, i)
+    low, high = ends(values(run.series.reference[i]))
+    margin = 0.5 * ((high - low) or 1.0)
+    fitted = pack.column(single(one.corrected[i]), 6)
+    with_it = f"{motion.put_into} with {put_in}"
+    return Chart(
+        part=CAUSE,
+        title=f"{shown(one.scenario)}: {name}, corrected",
+        x_label="t [s]",
+        y_label=f"{name} [{unit}]",
+        curves=(
+            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
+            Curve(label=with_it, role="corrected", place=0, x=pack.column(one.t, 6), y=fitted),
+            Curve(label=f"this: {run.label}", role="engine", place=0, x=run.t, y=run.engine[i]),
+        ),
+        key=f"Wide line: the equations as declared. Thin line: the {motion.put_into} with the value"
+        " that was found. Dashes: the engine with the file as it is.",
+        summary=(
+            f"The engine differs from the reference by at most {then:.2g} {unit}, and from the"
+            f" equations with {put_in} by {now:.2g} {unit}. The rest is the error of its time step."
+            if motion.put_into == "equations"
+            else f"With {put_in} the file runs within {now:.2g} {unit} of the reference."
+        ),
+        over_time=True,
+        y_limits=(low - margin, high + margin),
+    )
+
+
+def _values_put_in(causes: Sequence[Cause]) -> str:
+    return " and ".join(f"{shown(one)} = {_estimate(one)}" for one in causes)
+
+
+def _estimate(cause: Cause) -> str:
+    return quantity(cause.estimate, "", 6)
+
+
+def _apart(
+    motion: CorrectedMotion, one: CorrectedScenario, series: Series, i: int
+) -> tuple[float, float]:
+    """Largest distance from the curve on which a run should be, before and after.
+
+    Before: of the engine from the reference. After: of the engine from the equations with the value
+    that was found, or of the file with it from the reference.
+    """
+    # scipy takes a part of a second, in every command.
+    import scipy.interpolate
+
+    t, engine, reference = values(series.t), single(series.engine[i]), values(series.reference[i])
+    fitted = single(one.corrected[i])
+    corrected_t = values(one.t)[: len(fitted)]
+    target = engine if motion.put_into == "equations" else reference
+    known = np.isfinite(target)
+    inside = (corrected_t <= t[known][-1]) & np.isfinite(fitted)
+    # The samples of the two don't coincide; a cubic is as good as the plot is smooth.
+    at = scipy.interpolate.CubicSpline(t[known], target[known])(corrected_t[inside])
+    return largest(engine - reference), largest(fitted[inside] - at)
+
+
+def _defects(pack: Pack, one: CorrectedScenario, run: Run) -> Chart:
+    t = pack.column(one.segment_t, 6)
+    before, after = _rows(one.before), _rows(one.after)
+
+    def worst(rows: Array) -> Column:
+        return pack.column(np.max(np.abs(rows), axis=0), 3)
+
+    names = ", ".join(shown(name) for name in run.series.components)
+    return Chart(
+        part=CAUSE,
+        title=f"{shown(one.scenario)}: defects before and after",
+        x_label="t [s]",
+        y_label="relative defect",
+        curves=(
+            Curve(label="as the file is", role="before", place=0, x=t, y=worst(before)),
+            Curve(
+                label="with the value that was found", role="after", place=0, x=t, y=worst(after)
+            ),
+        ),
+        key=(f"Extrapolated segments, the largest of {names}: free of the error of the time step."),
+        summary=f"The largest defect falls from {sci(largest(before.ravel()))} to"
+        f" {sci(largest(after.ravel()))}.",
+        log_y=True,
+        over_time=True,
+    )
+
+
+def _rows(rows: Rows) -> Array:
+    return np.array([values(row) for row in rows])

@@ -1,0 +1,354 @@
+"""What the overview shows: is it right, what to change if not, and what changed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView
+from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
+from physics_crosscheck.harness.render.html.matrix import Pair
+from physics_crosscheck.harness.render.html.patches import lines_of, unified
+from physics_crosscheck.harness.render.html.text import shown
+from physics_crosscheck.harness.results.issues import (
+    audited_alike,
+    explained_alike,
+    named_models,
+    troubles,
+    untold_failures,
+)
+from physics_crosscheck.harness.results.next_steps import Change as Wanted
+from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
+from physics_crosscheck.harness.results.status import counted
+
+Link = tuple[str, str]
+"""A permalink, and what it says."""
+
+SCENARIOS_LINKED = 6
+"""Cases that one trouble leads to at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fix:
+    """A number that is to be another: where it stands, what it is called, old and new."""
+
+    place: str
+    name: str
+    old: str
+    new: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remedy:
+    """What to change.
+
+    Attributes:
+        fixes: numbers; empty where none is known.
+        lines: of the change, each with the sign of a diff.
+        patch: a unified diff; empty where none is certain.
+    """
+
+    fixes: tuple[Fix, ...] = ()
+    lines: tuple[str, ...] = ()
+    patch: str = ""
+
+    @property
+    def words(self) -> str:
+        """The numbers, a line each, where there is no patch."""
+        return "\n".join(f"{fix.place} from {fix.old} to {fix.new}" for fix in self.fixes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trouble:
+    """Something to act on, once, however many cases it is seen in.
+
+    Attributes:
+        id: where to read on; empty for nowhere.
+        outcome, symbol: of its cases; AUDIT for what was found by reading alone.
+        name: of what it is wrong with.
+        cases: how many.
+        sentence: what is wrong.
+        remedy: what to change.
+        links: cases in which it is seen.
+        more: how many it is seen in beyond these.
+    """
+
+    id: str
+    outcome: str
+    symbol: str
+    name: str
+    cases: str
+    sentence: str
+    remedy: Remedy = Remedy()
+    links: tuple[Link, ...] = ()
+    more: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One case that is not as in the baseline."""
+
+    id: str
+    kind: str
+    name: str
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A case that stands out of those that agree: what of it, and how much."""
+
+    id: str
+    what: str
+    value: str
+    name: str
+
+
+def gathered(
+    results: Results, views: Mapping[int, CaseView], diagnoses: Mapping[ModelKey, DiagnosisView]
+) -> tuple[Trouble, ...]:
+    """What to act on, as the terminal gathers it: what is to be changed first, then the worst.
+
+    Args:
+        results: all of them.
+        views: of the cases, by the identity of their records.
+        diagnoses: of the models that differ, or have findings.
+    """
+    found = [(one.worst, *one.others) for one in troubles(results.cases)]
+    causes = list(_causes(found, results, views, diagnoses))
+    told = {key for _, keys in causes for key in keys}
+    rest: list[Trouble] = []
+    for group in found:
+        left = [case for case in group if not _told(case, told)]
+        if left:
+            rest.append(_unexplained(left, results, views, diagnoses))
+    failures = (_failure(*one) for one in untold_failures(results))
+    audits = _audits(results.models, diagnoses, told)
+    return (*(one for one, _ in causes), *rest, *failures, *audits)
+
+
+def _told(case: Case, told: set[ModelKey]) -> bool:
+    return case.outcome is Outcome.DIFFERS and case.key in told
+
+
+def _causes(
+    groups: Sequence[Sequence[Case]],
+    results: Results,
+    views: Mapping[int, CaseView],
+    diagnoses: Mapping[ModelKey, DiagnosisView],
+) -> Iterator[tuple[Trouble, set[ModelKey]]]:
+    """Each explained cause of cases that differ, with the models it is the cause of."""
+    for alike in explained_alike(results.models):
+        keys = {model.key for model in alike}
+        cases = [case for group in groups for case in group if _told(case, keys)]
+        diagnosis = alike[0].diagnosis
+        if not cases or diagnosis is None or not diagnosis.explained:
+            continue
+        view = diagnoses[alike[0].key]
+        changes = changes_of(alike[0])
+        whole = len(changes) == len(diagnosis.explanations[0].causes)
+        yield (
+            Trouble(
+                id=view.id,
+                outcome=Outcome.DIFFERS,
+                symbol=SYMBOLS[Outcome.DIFFERS],
+                name=shown(named_models(alike)),
+                cases=counted(len(cases), "case"),
+                sentence=view.sentence,
+                remedy=_remedy(changes, alike[0], whole=whole),
+                links=_linked(cases, views),
+                more=max(0, len(cases) - SCENARIOS_LINKED),
+            ),
+            keys,
+        )
+
+
+def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
+    """Changes, and the patch that makes them; `whole`: are they all? Half a cause is no remedy."""
+    texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
+    patch = unified(changes, texts) if whole and changes else ""
+    if not _is_shown_as_is(patch):
+        patch = ""
+    return Remedy(
+        fixes=tuple(map(_fix, changes)),
+        lines=tuple(map(shown, lines_of(patch))),
+        patch=patch,
+    )
+
+
+def _is_shown_as_is(patch: str) -> bool:
+    """Return whether a page can show a patch, which applies only to the characters of the file."""
+    plain = patch.replace("\r\n", "\n")
+    return shown(plain) == plain and "\ufffd" not in plain
+
+
+def _fix(change: Wanted) -> Fix:
+    return Fix(
+        place=shown(", ".join(dict.fromkeys(map(str, change.locations)))),
+        name=shown(", ".join(change.subject)),
+        old=f"{change.old:.10g}",
+        new=shown(change.new),
+    )
+
+
+def _linked(cases: Sequence[Case], views: Mapping[int, CaseView]) -> tuple[Link, ...]:
+    """Links to the first of some cases."""
+    engines = {case.engine for case in cases}
+    found = [views[id(case)] for case in cases[:SCENARIOS_LINKED]]
+    return tuple(
+        (v.id, f"{v.scenario} [{v.engine}]" if len(engines) > 1 else v.scenario) for v in found
+    )
+
+
+def _unexplained(
+    cases: Sequence[Case],
+    results: Results,
+    views: Mapping[int, CaseView],
+    diagnoses: Mapping[ModelKey, DiagnosisView],
+) -> Trouble:
+    """Cases that have one thing wrong, the worst first, and no cause that explains it."""
+    worst = cases[0]
+    ran = worst.outcome is not Outcome.ABSENT
+    diagnosis = diagnoses.get(worst.key) if worst.outcome is Outcome.DIFFERS else None
+    view = views[id(worst)]
+    files = list(dict.fromkeys(f"{case.system}/{case.model}" for case in cases))
+    engines = ", ".join(dict.fromkeys(case.engine for case in cases))
+    name = f"{files[0]} [{engines}]" if len(files) == 1 else counted(len(files), "model file")
+    sentence = diagnosis.sentence if diagnosis is not None else ""
+    return Trouble(
+        id=view.id if diagnosis is None else diagnosis.id,
+        outcome=view.outcome,
+        symbol=view.symbol,
+        name=shown(name),
+        cases=counted(len(cases), "case"),
+        sentence=sentence or view.reason,
+        remedy=Remedy() if diagnosis is None else _stated(results.model_of(worst)),
+        links=_linked(cases, views) if ran else (),
+        more=max(0, len(cases) - SCENARIOS_LINKED) if ran else 0,
+    )
+
+
+def _stated(model: Model | None) -> Remedy:
+    """What reading finds is to be changed."""
+    return Remedy() if model is None else _remedy(stated_changes(model), model, whole=True)
+
+
+def _failure(model: Model, what: str, why: str) -> Trouble:
+    return Trouble(
+        id="",
+        outcome=Outcome.FAILED,
+        symbol=SYMBOLS[Outcome.FAILED],
+        name=shown(model.id),
+        cases="",
+        sentence=shown(f"{what}: {why}"),
+    )
+
+
+def _audits(
+    models: Sequence[Model], diagnoses: Mapping[ModelKey, DiagnosisView], told: set[ModelKey]
+) -> Iterator[Trouble]:
+    """What reading finds of models that no cause has led to yet."""
+    for alike in audited_alike(models):
+        if any(model.key in told or model.accepted for model in alike):
+            continue
+        if any(model.unexplained_findings for model in alike):
+            continue  # its cases say so
+        model = alike[0]
+        view = diagnoses[model.key]
+        yield Trouble(
+            id=view.id,
+            outcome="AUDIT",
+            symbol="!",
+            name=shown(named_models(alike)),
+            cases=counted(len(model.findings), "finding"),
+            sentence=view.sentence,
+            remedy=_stated(model),
+        )
+
+
+_SAID = {
+    Outcome.DIFFERS: ("differs", "differ"),
+    Outcome.FAILED: ("could not be run to its end", "could not be run to their end"),
+    Outcome.UNRESOLVED: ("is unresolved", "are unresolved"),
+    Outcome.REFUSED: ("was refused by its engine", "were refused by their engines"),
+    Outcome.ABSENT: ("was not tested", "were not tested"),
+}
+
+
+def verdict(results: Results, found: Sequence[Trouble]) -> str:
+    """Is it right, in words, and if not, what to do."""
+    if not results.cases:
+        return "Nothing was run."
+    counts = Counter(case.outcome for case in results.cases)
+    parts = [f"{n} {said[n > 1]}" for one, said in _SAID.items() if (n := counts[one])]
+    if accepted := sum(bool(case.accepted) for case in results.cases):
+        parts.append(f"{accepted} accepted as known")
+    told = ", ".join(parts) or "every motion matches the equations"
+    told = f"{told[0].upper()}{told[1:]}."
+    if fixes := sum(len(one.remedy.fixes) for one in found):
+        return f"{told} {counted(fixes, 'number')} to change."
+    return told if found else f"{told} Nothing to change."
+
+
+def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, ...]:
+    """What changed since the baseline, in the order of the record."""
+    ids = {case.id: view.id for case, view in pairs}
+    return tuple(
+        Change(
+            id=ids.get(change.id, ""),
+            kind=shown(change.kind),
+            name=shown(change.id),
+            message=shown(change.message),
+        )
+        for change in baseline.changes
+    )
+
+
+def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
+    """Of what agrees: where the fewest digits do, and where the step costs most."""
+    agreeing = [
+        (case, view)
+        for case, view in pairs
+        if case.outcome is Outcome.AGREES and case.verdict and case.full_run
+    ]
+    if not agreeing:
+        return ()
+    weakest = max(agreeing, key=lambda pair: float(pair[1].sorts[0] or 0.0))[1]
+    found = [
+        Standing(
+            id=weakest.id,
+            what="fewest agreeing digits",
+            value=weakest.digits,
+            name=_name(weakest),
+        )
+    ]
+    told = [pair for pair in agreeing if not pair[1].chaotic]
+    if told:
+        dearest = max(told, key=lambda pair: float(pair[1].sorts[3] or 0.0))[1]
+        found.append(
+            Standing(
+                id=dearest.id,
+                what=f"largest error at dt ({dearest.step})",
+                value=dearest.global_error,
+                name=_name(dearest),
+            )
+        )
+    if left := [view for _, view in agreeing if view.chaotic]:
+        found.append(
+            Standing(
+                id=left[0].id,
+                what="chaotic motions, which no time step follows to the end",
+                value=str(len(left)),
+                name=_name(left[0]),
+            )
+        )
+    return tuple(found)
+
+
+def _name(view: CaseView) -> str:
+    return f"{view.system}/{view.model}/{view.scenario} [{view.engine}]"

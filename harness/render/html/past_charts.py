@@ -1,0 +1,163 @@
+"""The plots of past runs: digits and global error over time, by the version of the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.history import Past
+from physics_crosscheck.harness.render.html.packs import Chart, Curve, Pack
+from physics_crosscheck.harness.render.html.text import percent, shown
+from physics_crosscheck.harness.render.terminal.models_table import is_chaotic, known
+from physics_crosscheck.harness.results.status import counted
+
+HISTORY = "Over time"
+
+MOST = 12
+"""Curves in one plot at most: more can't be told apart."""
+
+LAST = 6
+"""Commits that are named, the last ones."""
+
+DATE_DIGITS = 11
+"""Significant digits of a date in milliseconds: seconds are right."""
+
+Rows = Sequence[tuple[float, float]]
+"""(milliseconds since 1970-01-01 UTC, value)."""
+
+
+def by_case(history: Iterable[Past]) -> dict[CaseId, list[Past]]:
+    """Past runs of each case."""
+    found: dict[CaseId, list[Past]] = {}
+    for one in history:
+        found.setdefault(one.id, []).append(one)
+    return found
+
+
+def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
+    """The plots of a case's past runs, a curve a version; none of fewer than two runs."""
+    dated = [(when, one) for one in past if (when := _when(one.time)) is not None]
+    if len(dated) < 2:
+        return ()
+    start = min(when for when, _ in dated)
+    versions = dict.fromkeys(one.version for _, one in dated)
+
+    def rows(value: Callable[[Past], Number]) -> dict[str, Rows]:
+        name = shown(past[0].engine)
+        return {
+            shown(f"{name} {version}".strip()): [
+                (_milliseconds(when), found)
+                for when, one in dated
+                if one.version == version and (found := value(one)) is not None
+            ]
+            for version in versions
+        }
+
+    commits = list(dict.fromkeys(one.commit[:9] for _, one in dated if one.commit))
+    told = f" Commits: {shown(', '.join(commits[-LAST:]))}." if commits else ""
+    return _charts(
+        pack,
+        rows(lambda one: one.digits),
+        rows(lambda one: one.global_error),
+        f"{counted(len(dated), 'run')} since {start:%Y-%m-%d}.{told}",
+    )
+
+
+def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> tuple[Chart, ...]:
+    """The plots of whole runs, a curve an engine: its fewest digits, and its largest error.
+
+    Runs of fewer than half of the present cases were of a choice of them, and are left out.
+    """
+    present = {case.id for case in cases}
+    runs: dict[str, list[Past]] = {}
+    for one in history:
+        if one.id in present:
+            runs.setdefault(one.time, []).append(one)
+    whole = {
+        when: past
+        for time, past in runs.items()
+        if 2 * len({one.id for one in past}) >= len(present) and (when := _when(time)) is not None
+    }
+    if len(whole) < 2:
+        return ()
+    start = min(whole)
+    chaotic = {case.id for case in cases if is_chaotic(case)}
+    engines = list(dict.fromkeys(case.engine for case in cases))[:MOST]
+
+    def rows(worst: Callable[[Iterable[float]], float], name: str) -> dict[str, Rows]:
+        found: dict[str, Rows] = {}
+        for engine in engines:
+            points = []
+            for when, past in sorted(whole.items()):
+                values: list[Number] = [
+                    getattr(one, name)
+                    for one in past
+                    if one.engine == engine and (name == "digits" or one.id not in chaotic)
+                ]
+                if there := known(values):
+                    points.append((_milliseconds(when), worst(there)))
+            found[shown(engine)] = points
+        return found
+
+    return _charts(
+        pack,
+        rows(min, "digits"),
+        rows(max, "global_error"),
+        f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; the worst case of "
+        "each engine; errors exclude chaotic motions.",
+    )
+
+
+def _charts(
+    pack: Pack, digits: Mapping[str, Rows], errors: Mapping[str, Rows], told: str
+) -> tuple[Chart, ...]:
+    found = []
+    for title, label, rows, log, form in (
+        ("Agreeing digits", "digits", digits, False, "{:.1f}"),
+        ("Error at dt", "relative error", errors, True, ""),
+    ):
+        curves = tuple(
+            Curve(
+                label=name,
+                role="past",
+                place=place,
+                x=pack.column([date for date, _ in points], DATE_DIGITS),
+                y=pack.column([value for _, value in points], 4),
+            )
+            for place, (name, points) in enumerate(rows.items())
+            if points
+        )
+        if not curves:
+            continue
+        values = [value for points in rows.values() for _, value in points]
+        low, high = min(values), max(values)
+        ends = (form.format(low), form.format(high)) if form else (percent(low), percent(high))
+        found.append(
+            Chart(
+                part=HISTORY,
+                title=title,
+                x_label="date, UTC",
+                dates=True,
+                y_label=label,
+                curves=curves,
+                key="One mark per run; colour and shape identify the curve.",
+                summary=f"{told} Between {ends[0]} and {ends[1]}.",
+                log_y=log,
+                y_limits=None if log else (0.0, max(16.0, high)),
+            )
+        )
+    return tuple(found)
+
+
+def _when(time: str) -> datetime | None:
+    try:
+        found = datetime.fromisoformat(time)
+    except ValueError:
+        return None
+    return found.astimezone(UTC) if found.tzinfo else found.replace(tzinfo=UTC)
+
+
+def _milliseconds(when: datetime) -> float:
+    return 1e3 * when.timestamp()

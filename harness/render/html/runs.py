@@ -1,0 +1,101 @@
+"""Every case's numbers, packed once, for its own plots and for those of others beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics_crosscheck.harness.records.base import Numbers
+from physics_crosscheck.harness.records.case import Case, FullRun, Series, StepErrors, Verdict
+from physics_crosscheck.harness.render.html.packs import Array, Column, Pack
+from physics_crosscheck.harness.render.html.text import quantity, shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One case's motion at its shipped step.
+
+    Attributes:
+        case: its record.
+        verdict, full_run, series: the case's own.
+        label: engine and file.
+        step: the shipped one.
+        pack: where its numbers are.
+        t: sample times.
+        reference, engine: components there.
+        error, seconds: of the full runs, coarsest first; seconds None where they were not taken.
+    """
+
+    case: Case
+    verdict: Verdict
+    full_run: FullRun
+    series: Series
+    label: str
+    step: str
+    pack: Pack
+    t: Column
+    reference: tuple[Column, ...]
+    engine: tuple[Column, ...]
+    error: Column
+    seconds: Column | None
+
+
+def runs(cases: Sequence[Case]) -> list[Run | None]:
+    """The run of each case; None for those without series."""
+    return [_run(case, place) for place, case in enumerate(cases)]
+
+
+def _run(case: Case, place: int) -> Run | None:
+    verdict, full_run, series = case.verdict, case.full_run, case.series
+    if verdict is None or full_run is None or series is None:
+        return None
+    pack = Pack(f"pack-case-{place}")
+    seconds = series.full_runs.seconds
+    order = coarse_to_fine(series.full_runs)
+    return Run(
+        case=case,
+        verdict=verdict,
+        full_run=full_run,
+        series=series,
+        label=f"{shown(case.engine)}, {shown(case.model)}",
+        step=quantity(full_run.time_step, "s", 3),
+        pack=pack,
+        t=pack.column(series.t, 7),
+        reference=tuple(pack.column(row, 6) for row in series.reference),
+        engine=tuple(pack.column(single(row), 6) for row in series.engine),
+        error=pack.column(single(series.full_runs.error)[order], 5),
+        seconds=pack.column(values(seconds)[order], 3) if any(seconds) else None,
+    )
+
+
+def coarse_to_fine(runs: StepErrors) -> NDArray[np.intp]:
+    """The runs' places by falling step, as lines are drawn; the shipped step's is told first."""
+    return np.argsort(-values(runs.h))
+
+
+def values(row: Numbers) -> Array:
+    """Numbers of results; nan for those that are missing."""
+    # As floats, None is nan.
+    return np.array(row, dtype=float)
+
+
+def single(row: Numbers) -> Array:
+    """The same, without what is beyond the range of a plot: a motion that has blown up."""
+    found = values(row)
+    return np.where(np.abs(found) > np.finfo(np.float32).max, np.nan, found)
+
+
+def largest(row: Numbers | Array) -> float:
+    """Largest finite magnitude; 0 for none."""
+    found = np.abs(np.asarray(row, dtype=float))
+    finite = found[np.isfinite(found)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+def ends(found: Array) -> tuple[float, float]:
+    """Least and largest finite value; zeros for none."""
+    finite = found[np.isfinite(found)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

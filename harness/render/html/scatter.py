@@ -1,0 +1,192 @@
+"""Pictures of many points and of counts as SVG, without a script."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.render.html.text import shown
+
+WIDTH, HEIGHT = 560.0, 300.0
+LEFT, RIGHT, TOP, BOTTOM = 62.0, 12.0, 10.0, 42.0
+
+COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7a7a00", "#999999")
+"""Okabe and Ito's, told apart by everyone; beside them each series has a mark of its own."""
+
+MARKS = (
+    "M-3,0a3,3 0 1 0 6,0a3,3 0 1 0 -6,0",
+    "M-2.7,-2.7h5.4v5.4h-5.4z",
+    "M0,-3.6L3.2,2.4H-3.2z",
+    "M0,-3.8L3.8,0L0,3.8L-3.8,0z",
+    "M-3.2,-2.4H3.2L0,3.6z",
+)
+
+MAX_DIGITS = 17
+"""Digits that tell any two doubles apart."""
+
+WIDE = 8.0
+"""Largest over smallest value from which on an axis is logarithmic."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A series' mark, for its legend."""
+
+    label: str
+    colour: str
+    path: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tick:
+    """A number at an axis."""
+
+    at: str
+    label: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scatter:
+    """Points over a quantity.
+
+    Attributes:
+        title: what is over what.
+        x_label: of the axis below.
+        summary: the same in words.
+        points: (place, colour, path, outcome, what it is), a place as `x,y`.
+        x_ticks, y_ticks: numbers at the axes.
+    """
+
+    title: str
+    x_label: str
+    summary: str
+    points: tuple[tuple[str, str, str, str, str], ...]
+    x_ticks: tuple[Tick, ...]
+    y_ticks: tuple[Tick, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """One point: the number of its series, its outcome, and what it is in words."""
+
+    x: float
+    y: float
+    series: int
+    outcome: str
+    told: str
+
+
+@dataclass(frozen=True)
+class _Axis:
+    low: float
+    high: float
+    log: bool
+
+    @staticmethod
+    def of(values: Sequence[float], log: bool) -> _Axis:
+        low, high = min(values), max(values)
+        if log:
+            low, high = math.log10(low), math.log10(high)
+        margin = 0.04 * (high - low) or 0.5 * (abs(high) or 1.0)
+        return _Axis(low - margin, high + margin, log)
+
+    def share(self, value: float) -> float:
+        """Where a value is, 0 to 1."""
+        at = math.log10(value) if self.log else value
+        return (at - self.low) / (self.high - self.low)
+
+    def ticks(self) -> list[float]:
+        """Some handy values."""
+        span = self.high - self.low
+        if self.log and span >= 2:
+            every = max(1, math.ceil(span / 6))
+            first = math.ceil(self.low)
+            return [10.0**i for i in range(first, math.floor(self.high) + 1, every)]
+        low, high = (10**self.low, 10**self.high) if self.log else (self.low, self.high)
+        raw = (high - low) / 5
+        unit = 10.0 ** math.floor(math.log10(raw))
+        step = next(unit * k for k in (1, 2, 5, 10) if unit * k >= raw)
+        count = math.floor(high / step) - math.ceil(low / step) + 1
+        return [(math.ceil(low / step) + i) * step for i in range(count)]
+
+
+def mark(number: int, label: str) -> Mark:
+    """Of a series."""
+    colour, path = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
+    return Mark(label=shown(label), colour=colour, path=path)
+
+
+def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> Scatter | None:
+    """Points on a logarithmic upward axis; None where there are none to be drawn."""
+    known = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y) and p.y > 0]
+    if not known:
+        return None
+    xs = [p.x for p in known]
+    across = _Axis.of(xs, min(xs) > 0 and max(xs) / min(xs) >= WIDE)
+    upward = _Axis.of([p.y for p in known], True)
+    return Scatter(
+        title=shown(title),
+        x_label=shown(x_label),
+        summary=shown(summary),
+        points=tuple(
+            (
+                f"{_x(across.share(p.x))},{_y(upward.share(p.y))}",
+                COLOURS[p.series % len(COLOURS)],
+                MARKS[p.series % len(MARKS)],
+                p.outcome,
+                shown(p.told),
+            )
+            for p in known
+        ),
+        x_ticks=tuple(
+            Tick(at=_x(across.share(value)), label=label)
+            for value, label in labelled(across.ticks(), "g")
+        ),
+        y_ticks=tuple(
+            Tick(at=_y(upward.share(value)), label=label)
+            for value, label in labelled(upward.ticks(), "e")
+        ),
+    )
+
+
+def labelled(values: Sequence[float], form: str) -> Iterator[tuple[float, str]]:
+    """Yield values with labels in as few digits as tell them apart.
+
+    Args:
+        values: of the ticks, all different.
+        form: `e` or `g`, as in a format specification.
+    """
+    first = 0 if form == "e" else 3
+    for digits in range(first, MAX_DIGITS + 1):
+        labels = [f"{value:.{digits}{form}}" for value in values]
+        if len(set(labels)) == len(values):
+            break
+    yield from zip(values, labels, strict=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """A count, as a share of the largest, in per cent."""
+
+    label: str
+    count: int
+    share: str
+    kind: str = ""
+
+
+def bars(counts: Mapping[str, int]) -> tuple[Bar, ...]:
+    """Counts beside each other."""
+    most = max(counts.values(), default=1)
+    return tuple(
+        Bar(label=shown(name), count=count, share=f"{100 * count / most:.1f}", kind=shown(name))
+        for name, count in counts.items()
+    )
+
+
+def _x(share: float) -> str:
+    return f"{LEFT + share * (WIDTH - LEFT - RIGHT):.1f}"
+
+
+def _y(share: float) -> str:
+    return f"{HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM):.1f}"

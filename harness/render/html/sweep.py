@@ -1,0 +1,209 @@
+"""A page on a sweep, in the report's style; it runs no script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.render.html import template
+from physics_crosscheck.harness.render.html.scatter import (
+    BOTTOM,
+    HEIGHT,
+    LEFT,
+    RIGHT,
+    TOP,
+    WIDTH,
+    Bar,
+    Mark,
+    Point,
+    Scatter,
+    bars,
+    mark,
+    scatter,
+)
+from physics_crosscheck.harness.render.html.text import NOTHING, percent, quantity, sci, shown
+from physics_crosscheck.harness.render.terminal.sweep import cost_line
+from physics_crosscheck.harness.results.status import counted
+
+FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": WIDTH - RIGHT}
+FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A case that is told by itself."""
+
+    name: str
+    outcome: str
+    drawn: str
+    discrepancy: str
+    uncertainty: str
+    error: str
+    reason: str
+    command: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """The cases of a system in an engine and integrator."""
+
+    system: str
+    engine: str
+    integrator: str
+    counts: tuple[tuple[str, int], ...]
+    digits: str
+    error: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What the cases of a system show over each quantity that is varied."""
+
+    system: str
+    what: str
+    marks: tuple[Mark, ...]
+    pictures: tuple[Scatter, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """What is shown of each case: how it is called, and how it is read and told."""
+
+    what: str
+    of: Callable[[SweepRow], float | None]
+    told: Callable[[float | None], str]
+
+
+def _known_to(row: SweepRow) -> float | None:
+    """The larger of a case's discrepancy and uncertainty."""
+    return max((one for one in (row.discrepancy, row.uncertainty) if one is not None), default=None)
+
+
+AT_THE_STEP = Shown(what="error at dt", of=lambda row: row.global_error, told=percent)
+OF_SEGMENTS = Shown(what="larger of E and U", of=_known_to, told=sci)
+"""Of a robot's states no motion is run at the shipped step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """The page; `figures` are of one system each: what they show, and the marks of its engines."""
+
+    title: str
+    summary: str
+    cost: str
+    left: str
+    command: str
+    outcomes: tuple[Bar, ...]
+    digits: tuple[Bar, ...]
+    groups: tuple[Group, ...]
+    figures: tuple[Figures, ...]
+    rows: tuple[Row, ...]
+
+
+def write_sweep(path: Path, found: SweepSummary) -> None:
+    """Write the page."""
+    write_whole(path, render_sweep(found))
+
+
+def render_sweep(found: SweepSummary) -> str:
+    """The page as HTML; the same rows give the same text."""
+    return template("sweep.html", page=_page(found), frame=FRAME)
+
+
+def _page(found: SweepSummary) -> Page:
+    left = found.plan.cases - found.done
+    systems = list(dict.fromkeys(one.system for one in found.groups))
+    return Page(
+        title=shown(f"Sweep of {', '.join(systems) or 'nothing'}"),
+        summary=", ".join(f"{count} {name}" for name, count in found.outcomes.items()) or "no rows",
+        cost=_cost(found),
+        left=f"{counted(left, 'case')} not run yet" if left else "",
+        command=shown(found.plan.command),
+        outcomes=bars(found.outcomes),
+        digits=bars(found.digits),
+        groups=tuple(
+            Group(
+                system=shown(one.system),
+                engine=shown(one.engine),
+                integrator=shown(one.integrator),
+                counts=tuple(one.outcomes.items()),
+                digits=NOTHING if one.least_digits is None else f"{one.least_digits:.1f}",
+                error=percent(one.worst_error),
+            )
+            for one in found.groups
+        ),
+        figures=tuple(_figures(found, system) for system in systems),
+        rows=tuple(map(_row, found.worst)),
+    )
+
+
+def _cost(found: SweepSummary) -> str:
+    if found.overhead is None:
+        return ""
+    return (
+        f"{cost_line(found)}, of it"
+        f" {found.reference_seconds / found.engine_seconds:.2f} for reference motions and"
+        f" {found.loading_seconds / found.engine_seconds:.2f} for loading models"
+    )
+
+
+def _figures(found: SweepSummary, system: str) -> Figures:
+    """What a system's cases show over each varied quantity."""
+    rows = [row for row in found.sampled if row.system == system]
+    what = AT_THE_STEP if any(row.global_error is not None for row in rows) else OF_SEGMENTS
+    series = list(dict.fromkeys(f"{row.engine}, {row.integrator}" for row in rows))
+    names = [name for name in found.plan.constants if any(name in row.constants for row in rows)]
+    drawn = [scatter_of(rows, series, name, what) for name in names]
+    if len({row.step for row in rows}) > 1:
+        drawn.append(scatter_of(rows, series, "", what))
+    return Figures(
+        system=shown(system),
+        what=what.what,
+        marks=tuple(mark(i, name) for i, name in enumerate(series)),
+        pictures=tuple(one for one in drawn if one is not None),
+    )
+
+
+def scatter_of(
+    rows: list[SweepRow], series: list[str], name: str, what: Shown = AT_THE_STEP
+) -> Scatter | None:
+    """What is shown over a constant, or over the step where no name is given."""
+    points = list(_points(rows, series, name, what))
+    over = name or "the step"
+    amiss = sum(p.outcome != Outcome.AGREES for p in points)
+    ringed = f", {amiss} that did not agree (ringed)" if amiss else ""
+    largest = what.told(max((p.y for p in points), default=None))
+    return scatter(
+        f"{what.what[0].upper()}{what.what[1:]} over {over}",
+        name or "step h [s]",
+        points,
+        f"{counted(len(points), 'case')}{ringed}; {largest} at most.",
+    )
+
+
+def _points(rows: list[SweepRow], series: list[str], name: str, what: Shown) -> Iterator[Point]:
+    for row in rows:
+        x, y = row.constants.get(name) if name else row.step, what.of(row)
+        if x is None or y is None or row.outcome is Outcome.FAILED:
+            continue
+        number = series.index(f"{row.engine}, {row.integrator}")
+        told = f"#{row.index} {row.name}: {what.told(y)}"
+        yield Point(x=x, y=y, series=number, outcome=row.outcome.value, told=told)
+
+
+def _row(row: SweepRow) -> Row:
+    drawn = [f"{name} = {value:.6g}" for name, value in row.constants.items()]
+    return Row(
+        name=shown(f"#{row.index} {row.name}"),
+        outcome=row.outcome.value,
+        drawn=shown(", ".join([row.integrator, quantity(row.step, "s"), *drawn])),
+        discrepancy=sci(row.discrepancy),
+        uncertainty=sci(row.uncertainty),
+        error=percent(row.global_error),
+        reason=shown(row.reason),
+        command=shown(row.command),
+    )

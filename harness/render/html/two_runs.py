@@ -1,0 +1,115 @@
+"""A page on what moved from one run to another, in the report's style; it runs no script."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.render.html import template
+from physics_crosscheck.harness.render.html.cases import SYMBOLS
+from physics_crosscheck.harness.render.html.text import percent, shown, slug
+from physics_crosscheck.harness.render.terminal.two_runs import (
+    Movement,
+    TwoRuns,
+    digits_change,
+    headline,
+)
+from physics_crosscheck.harness.results.status import counted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A case; `links` lead to it in each run's report, empty where there is none."""
+
+    name: str
+    kinds: str
+    worse: bool
+    before: str
+    after: str
+    symbols: tuple[str, str]
+    links: tuple[str, str]
+    digits: str
+    errors: tuple[str, str]
+    ratio: str
+    steps: tuple[str, str]
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """The page; `reports` are each run's time and the place of its own report."""
+
+    title: str
+    headline: str
+    reports: tuple[tuple[str, str], ...]
+    versions: tuple[tuple[str, str, str], ...]
+    mended: tuple[str, ...]
+    broken: tuple[str, ...]
+    moved: tuple[Row, ...]
+    same: tuple[Row, ...]
+
+
+def write_two_runs(path: Path, found: TwoRuns, folders: tuple[Path, Path]) -> None:
+    """Write the page; each run's report is linked from where it lies, if there is one.
+
+    Args:
+        path: of the page.
+        found: what moved.
+        folders: of the earlier run's results and report, and of the later one's.
+    """
+    write_whole(path, render_two_runs(found, path.parent, folders))
+
+
+def render_two_runs(found: TwoRuns, place: Path, folders: tuple[Path, Path]) -> str:
+    """The page as HTML, to lie in the folder `place`."""
+    pages = [folder / "index.html" for folder in folders]
+    before, after = (
+        Path(os.path.relpath(page, place)).as_posix() if page.is_file() else "" for page in pages
+    )
+    rows = [_row(case, before, after) for case in found.cases]
+    moved = len(found.moved)
+    page = Page(
+        title=f"{moved} of {counted(len(rows), 'case')} changed",
+        headline=shown(headline(found)),
+        reports=((shown(found.before), before), (shown(found.after), after)),
+        versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in found.versions),
+        mended=tuple(map(shown, found.mended)),
+        broken=tuple(map(shown, found.broken)),
+        moved=tuple(row for row in rows if row.kinds),
+        same=tuple(row for row in rows if not row.kinds),
+    )
+    return template("two_runs.html", page=page)
+
+
+def _row(case: Movement, before: str, after: str) -> Row:
+    name = case.id
+    fragment = f"#case-{slug(name.system, name.model, name.engine, name.scenario)}"
+    then, now = case.global_error
+    return Row(
+        name=shown(name),
+        kinds=", ".join(case.kinds),
+        worse=case.worse,
+        before=case.before or "none",
+        after=case.after or "none",
+        symbols=(_symbol(case.before), _symbol(case.after)),
+        links=(
+            before + fragment if before and case.before else "",
+            after + fragment if after and case.after else "",
+        ),
+        digits=digits_change(*case.digits).replace("->", "→"),
+        errors=(percent(then), percent(now)),
+        ratio=f"× {now / then:.3g}" if then and now and then != now else "",
+        steps=(_seconds(case.step[0]), _seconds(case.step[1])),
+        reason=shown(case.reason),
+    )
+
+
+def _symbol(outcome: Outcome | None) -> str:
+    return "" if outcome is None else SYMBOLS[outcome]
+
+
+def _seconds(step: float | None) -> str:
+    return "–" if step is None else f"{step:.3g}\u00a0s"

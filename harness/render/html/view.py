@@ -1,0 +1,293 @@
+"""What the report shows: results turned into strings and tables, ready for the template."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.history import Past
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView, case_view, severity
+from physics_crosscheck.harness.render.html.content import Content
+from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView, diagnosis_view
+from physics_crosscheck.harness.render.html.matrix import Matrix, Pair, matrix
+from physics_crosscheck.harness.render.html.overview import (
+    Change,
+    Standing,
+    Trouble,
+    changes,
+    gathered,
+    standing_out,
+    verdict,
+)
+from physics_crosscheck.harness.render.html.systems import SystemView, system_view
+from physics_crosscheck.harness.render.html.text import quantity, shown, slug
+from physics_crosscheck.harness.render.terminal.table import summary
+from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT, run_again
+from physics_crosscheck.harness.results.status import counted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """One outcome: its sign, what it means, how many cases have it."""
+
+    outcome: Outcome
+    symbol: str
+    meaning: str
+    cases: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beside:
+    """Other cases that a reader may want next: (permalink, what)."""
+
+    engines: tuple[tuple[str, str], ...]
+    scenarios: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelGroup:
+    """One model file in one engine, with its cases and what is wrong with it."""
+
+    model: str
+    engine: str
+    diagnosis: DiagnosisView | None
+    cases: tuple[tuple[CaseView, Beside], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """One folder: its page, and those of its models.
+
+    Attributes:
+        id: of its page.
+        name: of the system; with its folder where two systems have the same name.
+        models: one for each model file and engine.
+        about: the system itself; None where it could not be read.
+        packs: of the system, its models and its diagnoses.
+    """
+
+    id: str
+    name: str
+    models: tuple[ModelGroup, ...]
+    about: SystemView | None
+    packs: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """The whole page.
+
+    Attributes:
+        settings: (what, value) of the run.
+        absent: engines that are not installed.
+        verdict: whether all is right, and what to do if not, in words.
+        troubles: what to act on.
+        again: the command that tells whether it helped; empty where all passes.
+        standing: cases that stand out of those that agree.
+        changes: since the baseline; None without one.
+        baseline: which one.
+        matrix: models by engines.
+        cases: every case, worst first.
+        groups: in the order of the run.
+        history: id of the pack of past runs; empty where there are none.
+        packs: numbers and plots, by the ids of their elements.
+    """
+
+    title: str
+    verdict: str
+    summary: str
+    settings: tuple[tuple[str, str], ...]
+    absent: tuple[str, ...]
+    counts: tuple[Count, ...]
+    troubles: tuple[Trouble, ...]
+    again: str
+    standing: tuple[Standing, ...]
+    changes: tuple[Change, ...] | None
+    baseline: str
+    matrix: Matrix
+    cases: tuple[CaseView, ...]
+    engines: tuple[str, ...]
+    systems: tuple[str, ...]
+    groups: tuple[Group, ...]
+    history: str
+    packs: Mapping[str, str]
+
+
+def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> Report:
+    """The view of results, whose page lies in the folder `out`, and of past runs."""
+    systems = {system.folder: system for system in results.systems}
+    names = _names(results, systems)
+    ids = _Ids()
+    content = Content(results, history)
+    pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
+    views = _views(results.cases, systems, ids, content)
+    pairs = list(zip(results.cases, views, strict=True))
+    diagnoses = _diagnoses(results.models, pairs, ids, content)
+    worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
+    counts = Counter(case.outcome for case in results.cases)
+    found = gathered(results, {id(case): view for case, view in pairs}, diagnoses)
+    shown_names = {folder: name for folder, (_, name) in names.items()}
+    baseline = results.baseline
+    return Report(
+        title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')} agree",
+        verdict=verdict(results, found),
+        summary=shown(summary(results)),
+        settings=(
+            ("created", shown(results.created)),
+            ("requested resolution", quantity(results.resolution, "")),
+            *((shown(k), shown(v)) for k, v in results.versions.items() if v is not None),
+        ),
+        absent=tuple(shown(k) for k, v in results.versions.items() if v is None),
+        counts=tuple(
+            Count(outcome=o, symbol=SYMBOLS[o], meaning=o.meaning, cases=counts[o]) for o in Outcome
+        ),
+        troubles=found,
+        again=shown(run_again(results, out)),
+        standing=standing_out(pairs),
+        changes=None if baseline is None else changes(baseline, pairs),
+        baseline="" if baseline is None else shown(baseline.name or "the baseline"),
+        matrix=matrix(pairs, results.models, pages, shown_names),
+        cases=tuple(view for _, view in worst_first),
+        engines=tuple(sorted({view.engine for view in views})),
+        systems=tuple(dict.fromkeys(view.system for view in views)),
+        groups=_groups(results, pages, shown_names, pairs, diagnoses, content),
+        history=content.history_pack,
+        packs=content.packs(),
+    )
+
+
+def _names(results: Results, systems: Mapping[str, System]) -> dict[str, tuple[str, str]]:
+    """Of each folder, in the order of the run: the system's name, and what it is called here."""
+    folders = dict.fromkeys([*systems, *(case.folder for case in results.cases)])
+    names = {case.folder: case.system for case in results.cases}
+    names |= {folder: system.name for folder, system in systems.items()}
+    times = Counter(names.values())
+    return {
+        folder: (name, shown(name if times[name] == 1 else f"{name} in {folder}"))
+        for folder, name in ((folder, names[folder]) for folder in folders)
+    }
+
+
+def _groups(
+    results: Results,
+    pages: Mapping[str, str],
+    names: Mapping[str, str],
+    pairs: Sequence[Pair],
+    diagnoses: Mapping[ModelKey, DiagnosisView],
+    content: Content,
+) -> tuple[Group, ...]:
+    cases: dict[str, list[Pair]] = {folder: [] for folder in pages}
+    for case, view in pairs:
+        cases[case.folder].append((case, view))
+    abouts = {
+        system.folder: system_view(
+            system,
+            [model for model in results.models if model.folder == system.folder],
+            content.system_pack(system.folder),
+        )
+        for system in results.systems
+    }
+    return tuple(
+        Group(
+            id=page,
+            name=names[folder],
+            models=_model_groups(cases[folder], diagnoses),
+            about=abouts.get(folder),
+            packs=content.folder_packs(folder),
+        )
+        for folder, page in pages.items()
+    )
+
+
+class _Ids:
+    """Ids of which none is given twice: a repeated one gets a number."""
+
+    def __init__(self) -> None:
+        self._given: Counter[str] = Counter()
+
+    def new(self, wanted: str) -> str:
+        self._given[wanted] += 1
+        count = self._given[wanted]
+        # No slug has an equals sign.
+        return wanted if count == 1 else f"{wanted}={count}"
+
+
+def _views(
+    cases: Sequence[Case], systems: Mapping[str, System], ids: _Ids, content: Content
+) -> list[CaseView]:
+    scenarios = {
+        (folder, scenario.name): scenario
+        for folder, system in systems.items()
+        for scenario in system.scenarios
+    }
+    return [
+        case_view(
+            case,
+            ids.new(f"case-{slug(case.system, case.model, case.engine, case.scenario)}"),
+            content.case_pack(place),
+            scenarios.get((case.folder, case.scenario)),
+        )
+        for place, case in enumerate(cases)
+    ]
+
+
+def _diagnoses(
+    models: Sequence[Model], pairs: Sequence[Pair], ids: _Ids, content: Content
+) -> dict[ModelKey, DiagnosisView]:
+    """Of the models that a motion or the audit finds wrong."""
+    differing: dict[ModelKey, list[tuple[str, str]]] = {}
+    for case, view in pairs:
+        if case.outcome is Outcome.DIFFERS:
+            differing.setdefault(case.key, []).append((view.id, view.scenario))
+    found = {}
+    for place, model in enumerate(models):
+        if model.diagnosis is not None or model.findings:
+            name = slug(model.system, model.model, model.engine)
+            found[model.key] = diagnosis_view(
+                model,
+                ids.new(f"diagnosis-{name}"),
+                content.diagnosis_pack(place),
+                differing.get(model.key, ()),
+            )
+    return found
+
+
+BESIDE = 12
+"""Links to other cases at most: a longer row is no help."""
+
+
+def _model_groups(
+    pairs: Sequence[Pair], diagnoses: Mapping[ModelKey, DiagnosisView]
+) -> tuple[ModelGroup, ...]:
+    rows: dict[ModelKey, list[Pair]] = {}
+    same: dict[str, list[CaseView]] = {}
+    for case, view in pairs:
+        rows.setdefault(case.key, []).append((case, view))
+        same.setdefault(case.scenario, []).append(view)
+    groups = []
+    for key, mine in rows.items():
+        cases = []
+        for case, view in mine:
+            engines = [v for v in same[case.scenario] if v is not view][:BESIDE]
+            scenarios = [v for _, v in mine if v is not view][:BESIDE]
+            beside = Beside(
+                engines=tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
+                scenarios=tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
+            )
+            cases.append((view, beside))
+        groups.append(
+            ModelGroup(
+                model=mine[0][1].model,
+                engine=mine[0][1].engine,
+                diagnosis=diagnoses.get(key),
+                cases=tuple(cases),
+            )
+        )
+    return tuple(groups)

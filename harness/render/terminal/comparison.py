@@ -1,0 +1,284 @@
+"""A comparison of two models, for the terminal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from physics_crosscheck.harness.records.comparison import (
+    Compared,
+    ComparedProperty,
+    Comparison,
+    FileDifference,
+    FileEdit,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.compared_properties import (
+    SIX_DIGITS,
+    is_explained,
+    line_name,
+    minor_line,
+    print_properties,
+)
+from physics_crosscheck.harness.render.terminal.styles import STYLES
+from physics_crosscheck.harness.render.terminal.versions import say
+from physics_crosscheck.harness.results.status import counted
+
+MOST_TOLD = 20
+MOST_TERMS = 8
+NOT_COMPARED = "not compared"
+
+MINOR = 1e-5
+"""Relative effect below which a difference is minor: one line counts them."""
+
+MOST_EXPLAINED = 0.5
+"""Share of a discrepancy above which a difference is its cause."""
+
+FEW = 6
+"""So many differences without an effect are listed beside those with one."""
+
+WORDS = {
+    Outcome.AGREES: "ok", Outcome.DIFFERS: "FAIL", Outcome.UNRESOLVED: "UNRESOLVED",
+    Outcome.FAILED: "ERROR", Outcome.REFUSED: "REFUSED", Outcome.ABSENT: "skipped",
+}  # fmt: skip
+
+VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in B(.*)")
+"""Of the sentence about a property: the subject, what of it, its value in A and in B."""
+
+
+def print_comparison(console: Console, comparison: Comparison) -> None:
+    """Print the verdict with its cause and remedy, other differences, then what was compared."""
+    if comparison.found is None:
+        _print_failure(console, comparison)
+        return
+    found = comparison.found
+    _print_outcome(console, comparison, found)
+    edit = _edit_that_explains(found)
+    print_properties(console, comparison.outcome, found, is_named=edit is None)
+    _print_terms(console, comparison.outcome, found)
+    _print_differences(console, comparison.outcome, found)
+    _print_models(console, comparison, found)
+
+
+def _print_failure(console: Console, comparison: Comparison) -> None:
+    say(console, f"{WORDS[Outcome.FAILED]}  {comparison.reason}", STYLES[Outcome.FAILED])
+    for line in comparison.stdout.splitlines()[-6:]:
+        say(console, f"  | {line}")
+
+
+def _print_models(console: Console, comparison: Comparison, found: Compared) -> None:
+    """Print which files were compared, in which engines and runs, and what was not compared."""
+    console.print()
+    for label, model in zip("AB", comparison.models, strict=True):
+        pull = ", ".join(f"{g:g}" for g in model.gravity or ())
+        gravity = f", gravity ({pull})" if pull else ""
+        say(console, f"{label}  {model.model} in {model.engine}{gravity}")
+    runs = counted(found.runs.count, "run")
+    say(
+        console,
+        f"   {runs} of {found.runs.length:.3g} s from states of {found.states_of},"
+        f" {found.runs.driven} of them with known forces",
+        "dim",
+    )
+    if found.left_out:
+        names = ", ".join(found.left_out)
+        say(console, f"   without a partner in {found.states_of}: {names}", "dim")
+    for note in (*found.notes, *found.map):
+        if not note.startswith(NOT_COMPARED):
+            say(console, f"   {note}", "dim")
+    if line := _not_compared(found):
+        say(console, line, "yellow")
+
+
+def _not_compared(found: Compared) -> str:
+    """Return a line on what the runs leave out, and which differences they cannot show."""
+    begin = f"{NOT_COMPARED}: "
+    parts = [note.removeprefix(begin) for note in found.notes if note.startswith(begin)]
+    silent = [one for one in found.untested if not one.startswith(NOT_COMPARED)]
+    if silent:
+        parts.append(f"{counted(len(silent), 'difference')} without an effect on these runs")
+    text = "; ".join(parts).replace("limits of position", "joint limits")
+    return f"{begin}{text}" if parts else ""
+
+
+def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:
+    """Print the verdict, with the first cause and what to do, and by how much motions differ."""
+    outcome, word = comparison.outcome, WORDS[comparison.outcome]
+    size = f"{_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}"
+    names = [Path(model.model).name for model in comparison.models]
+    if outcome is Outcome.AGREES:
+        say(
+            console, f"{word}  {' and '.join(names)} move alike: difference {size}", STYLES[outcome]
+        )
+        return
+    if outcome is not Outcome.DIFFERS:
+        say(console, f"{word}  {comparison.reason}", STYLES[outcome])
+        say(console, f"  difference {size}, on {found.component}")
+        return
+    cause, remedy = _cause(found, names)
+    say(console, f"{word}  {cause or comparison.reason}", STYLES[outcome])
+    if remedy:
+        say(console, f"Fix: {remedy}")
+    say(console, f"  motions differ by {size}, on {found.component}")
+    if len(found.joints) > 1:
+        say(console, f"  by joint: {_by_joint(found)}")
+
+
+def _cause(found: Compared, names: Sequence[str]) -> tuple[str, str]:
+    """Return the weightiest difference in a sentence, with lines and values, and the remedy."""
+    if found.turned:
+        turned = ", ".join(found.turned)
+        verb = "turns" if len(found.turned) == 1 else "turn"
+        remedy = f"map it with --joints, or reverse the axis (then {_size(found.left_when_turned)}"
+        return f"{turned} {verb} the other way in B", f"{remedy} remains)"
+    if (edit := _edit_that_explains(found)) is not None:
+        return _edit_cause(edit.edits[0], names, _share(edit.explained or 0.0))
+    moving = [one for one in found.properties if one.moves]
+    if moving:
+        return _property_cause(moving[0], len(moving), found, names)
+    return (found.terms[0].message, "") if found.terms else ("", "")
+
+
+def _edit_that_explains(found: Compared) -> FileDifference | None:
+    """Return the first edit that alone explains most of the difference."""
+    for one in found.differences:
+        if len(one.edits) == 1 and not one.not_tried and (one.explained or 0.0) > MOST_EXPLAINED:
+            return one
+    return None
+
+
+def _edit_cause(edit: FileEdit, names: Sequence[str], share: str) -> tuple[str, str]:
+    a, b = (
+        line_name(where) if where else name
+        for where, name in zip((edit.where_a, edit.where_b), names, strict=True)
+    )
+    cause = f"{a} {edit.what}: {edit.a}, {b}: {edit.b} ({share} of the difference)"
+    missing = "nothing" in (edit.a, edit.b)
+    return cause, "" if missing else f"set {a} to {edit.b}, or {b} to {edit.a}"
+
+
+def _property_cause(
+    one: ComparedProperty, count: int, found: Compared, names: Sequence[str]
+) -> tuple[str, str]:
+    share = ""
+    if found.explained is not None and found.explained > 0:
+        others = f" with {counted(count - 1, 'other difference')}" if count > 1 else ""
+        share = f" ({_share(found.explained)} of the difference{others})"
+    a, b = (
+        line_name(where) if where else name
+        for where, name in zip((one.where_a, one.where_b), names, strict=True)
+    )
+    match = VALUES.fullmatch(one.message)
+    if match is None:
+        return f"{a}, {b}: {one.message}{share}", ""
+    subject, what, here, there, _ = match.groups()
+    label = f"{what.strip()} of {subject}" if what else subject
+    cause = f"{a} {label}: {here}, {b}: {there}{share}"
+    return cause, f"set {label} to {there} in {a}, or to {here} in {b}"
+
+
+def _size(value: float | None) -> str:
+    return f"{float('inf') if value is None else value:.1e}"
+
+
+def _by_joint(found: Compared) -> str:
+    sizes = [float("inf") if size is None else size for size in found.by_component]
+    n = len(found.joints)
+    worst = {name: max(sizes[i], sizes[n + i]) for i, name in enumerate(found.joints)}
+    order = sorted(worst, key=lambda name: -_rounded(worst[name]))
+    apart = [name for name in order if worst[name] > 0]
+    return ", ".join(f"{name} {worst[name]:.1e}" for name in apart[:MOST_TOLD])
+
+
+def _rounded(size: float) -> float:
+    """Return six digits: what is alike keeps its order, whatever the last digits are."""
+    return float(f"{size:.5e}")
+
+
+def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
+    if found.terms:
+        console.print("\nmeasured terms that differ, largest effect first")
+        for term in found.terms[:MOST_TERMS]:
+            say(console, f"  {term.message}")
+        if len(found.terms) > MOST_TERMS:
+            console.print(f"  and {len(found.terms) - MOST_TERMS} more, see --json")
+    elif outcome is Outcome.DIFFERS and not found.turned and not is_explained(found):
+        console.print("\nno single measured term differs beyond its uncertainty")
+
+
+def _print_differences(console: Console, outcome: Outcome, found: Compared) -> None:
+    """Print the edits that were tried; minor ones, and those without an effect, as counts."""
+    named = outcome is Outcome.DIFFERS and not found.turned
+    if named and found.differences == (_edit_that_explains(found),):
+        return  # the verdict names it
+    if not found.differences:
+        return
+    agrees = outcome is Outcome.AGREES
+    shown = [one for one in found.differences if not agrees or len(one.edits) == 1]
+    still = [one for one in shown if one.moved == 0.0 and not one.not_tried]
+    if agrees or len(still) <= FEW:
+        still = []
+    minor = [one for one in shown if _is_minor(one)]
+    shown = [one for one in shown if one not in still and one not in minor]
+    if shown:
+        console.print("\nwhere the files differ, A -> B")
+    for one in shown[:MOST_TOLD]:
+        say(console, "  " + "  ".join(filter(None, _cells(one, agrees))))
+    if len(shown) > MOST_TOLD:
+        console.print(f"  and {len(shown) - MOST_TOLD} more, see --json")
+    if minor:
+        say(console, minor_line(len(minor)))
+    if still:
+        say(console, f"  {len(still)} more differences have no effect on these runs, see --json")
+    if found.untried:
+        say(console, f"  not tried alone: {counted(found.untried, 'more difference')}")
+
+
+def _is_minor(one: FileDifference) -> bool:
+    """Return whether a difference is rounding or moves motions little, and is not the cause."""
+    if len(one.edits) != 1 or (one.explained or 0.0) > MOST_EXPLAINED or one.not_tried:
+        return False
+    if one.moved is not None and 0.0 < one.moved < MINOR:
+        return True
+    try:
+        a, b = float(one.edits[0].a), float(one.edits[0].b)
+    except ValueError:
+        return False
+    return abs(a - b) <= SIX_DIGITS * max(abs(a), abs(b))
+
+
+def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:
+    if len(one.edits) > 1:
+        return "", f"all {len(one.edits)} together:", _effect(one, agrees)
+    (edit,) = one.edits
+    return _lines(edit), f"{edit.what}: {edit.a} -> {edit.b}", _effect(one, agrees)
+
+
+def _lines(edit: FileEdit) -> str:
+    """The line in A; that in B where it has another number; B's where A has no such line."""
+    if edit.where_a is None or edit.where_b is None:
+        return ""
+    a, b = (Path(str(where)).name for where in (edit.where_a, edit.where_b))
+    if edit.a == "nothing" and edit.where_a.line is None:
+        return b
+    return a if a == b or edit.where_a.line == edit.where_b.line else f"{a}, {b}"
+
+
+def _effect(one: FileDifference, agrees: bool) -> str:
+    if one.not_tried:
+        return f"not tried: {one.not_tried}"
+    if one.moved == 0.0:
+        return "no effect on these runs"
+    if agrees:
+        return f"changes motions by {_size(one.moved)}, which other edits cancel"
+    share = _share(one.explained or 0.0)
+    return f"{share} of the difference, changes motions by {_size(one.moved)}"
+
+
+def _share(explained: float) -> str:
+    if explained <= 0.0005:
+        return "0 %"
+    return f"{100 * min(explained, 1.0):.3g} %"

@@ -1,0 +1,92 @@
+"""The terminal that commands print to, and text that fits its width."""
+
+from __future__ import annotations
+
+import os
+import sys
+import textwrap
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from physics_crosscheck.harness.results.visible import visible_lines
+
+LOG_COLUMNS = 100
+"""Columns of a log or a pipe, which have no width of their own."""
+
+MIN_COLUMNS = 40
+"""A narrower terminal gets lines of this width."""
+
+
+def terminal() -> Console:
+    """Return a console on standard output, in which only outcomes have colours."""
+    known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
+    return Console(
+        soft_wrap=False, highlight=False, emoji=False, width=None if known else LOG_COLUMNS
+    )
+
+
+def print_wrapped(
+    console: Console, text: str, *, lead: str = "", style: str = "", indent: int = 0
+) -> None:
+    """Print a text in lines of the console's width; a word longer than that stays whole.
+
+    Args:
+        console: to print on.
+        text: without markup; each of its lines begins a new line.
+        lead: in front of the first line.
+        style: of the lead.
+        indent: columns in front of every other line.
+    """
+    width = max(console.width, MIN_COLUMNS)
+    for number, line in enumerate(visible_lines(text) or [""]):
+        before = lead if number == 0 else " " * indent
+        wrapped = textwrap.wrap(
+            line,
+            width,
+            initial_indent=" " * len(before),
+            subsequent_indent=" " * indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        for row, part in enumerate(wrapped or [""]):
+            shown = Text(before, style) + Text(part[len(before) :]) if row == 0 else Text(part)
+            console.print(shown, soft_wrap=True)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Return the lines of a text of at most `width` columns, unless a word is wider.
+
+    What does not fit goes below, two columns to the right of where the text begins.
+
+    Args:
+        text: one line; its indentation is kept.
+        width: columns.
+    """
+    begin = " " * (len(text) - len(text.lstrip()))
+    return textwrap.wrap(
+        text.strip(),
+        width,
+        initial_indent=begin,
+        subsequent_indent=f"{begin}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    ) or [""]
+
+
+def wrapped_command(words: Sequence[str], width: int) -> list[str]:
+    """Return a shell command on as many lines as it needs, each but the last ending in a backslash.
+
+    Args:
+        words: of the command, each quoted already where it must be.
+        width: columns.
+    """
+    lines = [f"  {words[0]}"]
+    for word in words[1:]:
+        if len(lines[-1]) + len(word) + 3 > width and lines[-1].strip():
+            lines[-1] += " \\"
+            lines.append(f"    {word}")
+        else:
+            lines[-1] += f" {word}"
+    return lines

@@ -1,0 +1,281 @@
+"""A system as a page to read: what `crosscheck derive` prints, of what was derived."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib import resources
+from typing import Any, Literal
+
+import jinja2
+import sympy as sp
+
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.render.terminal.layout import (
+    LatexFormulas,
+    LatexTable,
+    TextFormulas,
+    TextTable,
+    heading,
+    text_matrix,
+)
+from physics_crosscheck.harness.render.terminal.primes import primed
+from physics_crosscheck.harness.render.terminal.typeset import (
+    Latex,
+    Style,
+    Terms,
+    Text,
+    latex_words,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrix:
+    """A matrix of the linear equations.
+
+    Attributes:
+        symbolic: of the constants' symbols; None where it has none, or is too long to read.
+        numbers: with their values put in.
+    """
+
+    name: str
+    symbolic: sp.Matrix | None
+    numbers: Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """The transfer function from an input to an output, of the Laplace variable `s`."""
+
+    output: sp.Symbol
+    input: sp.Symbol
+    function: sp.Expr
+    s: sp.Symbol
+
+
+@dataclass(frozen=True, kw_only=True)
+class DerivedEquilibrium:
+    """The equations about one equilibrium.
+
+    Attributes:
+        at: each position symbol and where it rests.
+        matrices: M, C, K, A, B; one without columns is left out.
+        damped: eigenvalue and complex shape of each mode; empty where nothing is damped.
+        moved: symbols that the series has for positions which do not rest at zero, each with what
+            it stands for.
+        series: both sides of each equation's Taylor series; None where the equations are linear
+            already, empty where it would be too long to read.
+        linearity: empty where the equations are linear already, or about it unstable.
+    """
+
+    name: str
+    description: str
+    at: Sequence[tuple[sp.Symbol, sp.Expr]]
+    matrices: Sequence[Matrix]
+    poles: Sequence[records.Pole]
+    modes: Sequence[records.Mode]
+    damped: Sequence[tuple[complex, Sequence[complex]]]
+    transfers: Sequence[Transfer]
+    moved: Sequence[tuple[sp.Symbol, sp.Expr]]
+    series: Sequence[tuple[Terms, Terms]] | None
+    linearity: Sequence[records.Linearity]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DerivedSystem:
+    """Everything that is derived from a system without integrating a scenario.
+
+    Attributes:
+        q, v, a: symbols of positions, velocities and accelerations.
+        energies: T, V and D.
+        forces: the generalized force of each coordinate.
+        motion: both sides of each equation of motion.
+        kind: by the number of inputs and outputs.
+        order: of the Taylor series.
+        errata: each published equation, with what it claims to be.
+    """
+
+    title: str
+    source: str
+    q: Sequence[sp.Symbol]
+    v: Sequence[sp.Symbol]
+    a: Sequence[sp.Symbol]
+    coordinates: Sequence[records.Quantity]
+    inputs: Sequence[records.Quantity]
+    constants: Sequence[records.Constant]
+    outputs: Sequence[sp.Expr]
+    energies: Sequence[tuple[str, sp.Expr]]
+    forces: Sequence[sp.Expr]
+    motion: Sequence[tuple[Terms, Terms]]
+    kind: str
+    linear: bool
+    order: int
+    equilibria: Sequence[DerivedEquilibrium]
+    errata: Sequence[tuple[str, records.Erratum]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownBody:
+    """A declared body: what carries it, by which joints, and its mass in kg."""
+
+    name: str
+    parent: str
+    by: str
+    mass: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownJoint:
+    """A declared joint.
+
+    Attributes:
+        body: that it carries.
+        limits: None where there are none.
+        damping, stiffness: of the first power, the second, ...
+    """
+
+    name: str
+    kind: str
+    body: str
+    limits: tuple[float, float] | None
+    damping: Sequence[float]
+    stiffness: Sequence[float]
+    armature: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DerivedTree:
+    """What is derived from declared bodies.
+
+    Attributes:
+        q, v, a: symbols of positions, velocities and accelerations.
+        pulls: names of tendons and actuators.
+        couplings: names of the joints that follow others.
+        motion: both sides of each equation of motion; empty where these are left out.
+        left_out: why they are; empty where they are not.
+        home: position of each coordinate at which the mass matrix is shown.
+        mass: that matrix.
+    """
+
+    title: str
+    source: str
+    q: Sequence[sp.Symbol]
+    v: Sequence[sp.Symbol]
+    a: Sequence[sp.Symbol]
+    coordinates: Sequence[records.Quantity]
+    bodies: Sequence[ShownBody]
+    joints: Sequence[ShownJoint]
+    gravity: Sequence[float]
+    pulls: Sequence[str]
+    couplings: Sequence[str]
+    motion: Sequence[tuple[Terms, Terms]]
+    left_out: str
+    home: Sequence[float]
+    mass: Matrix
+
+
+def describe(derived: DerivedSystem | DerivedTree, style: Literal["text", "latex"] = "text") -> str:
+    """Everything that is derived from a system, as a page of text or of LaTeX."""
+    symbols = derived.q, derived.v, derived.a
+    page = "derive" if isinstance(derived, DerivedSystem) else "bodies"
+    if style == "latex":
+        latex = Latex(*symbols)
+        environment = jinja2.Environment(**_SETTINGS, **_SIGNS)
+        environment.filters |= {
+            "words": latex_words,
+            "inline": "${}$".format,
+            "equation": latex.equation,
+            "matrix": latex.matrix,
+        }
+        environment.globals |= {"table": LatexTable, "formulas": LatexFormulas}
+        return _page(environment, latex, f"{page}.tex", derived)
+    environment = jinja2.Environment(**_SETTINGS)
+    environment.filters |= {"heading": heading}
+    environment.globals |= {"table": TextTable, "formulas": TextFormulas, "matrix": text_matrix}
+    return _page(environment, Text(*symbols), f"{page}.txt", derived)
+
+
+def _page(
+    environment: jinja2.Environment,
+    style: Style,
+    template: str,
+    derived: DerivedSystem | DerivedTree,
+) -> str:
+    names = [c.name for c in derived.coordinates]
+    filters: dict[str, Callable[..., Any]] = {
+        "math": style.math,
+        "number": style.number,
+        "sum": style.sum,
+        "polar": style.polar,
+        "complex": style.complex_number,
+        "pole": lambda pole: style.complex_number(complex(pole.real, pole.imaginary), pair=True),
+        "forms": partial(_forms, style),
+        "hertz": lambda frequency: style.number(frequency / (2 * math.pi)),
+        "share": lambda value: style.number(0.0 if abs(value) < 1e-12 else value),
+        "primed": partial(primed, coordinates=names),
+        "pole_remark": _pole_remark,
+        "mode_remark": _mode_remark,
+        "percent": lambda value: f"{100 * value:.3g} %",
+        "by_amplitude": _by_amplitude,
+        "powers": lambda values: ", ".join(map(style.number, values)),
+        "limits": lambda joint: list(map(style.number, joint.limits or ())) or ["", ""],
+    }
+    environment.filters |= filters
+    environment.globals |= {"fraction": style.fraction, "rational": style.rational}
+    text = environment.get_template(template).render(system=derived)
+    # What is left out leaves its blank lines.
+    return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
+
+
+def _forms(style: Style, matrix: Matrix) -> list[list[list[str]]]:
+    """A matrix with symbols, where it has any, and with numbers: rows of formulas."""
+    forms = [[[style.number(value + 0.0) for value in row] for row in matrix.numbers]]
+    if matrix.symbolic is not None:
+        forms.insert(0, [[style.math(e) for e in row] for row in matrix.symbolic.tolist()])
+    return forms
+
+
+def _pole_remark(pole: records.Pole) -> str:
+    if pole.frequency == 0:
+        return "rigid body" if pole.multiplicity > 1 else "drifts"
+    real = pole.real or 0.0
+    if pole.imaginary == 0 and pole.multiplicity > 1 and real < 0:
+        return "critically damped"
+    return "grows" if real > 0 else ""
+
+
+def _mode_remark(mode: records.Mode) -> str:
+    if mode.rigid:
+        return "rigid body"
+    return f"grows, {mode.growth:.6g} 1/s" if mode.growth else ""
+
+
+def _by_amplitude(found: Sequence[records.Linearity]) -> list[tuple[Number, ...]]:
+    """Rows of an amplitude and each mode's error there."""
+    return list(zip(found[0].amplitudes, *(mode.errors for mode in found), strict=True))
+
+
+def _template(name: str) -> str:
+    return resources.files(__package__).joinpath(f"pages/{name}").read_text("utf-8")
+
+
+_SETTINGS: dict[str, Any] = {
+    "loader": jinja2.FunctionLoader(_template),
+    "extensions": ["jinja2.ext.do"],
+    "trim_blocks": True,
+    "lstrip_blocks": True,
+    "undefined": jinja2.StrictUndefined,
+}
+
+_SIGNS: dict[str, Any] = {  # LaTeX itself is full of braces
+    "variable_start_string": "<<",
+    "variable_end_string": ">>",
+    "block_start_string": "<%",
+    "block_end_string": "%>",
+    "comment_start_string": "<#",
+    "comment_end_string": "#>",
+}

@@ -1,0 +1,232 @@
+"""The table of results: a row a model and engine, in as many columns as fit.
+
+No cell is cut. A column that is empty in all rows is left out. Where the terminal is too narrow,
+names get a line of their own, and a line below the table names the columns that did not fit.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.text import Text
+
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.case import Case, FullRun, ModelId
+from physics_crosscheck.harness.records.history import digits_known
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.console import print_wrapped
+from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.results.status import counted, duration, percent
+from physics_crosscheck.harness.results.visible import visible
+
+NAMES = ("system", "model", "engine")
+
+COLUMNS = ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %")
+"""In the order of their importance."""
+
+DETAILS = ("status", "digits", "error", "uncertainty", *COLUMNS[2:])
+
+TENTH = 0.001
+"""The error that the last column's steps would give."""
+
+LARGE = 0.1
+"""From this error on, a motion for which no step is known is chaotic."""
+
+MAX_ROWS = 12
+"""With more, rows in which every case agrees are counted."""
+
+GAP = "  "
+
+CHAOTIC = "chaotic"
+"""Shown in place of an error at dt that does not depend on the model or the time step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A model in an engine.
+
+    Attributes:
+        names: of system, model and engine.
+        cells: by column, empty where there is nothing.
+        status: with colours.
+        agrees: whether every case does.
+    """
+
+    names: tuple[str, ...]
+    cells: dict[str, str]
+    status: Text
+    agrees: bool
+
+
+def print_models(console: Console, cases: Iterable[Case], *, details: bool = False) -> None:
+    """Print the table, at most as wide as the console.
+
+    Args:
+        console: to print on.
+        cases: of the run, those of a model and engine together.
+        details: whether to show every row, and errors with their uncertainties.
+    """
+    groups = itertools.groupby(cases, lambda case: case.id.of_model)
+    rows = [_row(model, list(group)) for model, group in groups]
+    shown = rows
+    if len(rows) > MAX_ROWS and not details:
+        shown = [row for row in rows if not row.agrees]
+    if not shown:
+        return
+    columns = [
+        name
+        for name in (DETAILS if details else COLUMNS)
+        if any(row.cells.get(name) for row in shown)
+    ]
+    lost = _print_rows(console, shown, columns)
+    chaotic = any(CHAOTIC in row.cells["error at dt"] for row in shown)
+    if chaotic and "error at dt" not in lost:
+        note = "chaotic: a motion that no time step follows to its end; the model is right"
+        _print_note(console, note)
+    if len(shown) < len(rows):
+        left = counted(len(rows) - len(shown), "more row")
+        _print_note(console, f"{left}: every case ok; --details shows them")
+    if lost:
+        _print_note(console, f"a wider terminal also shows: {', '.join(lost)}")
+
+
+def is_chaotic(case: Case) -> bool:
+    """Return whether a motion that agrees is far off at its end, whatever the time step."""
+    run = case.full_run
+    if case.outcome is not Outcome.AGREES or run is None or (run.global_error or 0.0) < LARGE:
+        return False
+    return any(one.target == TENTH and one.step is None for one in run.steps_for)
+
+
+def known(values: Iterable[Number]) -> list[float]:
+    """Return the values that are not missing."""
+    return [value for value in values if value is not None]
+
+
+def _print_note(console: Console, note: str) -> None:
+    print_wrapped(console, note, lead=GAP, indent=len(GAP))
+
+
+def _print_rows(console: Console, rows: Sequence[Row], columns: list[str]) -> list[str]:
+    """Print a head and rows; return the columns that did not fit."""
+    widths = {name: max(len(name), *(len(row.cells[name]) for row in rows)) for name in columns}
+    # One system stands in the line above the table.
+    first = len({row.names[0] for row in rows}) == 1 and len(rows) > 1
+    heads = NAMES[first:]
+    names = [
+        max(len(head), *(len(row.names[i]) for row in rows))
+        for i, head in enumerate(NAMES)
+        if i >= first
+    ]
+    least = [widths[name] for name in columns[:2]]
+    above = _total([*names, *least]) > console.width
+    room = console.width - (len(GAP) if above else _total(names) + len(GAP))
+    count = 1
+    while count < len(columns) and _total([widths[c] for c in columns[: count + 1]]) <= room:
+        count += 1
+    shown = columns[:count]
+    head = Text(GAP if above else "", style="bold")
+    if not above:
+        head.append(_joined(heads, names) + GAP)
+    head.append(_cells({name: name for name in shown}, shown, widths))
+    _print_line(console, head)
+    for row in rows:
+        line = Text(GAP if above else _joined(row.names[first:], names) + GAP)
+        if above:
+            system, model, engine = row.names
+            _print_line(console, Text(f"{system}/{model} [{engine}]"))
+        line += row.status + Text(" " * (widths[shown[0]] - row.status.cell_len))
+        if rest := shown[1:]:
+            line += Text(GAP + _cells(row.cells, rest, widths))
+        _print_line(console, line)
+    return columns[count:]
+
+
+def _print_line(console: Console, line: Text) -> None:
+    line.rstrip()
+    console.print(line, soft_wrap=True)
+
+
+def _joined(names: Sequence[str], widths: Sequence[int]) -> str:
+    return GAP.join(name.ljust(width) for name, width in zip(names, widths, strict=True))
+
+
+def _cells(cells: dict[str, str], columns: Sequence[str], widths: dict[str, int]) -> str:
+    return GAP.join(
+        cells[name].ljust(widths[name]) if name == "status" else cells[name].rjust(widths[name])
+        for name in columns
+    )
+
+
+def _total(widths: Sequence[int]) -> int:
+    return sum(widths) + len(GAP) * (len(widths) - 1)
+
+
+def _row(model: ModelId, cases: Sequence[Case]) -> Row:
+    counts = Counter(case.outcome for case in cases)
+    status = Text(", ").join(
+        Text(f"{counts[one]} {WORDS[one]}", STYLES[one]) for one in reversed(Outcome) if counts[one]
+    )
+    agreeing = [case for case in cases if case.outcome is Outcome.AGREES]
+    digits = known(map(digits_known, agreeing))
+    discrepancy, uncertainty = _sizes(cases)
+    differs = bool(counts[Outcome.DIFFERS]) and discrepancy is not None
+    runs = [c.full_run for c in cases if c.full_run is not None and not is_chaotic(c)]
+    chaotic = any(map(is_chaotic, cases))
+    errors = known(e for run in runs for e in (run.global_error, run.velocity_error))
+    steps = known(case.full_run.time_step for case in cases if case.full_run is not None)
+    cells = {
+        "status": status.plain,
+        "digits": f"{min(digits):.1f}" if digits else "",
+        "off by": percent(discrepancy or 0.0) if differs else "",
+        "error": "" if discrepancy is None else f"{discrepancy:.1e}",
+        "uncertainty": "" if uncertainty is None else f"{uncertainty:.1e}",
+        "error at dt": _error(max(errors, default=None), chaotic),
+        "dt": duration(max(steps)) if steps else "",
+        "order": _range(known(run.order for run in runs)),
+        "dt for 0.1 %": _step_for_tenth(runs),
+    }
+    names = visible(model.system), visible(model.model), visible(model.engine)
+    return Row(names=names, cells=cells, status=status, agrees=len(agreeing) == len(cases))
+
+
+def _error(error: Number, chaotic: bool) -> str:
+    parts = ([] if error is None else [percent(error)]) + [CHAOTIC] * chaotic
+    return ", ".join(parts)
+
+
+def _step_for_tenth(runs: Sequence[FullRun]) -> str:
+    """Return the step that gives every motion 0.1 %; none where it is unknown for one."""
+    steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
+    found = known(steps)
+    return duration(min(found)) if found and len(found) == len(steps) else ""
+
+
+def _sizes(cases: Sequence[Case]) -> tuple[Number, Number]:
+    """Return a row's E and U.
+
+    Where cases differ, both belong to the component that decides the case that differs most, so
+    that E is above U; otherwise each is the largest of all cases, components and segments.
+    """
+    verdicts = [case.verdict for case in cases if case.verdict is not None]
+    differing = [case.verdict for case in cases if case.verdict and case.outcome is Outcome.DIFFERS]
+    if differing:
+        worst = max(differing, key=lambda one: one.discrepancy or 0.0)
+        return worst.discrepancy, worst.uncertainty
+    largest = (
+        known(one.largest_discrepancy for one in verdicts),
+        known(one.largest_uncertainty for one in verdicts),
+    )
+    discrepancy, uncertainty = (max(found, default=None) for found in largest)
+    return discrepancy, uncertainty
+
+
+def _range(values: Sequence[float]) -> str:
+    if not values:
+        return ""
+    low, high = (f"{round(value, 1) + 0.0:.1f}" for value in (min(values), max(values)))
+    return low if low == high else f"{low}-{high}"

@@ -1,0 +1,378 @@
+"""Problems for the terminal: the cause and the fix of each, once, however many cases it affects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from msgspec.structs import replace
+from rich.console import Console
+
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case, Verdict
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.render.terminal.console import print_wrapped
+from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, brief_cause, cause_sentences
+from physics_crosscheck.harness.results.issues import (
+    Trouble,
+    explained_alike,
+    troubles,
+    untold_failures,
+)
+from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
+from physics_crosscheck.harness.results.places import placed, shown_line
+from physics_crosscheck.harness.results.status import counted, percent
+
+MAX_PROBLEMS = 40
+"""More are counted; the report lists them."""
+
+OUTPUT_LINES = 6
+"""The last lines that a failed case printed."""
+
+INDENT = 8
+"""Columns in front of what follows a problem's first line."""
+
+MASSLESS = "massless"
+"""What an audit calls a link with inertia and without mass, in the finding's subject."""
+
+SAME_FAULT = ("inertia", "stiffness", "damping", "acceleration", "linearization")
+"""Kinds of findings without a line, about terms that the motions depend on."""
+
+Note = tuple[str, str]
+"""A label such as `cause`, or none, and its text."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One thing that is wrong.
+
+    Attributes:
+        outcome: whose word and colour it has.
+        name: the model file or the engines that it concerns.
+        headline: what was observed.
+        notes: cause, place and fix.
+        output: what the engine printed.
+    """
+
+    outcome: Outcome
+    name: str
+    headline: str
+    notes: tuple[Note, ...] = ()
+    output: tuple[str, ...] = ()
+
+
+def print_problems(console: Console, results: Results, *, details: bool = False) -> None:
+    """Print every problem of a run, the worst first.
+
+    Args:
+        console: to print on.
+        results: of the run.
+        details: whether to list all cases, findings and residuals.
+    """
+    known = problems(results, details=details)
+    width = max((len(WORDS[one.outcome]) for one in known), default=0)
+    for one in known[:MAX_PROBLEMS]:
+        _print_problem(console, one, max(width, 5))
+    if len(known) > MAX_PROBLEMS:
+        left = counted(len(known) - MAX_PROBLEMS, "more problem")
+        print_wrapped(console, f"  {left}: see the report")
+
+
+def problems(results: Results, *, details: bool = False) -> list[Problem]:
+    """Return the problems of a run, the worst first."""
+    short = is_single_file(results)
+    found = [_of_trouble(one, results, short, details) for one in troubles(results.cases)]
+    found += [
+        Problem(
+            outcome=Outcome.FAILED,
+            name=model.engine if short else str(model.id),
+            headline=f"the {what} failed: {why}",
+        )
+        for model, what, why in untold_failures(results)
+    ]
+    found += _faults(results, short, details)
+    return sorted(found, key=lambda one: -one.outcome.severity)
+
+
+def is_single_file(results: Results) -> bool:
+    """Return whether a run checks one model file alone, so that only engines need names."""
+    places = {(case.folder, case.model) for case in results.cases}
+    return len(places) == 1 and all(folder.endswith(model) for folder, model in places)
+
+
+def _print_problem(console: Console, one: Problem, width: int) -> None:
+    word = WORDS[one.outcome]
+    lead = f"  {word}{' ' * (width - len(word))} "
+    first = f"{one.name}  {one.headline}"
+    if len(lead) + len(first) > console.width:  # a name alone is easier to find
+        print_wrapped(console, one.name, lead=lead, style=STYLES[one.outcome], indent=INDENT)
+        print_wrapped(console, one.headline, lead=" " * INDENT, indent=INDENT)
+    else:
+        print_wrapped(console, first, lead=lead, style=STYLES[one.outcome], indent=INDENT)
+    for label, text in one.notes:
+        before = f"{label}:".ljust(7) if label else ""
+        print_wrapped(console, text, lead=" " * INDENT + before, indent=INDENT + len(before))
+    for line in one.output:
+        print_wrapped(console, line, lead=f"{' ' * INDENT}| ", indent=INDENT + 2)
+
+
+def _of_trouble(trouble: Trouble, results: Results, short: bool, details: bool) -> Problem:
+    case, cases = trouble.worst, (trouble.worst, *trouble.others)
+    if case.outcome is Outcome.DIFFERS:
+        return _difference(cases, results, short, details)
+    if case.outcome is Outcome.ABSENT:
+        return Problem(outcome=case.outcome, name=counted(len(cases), "case"), headline=case.reason)
+    name = _engine_name(cases) if short else str(case.id)
+    notes = () if short or not trouble.others else (("", _others(cases, details)),)
+    return Problem(
+        outcome=case.outcome,
+        name=name,
+        headline=case.reason,
+        notes=notes,
+        output=tuple(case.stdout.splitlines()[-OUTPUT_LINES:]),
+    )
+
+
+def _engine_name(cases: Sequence[Case]) -> str:
+    names = dict.fromkeys(case.engine for case in cases)
+    return case.model if (case := cases[0]).engine == "-" else ", ".join(names)
+
+
+def _others(cases: Sequence[Case], details: bool) -> str:
+    """Return how many cases have the same problem; with details, which."""
+    models = dict.fromkeys(f"{case.system}/{case.model}" for case in cases)
+    text = f"the same in {counted(len(cases) - 1, 'more case')}"
+    if len(models) > 1:
+        text += f" of {counted(len(models), 'model file')}"
+    return f"{text}: {', '.join(str(case.id) for case in cases[1:])}" if details else text
+
+
+def _difference(cases: Sequence[Case], results: Results, short: bool, details: bool) -> Problem:
+    """Return the problem of a model file whose motion differs in some engines."""
+    worst = cases[0]
+    keys = {case.key for case in cases}
+    models = [model for model in results.models if model.key in keys]
+    notes: list[Note] = []
+    groups = explained_alike(models)
+    for alike in groups:
+        named = f" [{', '.join(one.engine for one in alike)}]" if len(groups) > 1 else ""
+        notes += _cause_notes(alike[0], named, details)
+    engines = list(dict.fromkeys(case.engine for case in cases))
+    name = ", ".join(engines) if short else f"{worst.system}/{worst.model} [{', '.join(engines)}]"
+    place = [one for one in results.cases if (one.folder, one.model) == (worst.folder, worst.model)]
+    headline = difference(worst)
+    if len(place) > len({one.engine for one in place}):
+        verb = "differs" if len(cases) == 1 else "differ"
+        headline += f" ({worst.scenario}); {len(cases)} of {len(place)} cases {verb}"
+    if details:
+        notes.append(("cases", ", ".join(str(case.id) for case in cases)))
+    return Problem(outcome=worst.outcome, name=name, headline=headline, notes=tuple(notes))
+
+
+def difference(case: Case) -> str:
+    """Return how far a case that differs is off, in words."""
+    verdict, dynamics = case.verdict, case.forward_dynamics
+    if verdict is None or verdict.discrepancy is None:
+        return case.reason
+    if _is_motion(verdict):
+        return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
+    if dynamics is not None and dynamics.outcome is Outcome.DIFFERS and dynamics.discrepancy:
+        component = dynamics.component.removesuffix("_ddot")
+        return f"acceleration of {component} off by up to {percent(dynamics.discrepancy)}"
+    return case.reason
+
+
+def _is_motion(verdict: Verdict) -> bool:
+    """Return whether a motion decides, and not what the engine's coordinates leave of the map."""
+    e, u = verdict.discrepancy, verdict.uncertainty
+    return e is not None and e > (u or 0.0) and e != verdict.map_residual
+
+
+def _component(name: str) -> str:
+    return f"velocity of {name.removesuffix('_dot')}" if name.endswith("_dot") else name
+
+
+def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
+    diagnosis = model.diagnosis
+    assert diagnosis is not None
+    if not diagnosis.explanations:
+        return [(f"cause{engines}", f"none found: {diagnosis.failure}")]
+    best = placed(diagnosis.explanations[0], model.folder)
+    if not diagnosis.explained:
+        found = list(map(_finding_note, _of_file(model, model.unexplained_findings)))
+        if found and not details:
+            return [*found, *_fixes(model, model.unexplained_findings)]
+        text = BEGIN_WITH_AUDIT if found else f"none found; closest: {cause_sentences(best)[0]}"
+        return [*found, (f"cause{engines}", text), *_fixes(model, model.unexplained_findings)]
+    if details:
+        sentences = cause_sentences(best)
+        notes = [(f"cause{engines}", sentences[0]), *(("", one) for one in sentences[1:])]
+        return [*notes, *_cause_fixes(model, best.causes)]
+    notes = [note for cause in best.causes for note in _brief_notes(cause, model, engines)]
+    return [*notes, *_cause_fixes(model, best.causes)]
+
+
+def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
+    massless = _massless(cause, model)
+    if massless:
+        places = _places([(one.location, one.subject[0]) for one in massless], model.folder)
+        return [(f"cause{engines}", f"{model.engine} drops the inertia of massless links"),
+                ("", places)]  # fmt: skip
+    text = brief_cause(cause)
+    if cause.kind == "dropped":
+        text = f"{model.engine} drops {cause}"
+    notes = [(f"cause{engines}", text)]
+    if cause.locations and not cause.replacement:  # a fix names them otherwise
+        notes.append(("", _places([(one, "") for one in cause.locations], "")))
+    return notes
+
+
+def _massless(cause: Cause, model: Model) -> list[AuditFinding]:
+    """Return the findings about links without mass whose inertia an engine drops."""
+    if cause.kind != "dropped":
+        return []
+    found = [one for one in model.findings if MASSLESS in one.subject[1:]]
+    named = [one for one in found if any(f"[{one.subject[0]}]" in each for each in cause.subject)]
+    return named or found
+
+
+def _places(places: Iterable[tuple[SourceLine | None, str]], folder: str) -> str:
+    """Return lines of files, each file named once: `a.urdf:12 link, :40 hand`."""
+    parts, last = [], ""
+    for where, name in places:
+        if where is None:
+            continue
+        shown = shown_line(folder, where) if folder else where
+        at = str(shown)
+        if shown.file == last and shown.line is not None:
+            at = f":{shown.line}"
+        last = shown.file
+        parts.append(f"{at} {name}".rstrip())
+    return ", ".join(dict.fromkeys(parts))
+
+
+def _cause_fixes(model: Model, causes: Sequence[Cause]) -> list[Note]:
+    fixes = [("fix", f"change {one}") for one in changes_of(model)]
+    for cause in causes:
+        if massless := _massless(cause, model):
+            what = "the link a mass" if len(massless) == 1 else "each link a mass"
+            whose = "its inertia" if len(massless) == 1 else "their inertia"
+            fixes.append(("fix", f"give {what}, or remove {whose}"))
+        elif cause.kind == "axis":
+            fixes.append(("fix", f"reverse the axis of {', '.join(cause.subject)}"))
+        elif cause.kind == "exchange":
+            fixes.append(("fix", f"exchange {' and '.join(cause.subject)}"))
+    return fixes
+
+
+def _fixes(model: Model, findings: Iterable[AuditFinding]) -> list[Note]:
+    changes = dict.fromkeys(map(str, stated_changes(model, findings)))
+    return [("fix", f"change {one}") for one in changes]
+
+
+def _of_file(model: Model, findings: Iterable[AuditFinding]) -> list[AuditFinding]:
+    """Return findings with the paths of their lines seen from the working folder."""
+    return [
+        replace(one, location=shown_line(model.folder, one.location)) if one.location else one
+        for one in findings
+    ]
+
+
+def _finding_note(one: AuditFinding) -> Note:
+    where = "" if one.location is None else f"{one.location}: "
+    return "found", f"{where}{one.message}"
+
+
+def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
+    """Return what the audit finds wrong, a problem a model file, less what a cause explains."""
+    files: dict[tuple[str, str], list[Model]] = {}
+    for model in results.models:
+        if model.findings and not model.accepted:
+            files.setdefault((model.folder, model.model), []).append(model)
+    found = [_fault(models, short, details) for models in files.values()]
+    return [one for one in found if one is not None]
+
+
+def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | None:
+    wanted: dict[tuple[object, ...], tuple[AuditFinding, list[Model]]] = {}
+    for model in models:
+        for one in model.findings:
+            if details or not _is_explained(one, models):
+                key = one.kind, one.subject, one.location
+                wanted.setdefault(key, (one, []))[1].append(model)
+    if not wanted or (not details and _poses_follow(wanted, models)):
+        return None
+    lines = [entry for entry in wanted.values() if entry[0].location is not None]
+    rest = [entry for entry in wanted.values() if entry[0].location is None]
+    shown = [*lines, *rest] if details or not lines else lines
+    notes = []
+    for one, where in shown:
+        (finding,) = _of_file(where[0], [one])
+        notes.append(_finding_note(finding))
+    if len(shown) < len(wanted):
+        more = counted(len(wanted) - len(shown), "more finding")
+        notes.append(("also", f"{more} about computed terms; --details lists them"))
+    for model in models:
+        notes += [note for note in _fixes(model, model.findings) if note not in notes]
+    engines = dict.fromkeys(model.engine for _, where in shown for model in where)
+    name = f"{models[0].system}/{models[0].model} [{', '.join(engines)}]"
+    return Problem(
+        outcome=Outcome.DIFFERS,
+        name=models[0].model if short else name,
+        headline=f"the audit finds {counted(len(wanted), 'fault')} in the file",
+        notes=tuple(notes),
+    )
+
+
+def _poses_follow(wanted: Iterable[tuple[object, ...]], models: Sequence[Model]) -> bool:
+    """Return whether only poses are left, and the fixes of causes correct every number."""
+    if any(kind != "pose" for kind, *_ in wanted):
+        return False
+    fixes = {note for model in models for note in _fixes(model, model.findings)}
+    of_causes = {
+        note
+        for model in models
+        if model.diagnosis is not None and model.diagnosis.explained
+        for note in _cause_fixes(model, model.diagnosis.explanations[0].causes)
+    }
+    return bool(fixes) and fixes <= of_causes
+
+
+def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
+    """Return whether another problem states the same fault already: a cause, or a difference."""
+    for model in models:
+        diagnosis = model.diagnosis
+        if diagnosis is None or not diagnosis.explanations:
+            continue
+        if not diagnosis.explained:
+            if any(one.is_like(known, 0.1) for known in model.unexplained_findings):
+                return True
+            continue
+        # A default is a finding only beside a wrong term, and that follows from the cause.
+        if one.kind == "default" or (one.location is None and one.kind in SAME_FAULT):
+            return True
+        causes = diagnosis.explanations[0].causes
+        if any(_is_same(one, cause) or one in _massless(cause, model) for cause in causes):
+            return True
+    return False
+
+
+def _is_same(one: AuditFinding, cause: Cause) -> bool:
+    """Return whether a finding is about a number of a cause."""
+    if set(one.subject) & set(cause.subject):
+        return True
+    where = one.location
+    return where is not None and any(_is_same_place(where, each) for each in cause.locations)
+
+
+def _is_same_place(one: SourceLine, other: SourceLine) -> bool:
+    """Return whether two lines are of the same number, or the same where no number is known."""
+    if Path(one.file).name != Path(other.file).name or one.line != other.line:
+        return False
+    return one.span is None or other.span is None or one.span == other.span

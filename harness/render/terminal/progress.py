@@ -1,0 +1,133 @@
+"""Progress: a bar that names the phase at a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.table import case_line
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.visible import visible
+
+LOG_SECONDS = 5.0
+"""Seconds between two lines of a log at least."""
+
+Clock = Callable[[], float]
+"""Seconds from any start."""
+
+
+class Progress:
+    """Progress of a run: a bar with the phase at a terminal; elsewhere a line now and then.
+
+    Args:
+        every: whether a log gets a line for each case instead.
+        clock: seconds since any start.
+    """
+
+    def __init__(self, *, every: bool = False, clock: Clock = time.monotonic) -> None:
+        self._every = every
+        self._counter = Counter("case", doing="running", clock=clock)
+        self._differing: dict[str, None] = {}
+
+    def __enter__(self) -> Progress:
+        self._counter.begin("deriving")
+        return self
+
+    def __call__(self, done: int, total: int, case: Case | None) -> None:
+        """Report that a case is done; after the last one, name what is still to be done."""
+        if case is not None:
+            if case.outcome is Outcome.DIFFERS:
+                self._differing[case.model] = None
+            if self._every and not self._counter.is_shown:
+                print(visible(case_line(done, total, case)), file=sys.stderr, flush=True)
+        if done < total:
+            self._counter(done, total, None, silent=self._every)
+        else:
+            names = list(self._differing)
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            self.phase(f"diagnosing {names[0]}{more}" if names else "checking coverage")
+
+    def phase(self, name: str) -> None:
+        """Name what is being done; how much of it there is, is not known."""
+        self._counter.begin(visible(name))
+
+    def __exit__(self, *_: object) -> None:
+        self._counter.end()
+
+
+class Counter:
+    """Progress of many small things: a bar at a terminal, a line every few seconds elsewhere.
+
+    Args:
+        thing: the noun of one.
+        doing: what is done to them.
+        clock: seconds since any start.
+    """
+
+    def __init__(self, thing: str, doing: str = "", clock: Clock = time.monotonic) -> None:
+        self._thing, self._doing, self._clock = thing, doing or f"{thing}s", clock
+        self._bar: Bar | None = None
+        self._last = clock()
+
+    def __enter__(self) -> Counter:
+        self.begin(self._doing)
+        return self
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether there is a bar."""
+        return self._bar is not None
+
+    def begin(self, phase: str) -> None:
+        """Begin a phase of unknown length."""
+        if self._bar is None:
+            self._bar = _bar(phase)
+        else:
+            self._bar.update(self._bar.task_ids[0], description=phase, completed=0, total=None)
+
+    def __call__(self, done: int, total: int, _: object, *, silent: bool = False) -> None:
+        """Report how many are done; a total of 0 is not known yet."""
+        if self._bar is not None:
+            self._bar.update(
+                self._bar.task_ids[0],
+                description=f"{self._doing} {done}/{total}" if total else self._doing,
+                completed=done,
+                total=total or None,
+            )
+        elif total and not silent and self._clock() - self._last >= LOG_SECONDS:
+            self._last = self._clock()
+            of = f"{done} of {counted(total, self._thing)} ({100 * done // total} %)"
+            print(of, file=sys.stderr, flush=True)
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Remove the bar."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
+def _bar(phase: str) -> Bar | None:
+    """Return a running bar, or None where there is no terminal to show it."""
+    if not sys.stderr.isatty() or os.environ.get("CI"):
+        return None
+    bar = Bar(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    bar.add_task(phase, total=None)
+    bar.start()
+    return bar

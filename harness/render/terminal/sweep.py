@@ -1,0 +1,127 @@
+"""A sweep, for the terminal: outcomes, digits, worst cases, each with its command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
+from physics_crosscheck.harness.render.terminal.comparison import WORDS
+from physics_crosscheck.harness.render.terminal.console import wrapped
+from physics_crosscheck.harness.render.terminal.markup import escape
+from physics_crosscheck.harness.render.terminal.styles import STYLES
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.visible import visible
+
+MOST = 12
+"""Cases that are listed."""
+
+
+def print_sweep(console: Console, found: SweepSummary) -> None:
+    """Print the verdict, the outcomes by system and engine, and the worst cases."""
+    _say(console, verdict_line(found))
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in (
+        "system",
+        "engine",
+        "integrator",
+        "cases",
+        "outcomes",
+        "fewest digits",
+        "largest error at dt",
+    ):
+        table.add_column(title)
+    for one in found.groups:
+        table.add_row(
+            escape(one.system),
+            escape(one.engine),
+            escape(one.integrator),
+            str(sum(one.outcomes.values())),
+            _coloured(one.outcomes),
+            "–" if one.least_digits is None else f"{one.least_digits:.1f}",
+            _sci(one.worst_error),
+        )
+    wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
+    if wide <= console.width:
+        console.print(table)
+    else:
+        _print_groups(console, found)
+    for row in found.worst[:MOST]:
+        for line in row_lines(row):
+            _say(console, line)
+    if cost := cost_line(found):
+        _say(console, cost)
+
+
+def _print_groups(console: Console, found: SweepSummary) -> None:
+    """Print the outcomes as a list, where a table of them is wider than the console."""
+    for one in found.groups:
+        digits = "" if one.least_digits is None else f", {one.least_digits:.1f} digits at least"
+        console.print(
+            f"  {escape(f'{one.system} [{one.engine}], {one.integrator}')}:"
+            f" {_coloured(one.outcomes)}{digits}, largest error at dt {_sci(one.worst_error)}"
+        )
+
+
+def verdict_line(found: SweepSummary) -> str:
+    """Return the verdict, how many cases ended in which way, and how many are left."""
+    counts = ", ".join(
+        f"{number} {WORDS[Outcome(name)]}" for name, number in found.outcomes.items()
+    )
+    left = found.plan.cases - found.done
+    more = f"; {left} not run yet" if left else ""
+    broken = not found.outcomes or found.outcomes.keys() & {Outcome.FAILED, Outcome.REFUSED}
+    differ = found.outcomes.keys() - {Outcome.AGREES.value}
+    word = "ERROR" if broken else "FAIL" if differ else "ok"
+    return f"{word}  {counted(found.done, 'case')}: {counts or 'none'}{more}"
+
+
+def cost_line(found: SweepSummary) -> str:
+    """What the cases took; empty where none was stepped."""
+    if found.overhead is None:
+        return ""
+    return (
+        f"{found.steps:.3g} engine steps in {found.engine_seconds:.1f} s of processor time;"
+        f" the sweep took {found.overhead:.2f} times that"
+    )
+
+
+def row_lines(row: SweepRow) -> Iterator[str]:
+    """A case: its name and verdict, why, and the command that runs it alone."""
+    drawn = ", ".join(f"{name} = {value:.6g}" for name, value in row.constants.items())
+    step = "" if row.step is None else f", {row.step:g} s"
+    yield visible(
+        f"{WORDS[row.outcome]}  #{row.index} {row.name}, {row.integrator}{step}"
+        f"{': ' if drawn else ''}{drawn}"
+    )
+    judged = (
+        f"difference {_sci(row.discrepancy)}, uncertainty {_sci(row.uncertainty)}, error at dt"
+        f" {_sci(row.global_error)}"
+    )
+    yield visible(f"  {judged}{'; ' if row.reason else ''}{row.reason}")
+    yield visible(f"  {row.command}")
+
+
+def _say(console: Console, line: str) -> None:
+    """Print a line as it is, wrapped, but for a command: a range 10:100:log has no emoji."""
+    lines = [line] if line.startswith("  crosscheck ") else wrapped(line, console.width)
+    for part in lines:
+        console.print(part, soft_wrap=True, markup=False, emoji=False)
+
+
+def _coloured(outcomes: dict[str, int]) -> str:
+    parts = []
+    for outcome in Outcome:
+        if count := outcomes.get(outcome.value):
+            style = STYLES[outcome]
+            parts.append(f"[{style}]{count} {WORDS[outcome]}[/]")
+    return ", ".join(parts)
+
+
+def _sci(value: Number) -> str:
+    return "–" if value is None else f"{value:.1e}"

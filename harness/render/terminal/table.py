@@ -1,0 +1,332 @@
+"""Results for the terminal: the verdict, what to fix, the models, and one line that sums up."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.history import digits_known
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.render.terminal.console import print_wrapped
+from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
+from physics_crosscheck.harness.render.terminal.models_table import is_chaotic, known, print_models
+from physics_crosscheck.harness.render.terminal.problems import (
+    MAX_PROBLEMS,
+    is_single_file,
+    print_problems,
+)
+from physics_crosscheck.harness.render.terminal.stepping import stepping_lines
+from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
+from physics_crosscheck.harness.results.places import shown_path
+from physics_crosscheck.harness.results.status import counted, percent
+from physics_crosscheck.harness.results.visible import visible
+
+GROWS = 1e-9
+"""By how much more than rounding the largest eigenvalue of a step is off the unit circle."""
+
+GREEN_ROWS = 6
+"""Rows of a table that a run without problems shows at most."""
+
+COUNTS_AT = 44
+"""The column at which a header's counts start, where there is room."""
+
+
+def print_results(
+    console: Console,
+    results: Results,
+    *,
+    quiet: bool = False,
+    details: bool = False,
+    report: Path | None = None,
+) -> None:
+    """Print what was run, the problems with their fixes, the models, and last the summary.
+
+    Args:
+        console: to print on; lines are wrapped to its width.
+        results: of the run.
+        quiet: whether to print problems and the summary alone.
+        details: whether to print all that the report has: errors, coverage, linearizations, steps.
+        report: the page that was written.
+    """
+    if not quiet:
+        _print_header(console, results)
+    print_problems(console, results, details=details)
+    if not quiet:
+        _print_models(console, results, details)
+        if details:
+            _print_details(console, results)
+        _print_notes(console, results, details)
+    if results.baseline is not None:
+        _print_changes(console, results.baseline)
+    _print_last(console, summary(results), report)
+
+
+def summary(results: Results) -> str:
+    """Return one line: how many cases agree, and to how many digits, or how many do not."""
+    counts = Counter(case.outcome for case in results.cases)
+    reached = all(case.engine != "-" for case in results.cases)
+    unit = "engine" if reached and is_single_file(results) else "case"
+    total = len(results.cases) - counts[Outcome.ABSENT]
+    agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
+    digits = known(map(digits_known, agreeing))
+    to = f" to {min(digits):.1f} digits" if digits else ""
+    if agreeing and results.stopped and len(agreeing) == total:
+        whole = total + len(results.not_run)
+        parts = [f"{total} of {counted(whole, unit)} {_verb(total, 'agrees', 'agree')}{to}"]
+    elif not total:
+        parts = ["no case was run" if not results.cases else "nothing was tested"]
+    elif len(agreeing) == total:
+        every = f"1 {unit} agrees" if total == 1 else f"all {total} {unit}s agree"
+        every = f"both {unit}s agree" if total == 2 else every
+        parts = [f"{every}{to}"]
+    else:
+        parts = _failing(counts, total, unit)
+        if agreeing:
+            parts.append(f"{len(agreeing)} {_verb(len(agreeing), 'agrees', 'agree')}{to}")
+    if counts[Outcome.ABSENT]:
+        parts.append(f"{counts[Outcome.ABSENT]} skipped")
+    parts += _reservations(results)
+    line = ", ".join(parts)
+    return f"{line[0].upper()}{line[1:]} ({_time(results.seconds)})"
+
+
+def _failing(counts: Counter[Outcome], total: int, unit: str) -> list[str]:
+    """Return how many cases do not agree, by what became of them; the worst first."""
+    verbs = {
+        Outcome.FAILED: ("failed", "failed"),
+        Outcome.DIFFERS: ("differs", "differ"),
+        Outcome.UNRESOLVED: ("is unresolved", "are unresolved"),
+        Outcome.REFUSED: ("was refused", "were refused"),
+    }
+    if unit == "engine":
+        verbs[Outcome.REFUSED] = ("refuses the file", "refuse the file")
+    found = [(counts[one], *verb) for one, verb in verbs.items() if counts[one]]
+    number, *verb = found[0]
+    first = f"{number} of {counted(total, unit)} {_verb(number, *verb)}"
+    return [first, *(f"{n} {_verb(n, *each)}" for n, *each in found[1:])]
+
+
+def _verb(number: int, one: str, several: str) -> str:
+    return one if number == 1 else several
+
+
+def _reservations(results: Results) -> list[str]:
+    """Return what a summary adds: faults that no case shows, failures, and what was left out."""
+    parts = []
+    differing = {(c.folder, c.model) for c in results.cases if c.outcome is Outcome.DIFFERS}
+    faulty = {
+        (model.folder, model.model)
+        for model in results.models
+        if model.findings and not model.accepted
+    }
+    if hidden := faulty - differing:
+        parts.append(f"the audit finds faults in {counted(len(hidden), 'model file')}")
+    failed = Counter(what for model in results.models for what, _ in model.failures)
+    parts += [f"{counted(number, what, _PLURALS[what])} failed" for what, number in failed.items()]
+    if accepted := sum(bool(case.accepted) for case in results.cases):
+        parts.append(f"{counted(accepted, 'difference')} accepted")
+    if refused := len(results.refusals):
+        parts.append(f"{counted(refused, 'refusal')} ignored without --strict")
+    if results.stopped:
+        parts.append(f"stopped by {results.stopped}, {len(results.not_run)} not run")
+    if results.cached:
+        parts.append(f"{results.cached} reused from the cache")
+    return parts
+
+
+_PLURALS = {"audit": "audits", "linearization": "linearizations", "diagnosis": "diagnoses"}
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
+
+
+def largest(case: Case) -> Number:
+    """Return the largest discrepancy or uncertainty of a case, over components and segments."""
+    if case.verdict is None:
+        return None
+    sizes = known((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
+    return max(sizes, default=None)
+
+
+def agreement(worst: Number) -> str:
+    """Return the end of pytest's summary: to what cases agree; empty where none does."""
+    return "" if worst is None else f"; all that agree do so to {worst:.1e}"
+
+
+def case_line(done: int, total: int, case: Case) -> str:
+    """Return one plain line for a finished case, for logs."""
+    verdict = case.verdict
+    number = ""
+    if case.outcome is Outcome.DIFFERS and verdict is not None and verdict.discrepancy is not None:
+        number = f"  off by {percent(verdict.discrepancy)}"
+    elif (digits := digits_known(case)) is not None and case.outcome is Outcome.AGREES:
+        number = f"  {digits:.1f} digits"
+    return f"[{done}/{total}] {WORDS[case.outcome]:<10} {case.id}{number}"
+
+
+def _print_header(console: Console, results: Results) -> None:
+    """Print what was run, and how many cases have which status."""
+    if is_single_file(results):
+        folder = results.cases[0].folder
+        title = next((one.title for one in results.systems if one.folder == folder), "")
+        print_wrapped(console, f"{shown_path(folder)}  {title}".rstrip(), indent=2)
+        return
+    systems = {case.folder: case.system for case in results.cases}
+    models = counted(len({(case.folder, case.model) for case in results.cases}), "model")
+    first = next(iter(systems.values()), "")
+    name = f"{first}  {models}" if len(systems) == 1 else f"{len(systems)} systems, {models}"
+    counts = Counter(case.outcome for case in results.cases)
+    words = ", ".join(f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one])
+    if systems:
+        print_wrapped(console, f"{name.ljust(min(COUNTS_AT, console.width // 2))}  {words}")
+
+
+def _print_models(console: Console, results: Results, details: bool) -> None:
+    cases = [case for case in results.cases if case.outcome is not Outcome.ABSENT]
+    rows = len({(case.folder, case.id.of_model) for case in cases})
+    red = any(case.outcome is not Outcome.AGREES for case in cases)
+    one_folder = len({case.folder for case in cases}) == 1
+    if details or (red and rows > 1 and not is_single_file(results)):
+        if red:
+            console.print()
+        print_models(console, cases, details=details)
+    elif one_folder:
+        _print_engines(console, [case for case in cases if case.outcome is Outcome.AGREES])
+    elif rows <= GREEN_ROWS:
+        print_models(console, cases)
+
+
+def _print_engines(console: Console, cases: Sequence[Case]) -> None:
+    """Print a line an engine in which every case of a folder agrees."""
+    by_engine: dict[str, list[Case]] = {}
+    for case in cases:
+        by_engine.setdefault(case.engine, []).append(case)
+    width = max((len(name) for name in by_engine), default=0)
+    for engine, agreeing in by_engine.items():
+        digits = known(map(digits_known, agreeing))
+        parts = [f"{min(digits):.1f} digits"] if digits else []
+        if len(cases) > len(by_engine):
+            parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")
+        if chaotic := sum(map(is_chaotic, agreeing)):
+            parts.append(f"{chaotic} chaotic")
+        style, word = STYLES[Outcome.AGREES], WORDS[Outcome.AGREES]
+        text = f"{engine:<{width}}  {'  '.join(parts)}"
+        print_wrapped(console, text, lead=f"  {word:<5} ", style=style, indent=8)
+
+
+def _print_notes(console: Console, results: Results, details: bool) -> None:
+    """Print a short line each about coverage, accepted differences and reservations."""
+    if details:
+        return
+    if len({case.folder for case in results.cases}) == 1 and (
+        line := coverage_summary(results.models)
+    ):
+        print_wrapped(console, f"{line}; --details lists the rest")
+    if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
+        verb = _verb(len(reserved), "agrees", "agree")
+        text = f"{counted(len(reserved), 'case')} {verb} with a reservation"
+        print_wrapped(console, f"{text}; --details lists {_verb(len(reserved), 'it', 'them')}")
+
+
+def _print_details(console: Console, results: Results) -> None:
+    differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
+    models = [model for model in results.models if model.id not in differ]
+    _print_list(console, "linearization", [*_linear(models), *_single_steps(models)])
+    _print_list(console, "single steps", [*dynamics_lines(results.cases),
+                                         *stepping_lines(results.cases)])  # fmt: skip
+    reserved = [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]
+    _print_list(console, "reservations", [f"{case.id}: {case.reason}" for case in reserved])
+    accepted = [c for c in results.cases if c.outcome is not Outcome.AGREES and c.accepted]
+    lines = [f"{case.id}: {WORDS[case.outcome]}, {case.accepted}" for case in accepted]
+    _print_list(console, "accepted", lines)
+    _print_list(console, "coverage", coverage_lines(results.models))
+
+
+def _print_list(console: Console, title: str, lines: Sequence[str]) -> None:
+    if not lines:
+        return
+    console.print(f"\n[bold]{title}[/]")
+    for line in lines:
+        print_wrapped(console, line, lead="  ", indent=4)
+
+
+def _linear(models: Iterable[Model]) -> list[str]:
+    """Return how close the engines' linearizations are; those that differ are findings."""
+    alike = [(model, one) for model in models for one in model.linearizations if not one.differs]
+    lost = dict.fromkeys(str(model.id) for model, one in alike if one.a_bound is None)
+    errors: list[tuple[float, Model, EngineLinearization]] = [
+        (max(one.a_error, one.b_error or 0.0), model, one)
+        for model, one in alike
+        if one.a_error is not None and one.a_bound is not None
+    ]
+    lines = []
+    if errors:
+        worst, model, one = max(errors, key=lambda entry: entry[0])
+        lines.append(
+            f"{counted(len(errors), 'linearization')} of the engines: A and B agree with the"
+            f" equations to {worst:.1e} of the largest entry"
+            f" (worst: {model.id} about {one.equilibrium})"
+        )
+    if lost:
+        lines.append(f"linearization without a limit: {', '.join(lost)}")
+    return lines
+
+
+def _single_steps(models: Iterable[Model]) -> list[str]:
+    """Return how close a linearized step is to the engine's rule, and where it grows."""
+    steps = [
+        (model, one, one.one_step)
+        for model in models
+        for one in model.linearizations
+        if not one.differs and one.one_step is not None
+    ]
+    ruled = [
+        (step.error, model)
+        for model, _, step in steps
+        if step.error is not None and not step.differs  # the cases report what acts in a step
+    ]
+    lines = []
+    if ruled:
+        error, worst = max(ruled, key=lambda entry: entry[0])
+        lines.append(
+            f"{counted(len(ruled), 'linearized step')}: follows the engine's own rule to"
+            f" {error:.1e} of the largest entry that it changes (worst: {worst.id})"
+        )
+    for model, one, step in steps:
+        grown, exact = step.radius or 0.0, step.exact_radius or 0.0
+        if grown > 1 + GROWS and exact < 1 - GROWS:
+            lines.append(
+                f"{model.id} grows by {grown - 1:.1e} in each step of {step.step:g} s about"
+                f" {one.equilibrium}, where the equations decay"
+            )
+    return lines
+
+
+def _print_changes(console: Console, baseline: BaselineChanges) -> None:
+    """Print what changed since it was accepted; cases never accepted are in the report alone."""
+    changes = [one for one in baseline.changes if one.kind != "new"]
+    lines = [f"{one.kind:<12}{one.id}: {one.message}" for one in changes[:MAX_PROBLEMS]]
+    if (left := len(changes) - MAX_PROBLEMS) > 0:
+        lines.append(f"{counted(left, 'more change')}: see the report")
+    _print_list(console, f"changes since {baseline.name}", lines)
+
+
+def _print_last(console: Console, line: str, report: Path | None) -> None:
+    """Print the summary and the report's path, which stays whole, in one line if there is room."""
+    where = "" if report is None else f"Report: {shown_path(report)}"
+    if where and len(line) + len(where) + 2 <= console.width:
+        print_wrapped(console, f"{line}. {where}")
+        return
+    print_wrapped(console, line)
+    if where:
+        console.print(Text(visible(where)), soft_wrap=True)

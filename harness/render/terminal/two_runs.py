@@ -1,0 +1,260 @@
+"""Two runs side by side: what moved from one to the other, and by how much."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from msgspec.structs import replace
+from rich.console import Console
+
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.history import digits_known
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.render.terminal.versions import (
+    MOST_TOLD,
+    error_change,
+    print_changes,
+    say,
+    verdicts,
+)
+from physics_crosscheck.harness.results.issues import explained_alike
+from physics_crosscheck.harness.results.next_steps import Change, changes_of
+from physics_crosscheck.harness.results.status import counted
+
+Kind = Literal["verdict", "new", "gone", "digits", "global error", "step"]
+"""What moves of a case; the worst first."""
+
+KINDS: tuple[Kind, ...] = ("verdict", "gone", "new", "digits", "global error", "step")
+
+DIGITS_MOVED = 0.5
+"""Digits that come or go before a case has moved: rounding takes a few tenths on its own."""
+
+ERROR_MOVED = 0.01
+"""Share of a global error by which it has moved: what an engine's version does to rounding, and a
+sensitive motion of rounding, is less."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movement:
+    """A case in two runs.
+
+    Attributes:
+        id: its name.
+        kinds: what moves; empty: nothing.
+        before, after: outcomes; None: there is no such case.
+        digits: that agree in every component, in each; None where none is known.
+        global_error: in each.
+        step: the shipped one, in each, seconds.
+        reason: what the later run says of it.
+    """
+
+    id: CaseId
+    kinds: tuple[Kind, ...]
+    before: Outcome | None
+    after: Outcome | None
+    digits: tuple[Number, Number]
+    global_error: tuple[Number, Number]
+    step: tuple[Number, Number]
+    reason: str
+
+    @property
+    def worse(self) -> bool:
+        """Whether its verdict is a worse one, or fewer digits agree."""
+        if self.before is None or self.after is None:
+            return False
+        if self.before is not self.after:
+            return self.after.severity > self.before.severity
+        return "digits" in self.kinds and (self.digits[1] or 0.0) < (self.digits[0] or 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoRuns:
+    """What moved from one run to another.
+
+    Attributes:
+        before, after: when they were, UTC.
+        versions: (what, before, after) of those that are others; "none" where not installed.
+        mended, broken: causes that the earlier run names alone, and the later one: a line each.
+        cases: all, those that moved first.
+    """
+
+    before: str
+    after: str
+    versions: tuple[tuple[str, str, str], ...]
+    mended: tuple[str, ...]
+    broken: tuple[str, ...]
+    cases: tuple[Movement, ...]
+
+    @property
+    def moved(self) -> tuple[Movement, ...]:
+        """The cases of which something moved."""
+        return tuple(case for case in self.cases if case.kinds)
+
+
+def two_runs(before: Results, after: Results) -> TwoRuns:
+    """Hold a run against an earlier one, by the names of their cases, wherever they lie."""
+    was, now = _named(before.cases), _named(after.cases)
+    cases = [_movement(key[0], was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
+    then, today = _causes(before), _causes(after)
+    return TwoRuns(
+        before=before.created,
+        after=after.created,
+        versions=tuple(_versions(before.versions, after.versions)),
+        mended=tuple(one for one in then if one not in today),
+        broken=tuple(one for one in today if one not in then),
+        cases=tuple(sorted(cases, key=_first)),
+    )
+
+
+def headline(found: TwoRuns) -> str:
+    """One line: how many cases moved, and how."""
+    counts = Counter(kind for case in found.moved for kind in case.kinds)
+    said = {
+        "verdict": "with another verdict", "new": "new", "gone": "gone",
+        "digits": "with another difference", "global error": "with another error at dt",
+        "step": "with another dt",
+    }  # fmt: skip
+    parts = [f"{counts[kind]} {said[kind]}" for kind in KINDS if counts[kind]]
+    worse = sum(case.worse for case in found.cases)
+    told = f"{counted(len(found.cases), 'case')}: {', '.join(parts) or 'nothing changed'}"
+    return f"{told}; {worse} worse" if worse else told
+
+
+def digits_change(then: Number, now: Number) -> str:
+    """What becomes of the digits that agree."""
+    if then is None and now is None:
+        return "-"
+    before, after = ("-" if one is None else f"{one:.1f}" for one in (then, now))
+    return before if before == after else f"{before} -> {after}"
+
+
+def print_two_runs(console: Console, found: TwoRuns) -> None:
+    """Print the summary, then what changed, worst first."""
+    say(console, f"{'FAIL' if found.moved else 'ok'}  {headline(found)}")
+    for what, then, now in found.versions:
+        say(console, f"{what} {then} -> {now}")
+    both = [case for case in found.moved if case.before is not None and case.after is not None]
+    if told := both[:MOST_TOLD]:
+        _print_table(console, told)
+    if len(both) > MOST_TOLD:
+        say(console, f"and {len(both) - MOST_TOLD} more, on the page")
+    for kind in ("gone", "new"):
+        models: dict[str, list[str]] = {}
+        for case in found.moved:
+            if kind in case.kinds:
+                models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
+        for model, scenarios in models.items():
+            say(console, f"{kind}  {model}: {', '.join(scenarios)}")
+    for line in found.mended:
+        say(console, f"fixed  {line}")
+    for line in found.broken:
+        say(console, f"new fault  {line}")
+
+
+def _print_table(console: Console, cases: Sequence[Movement]) -> None:
+    rows = [
+        (
+            str(case.id),
+            ", ".join(case.kinds),
+            verdicts(case.before, case.after),
+            digits_change(*case.digits),
+            error_change(*case.global_error),
+        )
+        for case in cases
+    ]
+    print_changes(console, "digits", rows)
+
+
+def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:
+    """Cases by name; those of one name by their order."""
+    times: Counter[CaseId] = Counter()
+    found = {}
+    for case in cases:
+        found[case.id, times[case.id]] = case
+        times[case.id] += 1
+    return found
+
+
+def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
+    digits = digits_known(was), digits_known(now)
+    errors, steps = _of_run("global_error", was, now), _of_run("time_step", was, now)
+    before, after = (None if one is None else one.outcome for one in (was, now))
+    kinds: list[Kind] = []
+    if before is None or after is None:
+        kinds.append("new" if before is None else "gone")
+    else:
+        if before is not after:
+            kinds.append("verdict")  # digits and error go with it
+        else:
+            if None not in digits and abs((digits[1] or 0.0) - (digits[0] or 0.0)) >= DIGITS_MOVED:
+                kinds.append("digits")
+            if _apart(*errors):
+                kinds.append("global error")
+        if None not in steps and steps[0] != steps[1]:
+            kinds.append("step")
+    return Movement(
+        id=name,
+        kinds=tuple(kinds),
+        before=before,
+        after=after,
+        digits=digits,
+        global_error=errors,
+        step=steps,
+        reason="" if now is None else now.reason,
+    )
+
+
+def _of_run(name: str, was: Case | None, now: Case | None) -> tuple[Number, Number]:
+    then, today = (
+        None if one is None or one.full_run is None else getattr(one.full_run, name)
+        for one in (was, now)
+    )
+    return then, today
+
+
+def _apart(then: Number, now: Number) -> bool:
+    if then is None or now is None:
+        return then is not now
+    return abs(now - then) > ERROR_MOVED * max(abs(then), abs(now))
+
+
+def _causes(results: Results) -> list[str]:
+    """What each explained model file has wrong, a line a number."""
+    lines = (
+        f"{alike[0].system}/{_told(change)}"
+        for alike in explained_alike(results.models)
+        for change in changes_of(alike[0])
+    )
+    return list(dict.fromkeys(lines))
+
+
+def _told(change: Change) -> str:
+    shorter = tuple(map(_short, change.locations))
+    return str(dataclasses.replace(change, locations=shorter))
+
+
+def _short(where: SourceLine) -> SourceLine:
+    """A line without its folders: they may be others in the other run."""
+    return replace(where, file=where.file.replace("\\", "/").rpartition("/")[2])
+
+
+def _versions(
+    before: Mapping[str, str | None], after: Mapping[str, str | None]
+) -> Iterator[tuple[str, str, str]]:
+    for name in dict.fromkeys([*before, *after]):
+        then, now = before.get(name) or "none", after.get(name) or "none"
+        if then != now:
+            yield name, then, now
+
+
+def _first(case: Movement) -> tuple[bool, int, float]:
+    """Return a sort key: worse cases first, then by what changed and by how much."""
+    rank = min((KINDS.index(kind) for kind in case.kinds), default=len(KINDS))
+    digits = abs((case.digits[1] or 0.0) - (case.digits[0] or 0.0))
+    return not case.worse, rank, -digits

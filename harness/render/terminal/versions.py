@@ -1,0 +1,176 @@
+"""What upgrades of an engine change, for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, Versions
+from physics_crosscheck.harness.render.terminal.console import wrapped
+from physics_crosscheck.harness.render.terminal.markup import escape
+from physics_crosscheck.harness.render.terminal.styles import STYLES
+from physics_crosscheck.harness.results.status import counted
+
+MOST_TOLD = 40
+
+
+def print_versions(console: Console, found: Versions) -> None:
+    """Print the verdict with what to do, then what each upgrade changes, worst first."""
+    say(console, advice(found))
+    for one in found.upgrades:
+        console.print()
+        say(console, f"{found.engine} {one.before} -> {one.after}", "bold")
+        told = [case for case in one.cases if case.kinds]
+        if told:
+            _print_table(console, told[:MOST_TOLD])
+            for case in told[:MOST_TOLD]:
+                _print_messages(console, case)
+        if len(told) > MOST_TOLD:
+            say(console, f"and {len(told) - MOST_TOLD} more")
+        for model in one.models:
+            say(console, f"{model.id}: {', '.join(model.kinds)}")
+            for message in model.messages:
+                say(console, f"  {message}")
+        say(console, counts(one))
+
+
+def counts(one: Upgrade) -> str:
+    """One line: how many cases changed, and to what the others are the same."""
+    parts = []
+    if one.same:
+        parts.append(f"{len(one.same)} unchanged{_alike(one.same)}")
+    if one.changed:
+        parts.append(f"{len(one.changed)} changed")
+    if one.not_compared:
+        parts.append(f"{len(one.not_compared)} not compared")
+    models = f"; {counted(len(one.models), 'model')} changed" if one.models else ""
+    return f"{counted(len(one.cases), 'case')}: {', '.join(parts) or 'none'}{models}"
+
+
+def advice(found: Versions) -> str:
+    """Return the verdict, and what to do."""
+    first, last = found.versions[0], found.versions[-1]
+    if found.incomplete:
+        begun = (
+            f"ERROR  {found.engine}: not everything could be compared. Fix the errors below first"
+        )
+    elif found.changed:
+        begun = (
+            f"FAIL  {found.engine} {first.version} -> {last.version} changes results. Check them"
+            " before you upgrade"
+        )
+    else:
+        return (
+            f"ok  {found.engine} {last.version} can replace {first.version} for these models:"
+            " no result changes"
+        )
+    reports = "  ".join(f"{one.report}/index.html" for one in found.versions)
+    return f"{begun}. Reports: {reports}"
+
+
+def _alike(same: Sequence[VersionCase]) -> str:
+    """To what limits are the same, and how many of them to the last bit."""
+    known = [case for case in same if case.apart is not None and case.uncertainty is not None]
+    if not known:
+        return ""
+    bitwise = sum(case.apart == 0.0 for case in known)
+    if bitwise == len(known):
+        return " (identical to the last bit)"
+    size = max(case.apart or 0.0 for case in known)
+    bound = max(case.uncertainty or 0.0 for case in known)
+    last = f", {bitwise} identical to the last bit" if bitwise else ""
+    return f" (differ by at most {size:.1e}, uncertainty {bound:.0e}{last})"
+
+
+def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
+    rows = [
+        (
+            str(case.id),
+            ", ".join(case.kinds),
+            verdicts(case.before, case.after),
+            limits(case),
+            global_error(case),
+        )
+        for case in cases
+    ]
+    print_changes(console, "difference", rows)
+
+
+def print_changes(
+    console: Console, size: str, rows: Sequence[tuple[str, str, str, str, str]]
+) -> None:
+    """Print a table of cases; a list where the table is wider than the console.
+
+    Args:
+        console: to print on.
+        size: header of the fourth column.
+        rows: a case's name, what changed, its verdict in markup, its size, and its error at dt.
+    """
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("case", "changed", "verdict"):
+        table.add_column(title, no_wrap=True)
+    for title in (size, "error at dt"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for name, *cells in rows:
+        table.add_row(escape(name), *cells)
+    wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
+    if wide <= console.width:
+        console.print(table)
+        return
+    for name, kinds, verdict, number, error in rows:
+        say(console, name)
+        console.print(f"  {kinds}: {verdict}  {size} {number}  error at dt {error}")
+
+
+def verdicts(before: Outcome | None, after: Outcome | None) -> str:
+    """What becomes of a verdict, in the terminal's colours."""
+    if before is after:
+        return _styled(after)
+    return f"{_styled(before)} -> {_styled(after)}"
+
+
+def _styled(outcome: Outcome | None) -> str:
+    return "none" if outcome is None else f"[{STYLES[outcome]}]{outcome}[/]"
+
+
+def limits(case: VersionCase) -> str:
+    """How far a case's limits are apart, and how sure that is."""
+    if case.apart is None or case.uncertainty is None:
+        return "-"
+    return f"{case.apart:.1e} ± {case.uncertainty:.0e}"
+
+
+def global_error(case: VersionCase) -> str:
+    """What becomes of the error at the shipped step, and its ratio."""
+    return error_change(case.global_error_before, case.global_error_after)
+
+
+def error_change(then: Number, now: Number) -> str:
+    """What becomes of a global error, and its ratio."""
+    if then is None and now is None:
+        return "-"
+    if then == now:
+        return _percent(then)
+    ratio = f" (x {now / then:.3g})" if then and now else ""
+    return f"{_percent(then)} -> {_percent(now)}{ratio}"
+
+
+def _percent(value: Number) -> str:
+    return "-" if value is None else f"{100 * value:.3g} %"
+
+
+def _print_messages(console: Console, case: VersionCase) -> None:
+    say(console, f"{', '.join(case.kinds)}: {case.id}")
+    for message in case.messages:
+        say(console, f"  {message}")
+
+
+def say(console: Console, text: str, style: str = "") -> None:
+    """Print a text, wrapped at the width of the console; no word is cut."""
+    for line in wrapped(text, console.width):
+        console.print(f"[{style}]{escape(line)}[/]" if style else escape(line), soft_wrap=True)

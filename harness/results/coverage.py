@@ -1,0 +1,101 @@
+"""Coverage of a model by its verdict, in a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from physics_crosscheck.harness.records.coverage import Coverage, Untested
+from physics_crosscheck.harness.records.finding import BEYOND
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.status import counted
+
+
+def coverage_lines(models: Iterable[Model]) -> list[str]:
+    """Return a line a model; models with the same coverage share one."""
+    said: dict[str, list[str]] = {}
+    for model in models:
+        if line := coverage_line(model):
+            said.setdefault(line, []).append(str(model.id))
+    return [f"{', '.join(names)}: {line}" for line, names in said.items()]
+
+
+def coverage_summary(models: Iterable[Model]) -> str:
+    """Return how many numbers of the files were tested, each file in its best engine."""
+    best: dict[tuple[str, str], Coverage] = {}
+    for model in models:
+        one, key = model.coverage, (model.folder, model.model)
+        if one is not None and one.numbers and (key not in best or one.seen > best[key].seen):
+            best[key] = one
+    total = sum(one.numbers for one in best.values())
+    tested = sum(one.seen for one in best.values())
+    share = f"{100 * tested / total:.0f} %" if total else ""
+    return f"{tested} of {counted(total, 'number')} tested ({share})" if total else ""
+
+
+def left_out(models: Iterable[Model]) -> list[str]:
+    """Return a line for each robot file of which something is not compared."""
+    told = {
+        model.folder: ", ".join(model.coverage.left_out)
+        for model in models
+        if model.coverage is not None and model.coverage.left_out
+    }
+    said = "it has more than is checked; not compared"
+    return [f"{file}: {said}: {what}" for file, what in told.items()]
+
+
+def refused(results: Results) -> list[str]:
+    """Return a line for each engine that refuses a robot file which others judge."""
+    return [f"{case.id}: refused: {case.reason}" for case in results.refusals]
+
+
+def coverage_line(model: Model, *, examples: bool = False) -> str:
+    """Return which numbers were tested, which poses compared, and what no motion reaches."""
+    parts = []
+    if model.coverage is not None:
+        if model.coverage.numbers or model.coverage.note:
+            parts.append(numbers_seen(model.coverage, examples))
+        if model.coverage.left_out:
+            parts.append(f"not compared: {', '.join(model.coverage.left_out)}")
+    if model.poses is not None:
+        parts.append(poses_checked(model.poses))
+    beyond = [one.message for one in model.audit or () if one.kind == BEYOND]
+    if beyond:
+        parts.append(f"not reached: {'; '.join(beyond)}")
+    return "; ".join(parts)
+
+
+def numbers_seen(coverage: Coverage, examples: bool) -> str:
+    """Return how many numbers were tested, by what, and why the others were not."""
+    if coverage.note:
+        return f"numbers not counted: {coverage.note}"
+    by: Mapping[str, int] = {
+        "motion": coverage.motion, "audit": coverage.audit, "frames": coverage.frames,
+    }  # fmt: skip
+    said = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
+    line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} tested"
+    line += f" ({said})" if said else ""
+    left = [
+        f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
+        for one in coverage.untested
+    ]
+    return line + (f"; untested: {', '.join(left)}" if left else "")
+
+
+def _some(untested: Untested) -> str:
+    more = untested.count > len(untested.examples)
+    return ", ".join((*untested.examples, "...") if more else untested.examples)
+
+
+def poses_checked(poses: Poses) -> str:
+    """Return which frames agree, or why none was compared."""
+    if poses.note:
+        return f"poses not compared: {poses.note}"
+    wrong = [frame.name for frame in poses.frames if not frame.agrees]
+    told = f"{counted(len(poses.frames), 'pose')} compared"
+    if wrong:
+        told += f", {len(wrong)} wrong ({', '.join(wrong)})"
+    if poses.unchecked:
+        told += f", not {', '.join(poses.unchecked)} (not in the sidecar's [frames])"
+    return told

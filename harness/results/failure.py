@@ -1,0 +1,89 @@
+"""A failure in words, as pytest and the function API print it."""
+
+from __future__ import annotations
+
+import os
+
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.harness.results.findings import audit_lines
+from physics_crosscheck.harness.results.github import on_github, plain_line
+from physics_crosscheck.harness.results.status import Decision
+from physics_crosscheck.harness.results.visible import visible_lines
+
+
+def failure_message(
+    record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
+) -> str:
+    """What a failing test prints: the cause, the verdict, its numbers, what the engine printed."""
+    if isinstance(record, Model):
+        findings = audit_lines(record.findings)
+        told = [f"audit: {decision.reason}", *(f"  {text}" for text in findings)]
+        return _visible("\n".join(told))
+    agrees = record.outcome is Outcome.AGREES
+    # What agrees may fail a project's demands.
+    lines = [f"{record.outcome}{', but' if agrees else ':'} {decision.reason}"]
+    numbers = figures(record)
+    if numbers:
+        lines.append("  " + ", ".join(f"{name} {text}" for name, text in numbers.items()))
+    if diagnosis is not None:
+        cause, *more = diagnosis_lines(diagnosis)
+        told = [cause, *(f"  {text}" for text in more)]
+        lines = [*told, *lines] if diagnosis.explained else [*lines, *told]
+    lines += [f"  | {text}" for text in record.stdout.splitlines()]
+    return _visible("\n".join(lines))
+
+
+def _visible(text: str) -> str:
+    """Lines that write nothing to a terminal but themselves, and no command to a log of GitHub."""
+    lines = visible_lines(text)
+    return "\n".join(map(plain_line, lines) if on_github(os.environ) else lines)
+
+
+def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
+    """A diagnosis in words: its first explanation, or why there is none."""
+    if not diagnosis.explanations:
+        return [f"no cause found: {diagnosis.failure or 'nothing tried explains it'}"]
+    sentences = cause_sentences(diagnosis.explanations[0])
+    if diagnosis.explained:
+        return [f"cause: {sentences[0]}", *sentences[1:]]
+    return ["no cause explains it; what leaves least is", *sentences]
+
+
+def in_brief(
+    record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
+) -> tuple[str, SourceLine | None]:
+    """A failure in one line, for pytest's short summary, and where it lies, if in any line."""
+    if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
+        lines = [one for cause in diagnosis.explanations[0].causes for one in cause.locations]
+        brief = _visible(f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}")
+        return brief, lines[0] if lines else None
+    places = []
+    if isinstance(record, Model):
+        places = [finding.location for finding in record.findings if finding.location]
+    brief = failure_message(record, decision, diagnosis).splitlines()[0]
+    return brief, places[0] if places else None
+
+
+def figures(case: Case) -> dict[str, str]:
+    """The numbers of a case by name, as a person reads them; those that it has."""
+    found: dict[str, str] = {}
+    if case.verdict is not None:
+        component = case.verdict.component
+        found |= _figure("discrepancy", case.verdict.discrepancy, "{:.3e}")
+        found |= _figure("uncertainty", case.verdict.uncertainty, "{:.3e}")
+        found |= {"component": component} if component else {}
+        found |= _figure("order", case.verdict.order, "{:.3f}")
+    if case.full_run is not None:
+        found |= _figure("global_error", case.full_run.global_error, "{:.3e}")
+        found |= _figure("velocity_error", case.full_run.velocity_error, "{:.3e}")
+        found |= _figure("time_step", case.full_run.time_step, "{:g}")
+    return found
+
+
+def _figure(name: str, value: Number, form: str) -> dict[str, str]:
+    return {} if value is None else {name: form.format(value)}

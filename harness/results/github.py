@@ -1,0 +1,326 @@
+"""GitHub's annotations and step summary: what a person sees on a pull request.
+
+Workflow commands: https://docs.github.com/actions/reference/workflow-commands-for-github-actions
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO, cast
+
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.codes import part_code
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.harness.results.issues import audited_alike, named_models, untold_failures
+from physics_crosscheck.harness.results.next_steps import Change, changes_of, stated_changes
+from physics_crosscheck.harness.results.places import placed, shown_line
+from physics_crosscheck.harness.results.visible import visible
+
+MOST = 10
+"""Annotations that GitHub shows of a step and level."""
+
+MOST_SUMMARY = 1024 * 1024
+"""Bytes that a step's summary may have; GitHub drops one that has more."""
+
+_CUT = "\n\n(cut: the rest is in the artifacts)\n"
+_LONGEST = 4000
+
+
+_RANKS = (Outcome.FAILED, Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED, Outcome.ABSENT)
+"""What is annotated, worst first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annotation:
+    """A note at a place.
+
+    Attributes:
+        level: `error`, `warning` or `notice`.
+        code: message code; empty where none is known.
+        file: that it is about.
+        line: in it, counted from 1; None where the whole file is meant.
+        locations: all that are known, the first of them at that line.
+        changes: of numbers in files, which set right what the note is about.
+        model: whose files these are.
+    """
+
+    level: str
+    code: str = ""
+    file: Path
+    line: int | None
+    title: str
+    message: str
+    locations: tuple[SourceLine, ...] = ()
+    changes: tuple[Change, ...] = ()
+    model: Model | None = None
+
+    def command(self, root: Path) -> str:
+        """The workflow command, its file relative to the repository's root where it is inside."""
+        path = self.file.resolve()
+        inside = path.relative_to(root) if path.is_relative_to(root) else path
+        where = f"file={_property(inside.as_posix())}"
+        where += "" if self.line is None else f",line={self.line}"
+        title = _property(" ".join(filter(None, (self.code, self.title)))[:200])
+        message = _data(self.message[:_LONGEST])
+        return f"::{self.level} {where},title={title}::{message}".replace("##[", "## [")
+
+
+def run_notes(results: Results) -> list[Annotation]:
+    """What a run found, each thing once: cases, audits, and what could not be done of a model."""
+    return [*case_notes(results), *_audit_notes(results), *_failure_notes(results)]
+
+
+def _audit_notes(results: Results) -> Iterator[Annotation]:
+    """Each finding of a model file, at its line where it is in one."""
+    for alike in audited_alike(one for one in results.models if not one.accepted):
+        model = alike[0]
+        for finding in model.findings:
+            where = [finding.location] if finding.location is not None else []
+            changes = stated_changes(model, [finding])
+            new = f"; write {changes[0].new}" if changes else ""
+            yield _note(
+                (model.folder, model.model),
+                where,
+                level="error",
+                code=finding.code,
+                title=f"audit of {named_models(alike)}",
+                message=f"{finding.message}{new}",
+                changes=tuple(changes),
+                model=model,
+            )
+
+
+def _failure_notes(results: Results) -> Iterator[Annotation]:
+    """What could not be done of a model, and no case tells."""
+    for model, what, why in untold_failures(results):
+        title = f"{Outcome.FAILED} {what} of {model.id}"
+        place = model.folder, model.model
+        yield _note(
+            place, [], level="error", code=part_code(), title=title, message=why, model=model
+        )
+
+
+def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -> Annotation:
+    """An annotation at the first line that is known.
+
+    Args:
+        place: folder and model file.
+        blamed: what it is about, as far as it is known.
+        fields: the rest of the annotation.
+    """
+    folder = Path(place[0])
+    file = folder if folder.is_file() else folder / place[1]
+    shown = (shown_line(place[0], where) for where in blamed)
+    found = tuple(one for one in shown if one.line is not None and Path(one.file).is_file())
+    first = (Path(found[0].file), found[0].line) if found else (file, None)
+    if not found and not file.is_file():
+        first = folder, None
+    return Annotation(file=first[0], line=first[1], locations=found, **fields)
+
+
+def case_notes(results: Results) -> list[Annotation]:
+    """An annotation for each model of a run that does not agree, worst first, at its cause."""
+    bad = [case for case in results.cases if case.outcome in _RANKS and not case.accepted]
+    bad.sort(key=lambda case: (_RANKS.index(case.outcome), -_discrepancy(case)))
+    worst: dict[tuple[str, str, str], Case] = {}
+    for case in bad:
+        worst.setdefault(case.key, case)
+    return [case_note(case, results.model_of(case)) for case in worst.values()]
+
+
+def case_note(case: Case, model: Model | None) -> Annotation:
+    """The annotation of a case that does not agree, at the line of the diagnosed cause.
+
+    Where no cause explains it, the first line that the audit finds something wrong in.
+    """
+    message, blamed = case.reason, list(case.locations)
+    diagnosis, code = model.diagnosis if model else None, case.code
+    changes: list[Change] = []
+    if model and diagnosis and diagnosis.explained and diagnosis.explanations:
+        best = placed(diagnosis.explanations[0], model.folder)
+        message = f"{' and '.join(cause_sentences(best)[:-1])}: {message}"
+        blamed = [one for cause in best.causes for one in cause.locations]
+        code = best.causes[0].code
+        changes = changes_of(model)
+        if len(changes) < len(best.causes):
+            changes = []  # half a cause is no remedy
+    elif model and (found := model.unexplained_findings):
+        message = f"{found[0].message}: {message}"
+        blamed = [one.location for one in found if one.location is not None]
+    return _note(
+        (case.folder, case.model),
+        blamed,
+        level="error" if case.outcome.is_run or case.outcome is Outcome.FAILED else "warning",
+        code=code,
+        title=f"{case.outcome} {case.id}",
+        message=message,
+        changes=tuple(changes),
+        model=model,
+    )
+
+
+def _discrepancy(case: Case) -> float:
+    return (case.verdict.discrepancy or 0.0) if case.verdict else 0.0
+
+
+def in_ci(environment: Mapping[str, str] | None = None) -> bool:
+    """Whether this runs in continuous integration: CI or GITHUB_ACTIONS is set, and says so."""
+    given = os.environ if environment is None else environment
+    off = ("", "0", "false", "no", "off")
+    return any(given.get(name, "").strip().lower() not in off for name in ("CI", "GITHUB_ACTIONS"))
+
+
+def on_github(environment: Mapping[str, str]) -> bool:
+    """Return whether what is printed is a log that GitHub reads for workflow commands."""
+    return environment.get("GITHUB_ACTIONS", "").lower() == "true"
+
+
+def commands(found: Sequence[Annotation], environment: Mapping[str, str]) -> list[str]:
+    """Lines for a log on GitHub: at most ten, the first ones; none elsewhere."""
+    if not on_github(environment):
+        return []
+    root = Path(environment.get("GITHUB_WORKSPACE") or Path.cwd()).resolve()
+    return [annotation.command(root) for annotation in found[:MOST]]
+
+
+def plain_line(line: str) -> str:
+    """A line for a log that GitHub takes for no workflow command, whatever names stand in it."""
+    shown = line.replace("##[", "## [")
+    return f"| {shown}" if shown.lstrip().startswith("::") else shown
+
+
+def harmless_json(text: str) -> str:
+    """JSON of the same value, in which a log of GitHub's finds no workflow command."""
+    return text.replace("##[", "##\\u005b")
+
+
+class LogStream(io.TextIOBase):
+    """A stream to a log of GitHub, in which no line is a command but those that are meant.
+
+    Attributes:
+        inner: the stream that it writes to, whole lines at a time.
+    """
+
+    def __init__(self, inner: TextIO) -> None:
+        self.inner = inner
+        self._begun, self._within = "", False
+
+    def isatty(self) -> bool:
+        """Return whether a person reads it."""
+        return self.inner.isatty()
+
+    def fileno(self) -> int:
+        """Return the file that it writes to."""
+        return self.inner.fileno()
+
+    def write(self, text: str) -> int:
+        """Write the lines that are whole."""
+        *whole, self._begun = (self._begun + text).split("\n")
+        for line in whole:
+            self.inner.write(f"{self._plain(line)}\n")
+            self._within = False
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is begun as well, unless more of it may make it a command."""
+        begun = self._begun
+        if begun.strip() not in ("", ":") and not begun.endswith("#"):
+            self._write_begun()
+        self.inner.flush()
+
+    def end(self) -> None:
+        """Write all that is left."""
+        self._write_begun()
+        self.inner.flush()
+
+    def command(self, line: str) -> None:
+        """Write a command of ours, at the beginning of a line."""
+        if self._begun or self._within:
+            self.write("\n")
+        self.inner.write(f"{line}\n")
+
+    def _write_begun(self) -> None:
+        self.inner.write(self._plain(self._begun))
+        self._within = self._within or bool(self._begun)
+        self._begun = ""
+
+    def _plain(self, line: str) -> str:
+        first, *rest = line.split("\r")  # which ends a line there too
+        first = first.replace("##[", "## [") if self._within else plain_line(first)
+        return "\r".join([first, *map(plain_line, rest)])
+
+
+def print_commands(lines: Iterable[str]) -> None:
+    """Print workflow commands, which a log of GitHub's is to take for such."""
+    for line in lines:
+        if isinstance(sys.stdout, LogStream):
+            sys.stdout.command(line)
+        else:
+            print(line)
+
+
+@contextmanager
+def plain_logs() -> Iterator[None]:
+    """Keep workflow commands that names contain out of the standard streams meanwhile.
+
+    A regular file is no log, and gets every character as it is.
+    """
+    kept = sys.stdout, sys.stderr
+    logs = [LogStream(stream) for stream in kept]
+    sys.stdout, sys.stderr = (
+        stream if _is_file(stream) else cast(TextIO, log)
+        for stream, log in zip(kept, logs, strict=True)
+    )
+    try:
+        yield
+    finally:
+        for log in logs:
+            log.end()
+        sys.stdout, sys.stderr = kept
+
+
+def _is_file(stream: TextIO) -> bool:
+    try:
+        return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+    except (OSError, ValueError):  # nothing that has a file
+        return False
+
+
+def write_summary(text: str, environment: Mapping[str, str]) -> None:
+    """Append to the step's summary, where there is one, cut to what it may hold.
+
+    Raises:
+        OSError: as the file system has it.
+    """
+    name = environment.get("GITHUB_STEP_SUMMARY")
+    if not name:
+        return
+    path = Path(name)
+    room = MOST_SUMMARY - (path.stat().st_size if path.is_file() else 0)
+    data = text.encode()
+    if len(data) > room:
+        keep = max(0, room - len(_CUT.encode()))
+        data = data[:keep].decode(errors="ignore").encode() + _CUT.encode()
+        data = data if len(data) <= room else b""
+    with path.open("ab") as file:
+        file.write(data)
+
+
+def _data(text: str) -> str:
+    text = "".join(c if c in "\r\n" else visible(c) for c in text)
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(text: str) -> str:
+    return _data(text).replace(":", "%3A").replace(",", "%2C")

@@ -1,0 +1,85 @@
+"""Pages of the message codes: for a terminal, and as Markdown in `docs/messages/`.
+
+`python -m physics_crosscheck.harness.results.messages docs/messages` writes all pages; a test fails
+where they are not current.
+"""
+
+from __future__ import annotations
+
+import difflib
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+from physics_crosscheck.harness.records.codes import CODES, GROUPS, Code
+from physics_crosscheck.harness.records.write import write_whole
+
+_INDEX = """# Messages
+
+Every message of crosscheck has a code. Look it up here, or print its page with
+`crosscheck explain XC104`. A code never changes its meaning.
+"""
+
+
+def find_code(word: str) -> Code | None:
+    """Return the message of a code or a name, in upper or lower case; None for others."""
+    return CODES.get(word.upper()) or next(
+        (one for one in CODES.values() if one.name == word.lower()), None
+    )
+
+
+def similar_codes(word: str) -> list[str]:
+    """Return codes and names that a misspelled word may mean, closest first."""
+    names = difflib.get_close_matches(word.lower(), [one.name for one in CODES.values()])
+    return [*difflib.get_close_matches(word.upper(), CODES), *names]
+
+
+def code_page(one: Code) -> str:
+    """Return the page of a message as Markdown."""
+    return (
+        f"# {one.code}: {one.name}\n\n{one.title}\n\n## Meaning\n\n{one.cause}\n\n"
+        f"## Example\n\n```text\n{one.example}\n```\n\n## What to do\n\n{one.remedy}\n"
+    )
+
+
+def index_page() -> str:
+    """Return the page that lists all messages, by group."""
+    parts = [_INDEX]
+    for prefix, title in GROUPS.items():
+        group = [one for one in CODES.values() if one.code.startswith(prefix)]
+        rows = (f"| [{one.code}]({one.code}.md) | {one.name} | {one.title} |\n" for one in group)
+        parts.append(f"\n## {title}\n\n| code | name | meaning |\n|---|---|---|\n{''.join(rows)}")
+    return "".join(parts)
+
+
+def pages() -> dict[str, str]:
+    """Return every page by the name of its file."""
+    return {
+        "index.md": index_page(),
+        **{f"{one.code}.md": code_page(one) for one in CODES.values()},
+    }
+
+
+def code_lines(one: Code, width: int) -> Iterator[str]:
+    """Yield the page of a message for a terminal of so many columns."""
+    yield f"{one.code} {one.name}: {one.title}"
+    for title, text in (("Meaning", one.cause), ("Example", ""), ("What to do", one.remedy)):
+        yield f"\n{title}"
+        lines = textwrap.wrap(text, max(width - 2, 20)) if text else one.example.splitlines()
+        yield from (f"  {line}" for line in lines)
+
+
+def main(folder: Path) -> None:
+    """Write every page into a folder, and remove those of codes that no longer exist."""
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = pages()
+    for path in folder.glob("*.md"):
+        if path.name not in wanted:
+            path.unlink()
+    for name, text in wanted.items():
+        write_whole(folder / name, text)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

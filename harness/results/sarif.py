@@ -1,0 +1,136 @@
+"""What a run found as SARIF 2.1.0, which code hosts and editors show at the lines it is about.
+
+https://docs.oasis-open.org/sarif/sarif/v2.1.0/sarif-v2.1.0.html
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from urllib.parse import quote, urlsplit
+
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.codes import CODES, Code
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.github import Annotation, run_notes
+from physics_crosscheck.harness.results.next_steps import Change
+from physics_crosscheck.harness.results.places import column, is_spelled, shown_path
+from physics_crosscheck.harness.results.visible import visible
+
+SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
+
+
+def sarif(results: Results) -> str:
+    """Return the JSON of a log with one run, whose files are relative to the working folder."""
+    notes = run_notes(results)
+    codes = sorted({note.code for note in notes})
+    driver: dict[str, object] = {"name": "crosscheck", "rules": [_rule(CODES[c]) for c in codes]}
+    if version := results.versions.get("physics-crosscheck"):
+        driver["version"] = version
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",
+        "newlineSequences": ["\r\n", "\r", "\n"],
+        "results": [_result(note, codes) for note in notes],
+    }
+    return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1)
+
+
+def _rule(one: Code) -> dict[str, object]:
+    """Return a message as a rule; its page is linked once it has a public address.
+
+    A `helpUri` must be absolute (section 3.49.12), so that a path in the repository is none.
+    """
+    text = f"{one.title} {one.cause} What to do: {one.remedy}"
+    rule: dict[str, object] = {
+        "id": one.code,
+        "name": one.name,
+        "shortDescription": {"text": _message(one.title)},
+        "help": {"text": _message(text)},
+    }
+    return {**rule, "helpUri": one.page} if urlsplit(one.page).scheme else rule
+
+
+def _result(note: Annotation, codes: Sequence[str]) -> dict[str, object]:
+    """A result at all its places where each must change, else at the first with the rest beside."""
+    artifact = {"artifactLocation": {"uri": _uri(note.file)}}
+    places = list(_places(note)) or [{"physicalLocation": artifact}]
+    count = len(places) if note.changes else 1
+    result: dict[str, object] = {
+        "ruleId": note.code,
+        "ruleIndex": codes.index(note.code),
+        "level": "note" if note.level == "notice" else note.level,
+        "message": {"text": _message(f"{note.title}: {note.message}")},
+        "locations": places[:count],
+    }
+    if places[count:]:
+        result["relatedLocations"] = places[count:]
+    if fix := _fix(note.changes, note.model):
+        result["fixes"] = [fix]
+    return result
+
+
+def _places(note: Annotation) -> Iterator[dict[str, object]]:
+    """The locations that are known, each once."""
+    seen: list[object] = []
+    for where in note.locations:
+        region = _region(where, note.model) or {"startLine": where.line}
+        place = {"artifactLocation": {"uri": _uri(Path(where.file))}, "region": region}
+        if place not in seen:
+            seen.append(place)
+            yield {"physicalLocation": place}
+
+
+def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | None:
+    """All replacements together; None where a file no longer has the text of one."""
+    files: dict[str, list[object]] = {}
+    told = []
+    for change in changes:
+        told.append(f"change {change}")
+        for where in change.locations:
+            region = _region(where, model)
+            if region is None:
+                return None
+            replacement = {"deletedRegion": region, "insertedContent": {"text": change.new}}
+            files.setdefault(_uri(Path(where.file)), []).append(replacement)
+    if not files:
+        return None
+    return {
+        "description": {"text": _message("; ".join(told))},
+        "artifactChanges": [
+            {"artifactLocation": {"uri": uri}, "replacements": replacements}
+            for uri, replacements in files.items()
+        ],
+    }
+
+
+def _region(where: SourceLine, model: Model | None) -> dict[str, object] | None:
+    """The characters of a number; None where the model's files have no such text there."""
+    if model is None:
+        return None
+    for name, text in ((model.model, model.text), (f"{model.model}.toml", model.sidecar)):
+        if is_spelled(where, name, text.encode()):
+            start = column(where, text)
+            end = start + len(where.text)
+            return {
+                "startLine": where.line, "startColumn": start,
+                "endLine": where.line, "endColumn": end,
+            }  # fmt: skip
+    return None
+
+
+def _message(text: str) -> str:
+    """A plain text message in which nothing is a link or a placeholder (sections 3.11.5, 6)."""
+    text = "".join(c if c == "\n" else visible(c) for c in text)
+    return re.sub(r"([{}])", r"\1\1", text.replace("](", "] ("))
+
+
+def _uri(file: Path) -> str:
+    shown = Path(shown_path(file))
+    if shown.is_absolute():
+        return Path(os.path.abspath(file)).as_uri()
+    return quote(os.fsencode(shown.as_posix()))

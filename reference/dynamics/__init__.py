@@ -1,0 +1,1 @@
+"""Equations of motion: from energies, or by recursion over a tree of bodies."""

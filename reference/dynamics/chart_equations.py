@@ -1,0 +1,155 @@
+"""A tree's equations in coordinates of which the velocities are the rates, and that follow none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics, solved
+from physics_crosscheck.reference.mechanism.chart import Chart
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+
+class Charted:
+    """Accelerations, masses and powers of a tree's coordinates over one kind of numbers.
+
+    Positions, rates and forces are (n, ...), the batch last: of all n coordinates that follow no
+    other. What follows is carried along: M and the forces are those of the whole tree, projected.
+
+    Args:
+        tree: the links.
+        field: the kind of numbers.
+    """
+
+    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
+        self._tree, self._dynamics, self._chart = tree, Dynamics(tree, field), Chart(tree, field)
+        self._field = field
+        self._coupled = Coupled(tree) if tree.couplings else None
+
+    def acceleration(self, x: Scalars, rate: Scalars, forces: Scalars) -> Scalars:
+        """Second derivatives of the coordinates under forces on them."""
+        chart = self._chart
+        if chart.plain and self._coupled is None:
+            return self._dynamics.acceleration(x, rate, forces)
+        y, v, q = self._state(x, rate)
+        asked = self._dynamics.force(q, v, chart.forces(y, self._spread(forces)))
+        return self._left(chart.seconds(y, v, self._solved(q, asked)))
+
+    def forces_for(self, x: Scalars, rate: Scalars, wanted: Scalars) -> Scalars:
+        """Forces on the coordinates that make these second derivatives."""
+        y = self._state(x, rate)[0]
+        asked = -self.residual(x, rate, wanted, 0 * x)
+        return self._left(self._chart.given(y, self._spread(asked)))
+
+    def residual(self, x: Scalars, rate: Scalars, second: Scalars, forces: Scalars) -> Scalars:
+        """What second derivatives leave of all forces, on the velocities that follow none."""
+        chart = self._chart
+        y, v, q = self._state(x, rate)
+        a = chart.accelerations(y, v, self._all(second))
+        left = self._dynamics.residual(q, v, a, chart.forces(y, self._spread(forces)))
+        return left if self._coupled is None else self._coupled.forces(left, self._field)
+
+    def inertia(self, x: Scalars) -> Scalars:
+        """What such forces divide by: M of the velocities that follow none, (n, n, ...)."""
+        mass = self._dynamics.mass(self._state(x, 0 * x)[2])
+        return mass if self._coupled is None else self._coupled.mass(mass, self._field)
+
+    def seconds(self, x: Scalars, by: Scalars) -> Scalars:
+        """Second derivatives that accelerations add, of the velocities that follow none."""
+        y = self._state(x, 0 * x)[0]
+        return self._left(self._chart.rates(y, self._all(by)))
+
+    def effect(self, x: Scalars, forces: Scalars) -> Scalars:
+        """What forces on the coordinates add to their second derivatives."""
+        y, _, q = self._state(x, 0 * x)
+        asked = self._chart.forces(y, self._spread(forces))
+        return self._left(self._chart.rates(y, self._solved(q, asked)))
+
+    def slopes(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
+        """What numbers of the tree add to second derivatives, to first order: (n, p, B).
+
+        Of p = 10 links + 4 nv: what each link's motion is linear in (`Recursion.regressor`), and
+        along each velocity a damper, an armature, a spring and a force. States are (n, B).
+        """
+        y, v, _ = self._state(x, rate)
+        a = self._chart.accelerations(y, v, self._all(second))
+        eye = np.eye(self._tree.nv)[:, :, None]
+        along = np.concatenate([eye * part for part in (v, a, y, np.ones_like(v))], axis=1)
+        if self._coupled is not None:
+            along = self._coupled.forces(along, self._field)
+        forces = np.concatenate([self.bodies(x, rate, second), along], axis=1)
+        mass = np.moveaxis(self.inertia(x), -1, 0)
+        by = np.linalg.solve(mass, np.moveaxis(forces, -1, 0))
+        return self.seconds(x[:, None], np.moveaxis(by, 0, -1))
+
+    def bodies(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
+        """What second derivatives ask of the forces by each body's ten numbers: (n, 10 links, ...).
+
+        Those are the numbers of `Recursion.regressor`; the forces are of velocities that follow
+        none.
+        """
+        y, v, q = self._state(x, rate)
+        a = self._chart.accelerations(y, v, self._all(second))
+        found = self._dynamics.recursion.regressor(q, v, a)
+        return found if self._coupled is None else self._coupled.forces(found, self._field)
+
+    def mass(self, x: Scalars) -> Scalars:
+        """M of the kinetic energy of the rates, rate^T M rate / 2, (n, n, ...)."""
+        y, _, q = self._state(x, 0 * x)
+        mass = self._dynamics.mass(q)
+        if not self._chart.plain:
+            eye = self._field.array(np.eye(self._tree.nv))
+            columns = np.stack([
+                self._chart.velocities(y, eye[i].reshape(-1, *(1,) * (y.ndim - 1)) + 0 * y)
+                for i in range(self._tree.nv)
+            ], axis=1)  # fmt: skip
+            asked = (mass[:, :, None] * columns[None]).sum(axis=1)
+            mass = (columns[:, :, None] * asked[:, None]).sum(axis=0)
+        return mass if self._coupled is None else self._coupled.mass(mass, self._field)
+
+    def powers(self, x: Scalars, rate: Scalars, forces: Scalars) -> Scalars:
+        """Energy, power supplied by forces, power dissipated, (3, ...)."""
+        y, v, q = self._state(x, rate)
+        energy = self._dynamics.kinetic(q, v) + self._dynamics.potential(q)
+        supplied = (v * self._chart.forces(y, self._spread(forces))).sum(axis=0)
+        return np.stack([energy, supplied, self._dynamics.dissipated(q, v)])
+
+    @property
+    def bent(self) -> bool:
+        """Whether some forces are not smooth."""
+        return self._dynamics.bent
+
+    def bends(self, x: Scalars, rate: Scalars) -> Scalars:
+        """Quantities where whose signs change they are not, (m, ...)."""
+        _, v, q = self._state(x, rate)
+        return self._dynamics.bends(q, v)
+
+    def _state(self, x: Scalars, rate: Scalars) -> tuple[Scalars, Scalars, Scalars]:
+        """All coordinates, and the tree's own velocities and positions."""
+        y = x if self._coupled is None else self._coupled.positions(x, self._field)
+        return y, self._chart.velocities(y, self._all(rate)), self._chart.positions(y)
+
+    def _solved(self, q: Scalars, asked: Scalars) -> Scalars:
+        """Accelerations of the whole tree under forces, as what follows lets them."""
+        mass = self._dynamics.mass(q)
+        if self._coupled is None:
+            return solved(mass, asked)
+        coupled, field = self._coupled, self._field
+        return self._all(solved(coupled.mass(mass, field), coupled.forces(asked, field)))
+
+    def _all(self, rates: Scalars) -> Scalars:
+        """Of all coordinates, by those that follow none."""
+        return rates if self._coupled is None else self._coupled.rates(rates, self._field)
+
+    def _left(self, values: Scalars) -> Scalars:
+        """Of those that follow none."""
+        return values if self._coupled is None else values[self._coupled.kept]
+
+    def _spread(self, forces: Scalars) -> Scalars:
+        """Forces on those that follow none, among all."""
+        if self._coupled is None:
+            return forces
+        out = self._field.array(np.zeros((self._tree.nv, *forces.shape[1:])))
+        out[self._coupled.kept] = forces
+        return out

@@ -1,0 +1,209 @@
+"""Equations of motion from the energies: Lagrange's equations with Rayleigh dissipation.
+
+d/dt(dL/dv) - dL/dq + dD/dv = Q(t), L = T - V (the source's Eq. 2.3; Goldstein, Classical
+Mechanics, 3rd ed., section 1.5), for any number of coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
+from physics_crosscheck.reference.dynamics.roundoff import Known, running_error
+from physics_crosscheck.reference.dynamics.simplify import LONG, solved, tidy
+from physics_crosscheck.reference.mechanism.declaration import Declaration, t
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.mechanism.system import System
+
+LONG_FORCE = 1000
+"""Operations in the forces beyond which their derivatives as formulas take long to make."""
+
+
+@dataclass(frozen=True)
+class Equations(EquationsOfMotion):
+    """M(q) a = f(q, v, u, t), symbolic, with numeric functions made from it.
+
+    Attributes:
+        mass: n x n mass matrix M, symmetric.
+        force: n x 1 right-hand side f, the inputs included.
+        energy: T + V, joules.
+        dissipated: power v . dD/dv that the dampers take, watts.
+        supplied: power v . Q that the inputs give, watts.
+    """
+
+    system: System
+    mass: sp.ImmutableMatrix
+    force: sp.ImmutableMatrix
+    energy: sp.Expr
+    dissipated: sp.Expr
+    supplied: sp.Expr
+
+    @cached_property
+    def residual(self) -> sp.ImmutableMatrix:
+        """M a - f: zero along every motion; row i is the equation of coordinate i."""
+        return sp.ImmutableMatrix(self.mass * sp.Matrix(self.system.a) - self.force)
+
+    @cached_property
+    def acceleration(self) -> sp.ImmutableMatrix:
+        """a = M^-1 f, symbolic."""
+        return sp.ImmutableMatrix(solved(self.mass, self.force))
+
+    @cached_property
+    def first_order(self) -> sp.ImmutableMatrix:
+        """dy/dt of the state y = (q, v): the first-order form, 2n x 1."""
+        return sp.ImmutableMatrix([*self.system.v, *self.acceleration])
+
+    @cached_property
+    def energy_balance(self) -> sp.Expr:
+        """dE/dt - supplied + dissipated along the motion: zero, unless T or V depend on t."""
+        system = self.system
+        rate = sp.diff(self.energy, t) - self.supplied + self.dissipated
+        for q, v, a, left in zip(system.q, system.v, system.a, self.residual, strict=True):
+            # The residual is zero along the motion; v times it takes the accelerations out.
+            rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a - v * left
+        balance = sp.simplify(sp.expand(rate))
+        if balance.free_symbols & {*system.a}:
+            balance = sp.simplify(
+                balance.xreplace(dict(zip(system.a, self.acceleration, strict=True)))
+            )
+        return balance
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
+        variables = (*self.system.q, *self.system.v, *self.system.u)
+        if self.mass.free_symbols & {*variables, t}:
+            return False
+        slopes = sp.Matrix(self.force).jacobian(variables)
+        rest = dict.fromkeys(variables, sp.Integer(0))
+        still = all(sp.simplify(f.xreplace(rest)) == 0 for f in self.force)
+        return still and not slopes.free_symbols & {*variables, t}
+
+    @cached_property
+    def numeric_acceleration(self) -> NumericFunction:
+        """a(q, v, u, t), constants put in; the argument groups are q, v, u, (t,)."""
+        return self.compile(self.acceleration)
+
+    @cached_property
+    def numeric_power(self) -> NumericFunction:
+        """(energy, supplied, dissipated) of (q, v, u, (t,))."""
+        return self.compile([self.energy, self.supplied, self.dissipated])
+
+    @cached_property
+    def numeric_mass(self) -> NumericFunction:
+        """M of (q, v, u, (t,)), row after row."""
+        return self.compile(list(self.mass))
+
+    def acceleration_error(
+        self,
+        states: Array,
+        inputs: Array,
+        times: Array,
+        *,
+        off: Array,
+        late: Array,
+        rounded: bool,
+    ) -> Array:
+        """Bound of the error of the accelerations, operation by operation."""
+        variables = known(self.system, states, inputs, times, off=off, late=late)
+        return running_error(list(self.acceleration), variables, rounded=rounded)
+
+    def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
+        """From M da = df - dM a, number by number: the derivatives of M^-1 f are long formulas."""
+        if self.long:
+            return super().slopes(states, inputs, times)
+        return slopes_by(self._derivatives, states, inputs, times)
+
+    @cached_property
+    def long(self) -> bool:
+        """Whether derivatives of the forces as formulas take long to make."""
+        return bool(sum(sp.count_ops(f) for f in self.force) > LONG_FORCE)
+
+    @cached_property
+    def _derivatives(self) -> NumericFunction:
+        return self.compile(self.derivatives)
+
+    @property
+    def derivatives(self) -> list[sp.Expr]:
+        """M, f, and their derivatives by q and v."""
+        variables, n = (*self.system.q, *self.system.v), len(self.system.q)
+        mass, force = sp.Matrix(self.mass), sp.Matrix(self.force)
+        slopes = mass.reshape(n * n, 1).jacobian(variables)
+        return [*mass, *force, *force.jacobian(variables), *slopes]
+
+    def compile(self, expressions: sp.ImmutableMatrix | list[sp.Expr]) -> NumericFunction:
+        """Return expressions of q, v, u, t as a numeric function, constants put in as doubles."""
+        values = {symbol: sp.Float(value, 17) for symbol, value in self.system.values.items()}
+        put_in = [sp.sympify(e).xreplace(values) for e in expressions]
+        return compile_function(put_in, self.system.q, self.system.v, self.system.u, (t,))
+
+
+def known(
+    system: Declaration, states: Array, inputs: Array, times: Array, *, off: Array, late: Array
+) -> dict[sp.Symbol, Known]:
+    """Every symbol of a system's equations with its value and error; see `acceleration_error`."""
+    none = np.zeros_like(times)
+    variables = {t: (times, late)}
+    variables |= {c.symbol: (np.full_like(times, c.value), none) for c in system.constants}
+    variables |= {s: (states[..., i], none) for i, s in enumerate((*system.q, *system.v))}
+    variables |= {s: (inputs[..., i], off[..., i]) for i, s in enumerate(system.u)}
+    return variables
+
+
+def slopes_by(derivatives: NumericFunction, states: Array, inputs: Array, times: Array) -> Array:
+    """Derivatives of the accelerations, (B, n, 2n), from `Equations.derivatives` as a function."""
+    n = states.shape[1] // 2
+    values = derivatives(states[:, :n], states[:, n:], inputs, times[:, None])
+    parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
+    m = parts[0].reshape(-1, n, n)
+    try:
+        a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
+        turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
+        found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+    except np.linalg.LinAlgError:
+        return np.full((len(states), n, 2 * n), np.inf)
+    return found
+
+
+def _spread(force: sp.Expr) -> sp.Expr:
+    """Its terms one by one, where a person may read them."""
+    return force if sp.count_ops(force) > LONG else sp.expand(force)
+
+
+def derive(system: System) -> Equations:
+    """Return the equations of motion of a system."""
+    mass, force = _mass_and_force(system.T, system.V, system.D, system.q, system.v)
+    return Equations(
+        system=system,
+        mass=mass,
+        force=sp.ImmutableMatrix([f + g for f, g in zip(force, system.forces(), strict=True)]),
+        energy=system.T + system.V,
+        dissipated=sp.Add(*(vi * sp.diff(system.D, vi) for vi in system.v)),
+        supplied=sp.Add(*(vi * qi for vi, qi in zip(system.v, system.forces(), strict=True))),
+    )
+
+
+@lru_cache(maxsize=16)  # a model's audit and another's are of one system, in one process
+def _mass_and_force(
+    kinetic: sp.Expr,
+    potential: sp.Expr,
+    dissipation: sp.Expr,
+    q: tuple[sp.Symbol, ...],
+    v: tuple[sp.Symbol, ...],
+) -> tuple[sp.ImmutableMatrix, tuple[sp.Expr, ...]]:
+    """M (n, n), and what M a is without the inputs, (n,)."""
+    lagrangian = kinetic - potential
+    momenta = [sp.diff(lagrangian, vi) for vi in v]
+    mass = sp.hessian(kinetic, v).applyfunc(tidy)
+    force = []
+    for qi, vi, pi in zip(q, v, momenta, strict=True):
+        # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; what is not M a goes to the right.
+        transport = sp.Add(*(sp.diff(pi, qj) * vj for qj, vj in zip(q, v, strict=True)))
+        transport += sp.diff(pi, t)
+        rest = sp.diff(lagrangian, qi) - sp.diff(dissipation, vi) - transport
+        force.append(_spread(tidy(rest)))
+    return sp.ImmutableMatrix(mass), tuple(force)

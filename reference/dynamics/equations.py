@@ -1,0 +1,100 @@
+"""What equations of motion are to those who solve them: functions of numbers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from physics_crosscheck.reference.mechanism.declaration import Declaration
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+
+class VectorFunction(Protocol):
+    """A vector-valued function of vectors.
+
+    Called with one array per argument group, each (..., size of the group), which broadcast against
+    each other in all but their last axis; returns (..., size).
+    """
+
+    def __call__(self, *arguments: Array) -> Array:
+        """Evaluate."""
+
+    @property
+    def scalar(self) -> Callable[..., Sequence[float]]:
+        """The same function of plain numbers, one per column."""
+
+
+class EquationsOfMotion(ABC):
+    """M(q) a = f(q, v, u, t) of n coordinates.
+
+    Arguments are positions and velocities, (..., n), inputs, (..., inputs), and time, (..., 1).
+    """
+
+    system: Declaration
+
+    @property
+    @abstractmethod
+    def linear(self) -> bool:
+        """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
+
+    @property
+    @abstractmethod
+    def numeric_acceleration(self) -> VectorFunction:
+        """a(q, v, u, (t,)), (..., n)."""
+
+    @property
+    @abstractmethod
+    def numeric_power(self) -> VectorFunction:
+        """(energy, power supplied, power dissipated) of (q, v, u, (t,)), (..., 3)."""
+
+    @property
+    @abstractmethod
+    def numeric_mass(self) -> VectorFunction:
+        """M of (q, v, u, (t,)), row after row, (..., n * n)."""
+
+    @abstractmethod
+    def acceleration_error(
+        self,
+        states: Array,
+        inputs: Array,
+        times: Array,
+        *,
+        off: Array,
+        late: Array,
+        rounded: bool,
+    ) -> Array:
+        """Bound of the error of the accelerations, (..., n).
+
+        Args:
+            states, inputs: (..., 2n), (..., inputs).
+            times: (...).
+            off: error of the inputs, (..., inputs).
+            late: error of the times, (...).
+            rounded: whether the operations round; else the inputs' and times' errors alone count.
+        """
+
+    def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
+        """Derivatives of the accelerations by q and v, (B, n, 2n), at B states, inputs and times.
+
+        By central differences: a rate need not be known to more than a few digits.
+        """
+
+        def acceleration(q: Array, v: Array) -> Array:
+            return self.numeric_acceleration(q, v, inputs, times[:, None])
+
+        return slopes_of(acceleration, states)
+
+
+def slopes_of(acceleration: Callable[[Array, Array], Array], states: Array) -> Array:
+    """Derivatives by q and v, (B, n, 2n), of a function of them, each (B, n)."""
+    n = states.shape[1] // 2
+    step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
+    columns = []
+    for i, h in enumerate(step):
+        moved = (states + h * np.eye(2 * n)[i], states - h * np.eye(2 * n)[i])
+        up, down = (acceleration(s[:, :n], s[:, n:]) for s in moved)
+        columns.append((up - down) / (2 * h))
+    return np.stack(columns, axis=2)

@@ -1,0 +1,231 @@
+"""The source's published equations held against the derived ones: a table that is computed.
+
+The transcript of the source has lost signs. Each place where one is missing is entered as `±` and
+tried both ways: an equation *agrees*, *agrees up to signs* that the transcript can't decide, or
+*differs* whatever the signs were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import sympy as sp
+
+from physics_crosscheck.reference.dynamics.derive import Equations
+from physics_crosscheck.reference.dynamics.linearize import Linearization, taylor
+from physics_crosscheck.reference.dynamics.notation import Reading, names_what_is_derived, readings
+from physics_crosscheck.reference.mechanism.declaration import (
+    Coordinate,
+    DeclarationError,
+    PublishedEquation,
+)
+
+AGREES = "agrees"
+UP_TO_SIGNS = "agrees up to signs"
+DIFFERS = "differs"
+
+Comparison: TypeAlias = tuple[sp.Expr, sp.Expr]
+"""What is derived, and what the published expression leaves over: zero where they agree."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Erratum:
+    """One published equation and its class.
+
+    Attributes:
+        derived: what the derivation has in its place, in plain text: equations for a motion, an
+            expression for a value.
+        difference: published minus derived under the signs that leave least, "" where it agrees.
+    """
+
+    published: PublishedEquation
+    verdict: str
+    derived: str
+    difference: str
+
+
+def errata(equations: Equations, linearizations: tuple[Linearization, ...]) -> tuple[Erratum, ...]:
+    """Compare every published equation with the derived one.
+
+    Motions are compared up to a nonzero factor that may depend on constants alone; potential
+    energies up to a constant; everything else exactly.
+
+    Raises:
+        DeclarationError: for an equation that can't be read, or that names what is not there.
+    """
+    return tuple(
+        _compare(published, equations, linearizations) for published in equations.system.published
+    )
+
+
+def _compare(
+    published: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
+) -> Erratum:
+    match published.states:
+        case "motion":
+            choices = _motions(published, equations)
+        case "linear":
+            choices = _linear(published, equations, linearizations)
+        case "linear part":
+            choices = _linear_parts(published, equations)
+        case _:
+            choices = _values(published, equations)
+    best = min(choices, key=_size)  # the fewest, then the plainest terms
+    agreement = UP_TO_SIGNS if "±" in published.text else AGREES
+    ending = " = 0" if published.states in ("motion", "linear") else ""
+    # A chain of sides is held against one thing.
+    derived = dict.fromkeys(f"{sp.sstr(found)}{ending}" for found, _ in best)
+    return Erratum(
+        published=published,
+        verdict=DIFFERS if _size(best) else agreement,
+        derived="; ".join(derived),
+        difference="; ".join(
+            sp.sstr(sp.expand(sp.simplify(left))) for _, left in best if left != 0
+        ),
+    )
+
+
+def _size(choice: Sequence[Comparison]) -> int:
+    return sum(len(sp.sstr(left)) for _, left in choice if left != 0)
+
+
+def _motions(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
+    """A choice for each reading: the motion of one coordinate, or of each one in turn."""
+    system = equations.system
+    concerned: list[tuple[int, Coordinate | None]]
+    if published.of:
+        names = [c.name for c in system.coordinates]
+        if published.of not in names:
+            raise DeclarationError(
+                f"{_place(published, equations)}: {published.of!r} is not a coordinate"
+            )
+        concerned = [(names.index(published.of), None)]
+    else:
+        concerned = list(enumerate(system.coordinates))
+    choices: list[list[Comparison]] = []
+    for index, coordinate in concerned:
+        derived = _undriven(equations.residual[index], published, equations)
+        found = [
+            (derived, _motion_left_over(reading, derived, equations))
+            for reading in readings(published, system, coordinate)
+        ]
+        choices = [[*c, f] for c, f in zip(choices or [[] for _ in found], found, strict=True)]
+    return choices
+
+
+def _linear(
+    published: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
+) -> list[list[Comparison]]:
+    """A choice for each reading and each row of the linear equations."""
+    system = equations.system
+    for linearization in linearizations:
+        if linearization.equilibrium == published.of:
+            break
+    else:
+        raise DeclarationError(
+            f"{_place(published, equations)}: {published.of!r} is not an equilibrium"
+        )
+    deviation = sp.Matrix(system.q) - sp.Matrix(linearization.at)
+    rows = (
+        linearization.mass * sp.Matrix(system.a)
+        + linearization.damping * sp.Matrix(system.v)
+        + linearization.stiffness * deviation
+        - linearization.input * sp.Matrix(len(system.u), 1, system.u)
+    )
+    return [
+        [(derived, _motion_left_over(reading, derived, equations))]
+        for reading in readings(published, system)
+        for derived in (_undriven(row, published, equations) for row in rows)
+    ]
+
+
+def _linear_parts(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
+    """A choice for each reading: every further side against the first one's Taylor series."""
+    system = equations.system
+    for coordinate in system.coordinates:
+        if coordinate.name == published.of:
+            break
+    else:
+        raise DeclarationError(
+            f"{_place(published, equations)}: {published.of!r} is not a coordinate"
+        )
+    choices = []
+    for reading in readings(published, system):
+        derived = taylor(reading.sides[0], {coordinate.q: reading.point}, 1)
+        choices.append([(derived, _left_over(side, derived)) for side in reading.sides[1:]])
+    return choices
+
+
+def _values(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
+    """A choice for each reading: every further side against what the first one names."""
+    system = equations.system
+    if not names_what_is_derived(published, system):
+        raise DeclarationError(
+            f"{_place(published, equations)}: the left side of "
+            f"{published.text!r} must name only an energy, a quantity or a derivative "
+            "of one"
+        )
+    variables = _variables(equations)
+    choices = []
+    for reading in readings(published, system):
+        derived = _undriven(reading.sides[0], published, equations)
+        found = []
+        for side in reading.sides[1:]:
+            left = _left_over(side, derived)
+            # Where a potential energy is zero is free.
+            constant = derived == system.V and not left.free_symbols & variables
+            found.append((derived, sp.Integer(0) if constant else left))
+        choices.append(found)
+    return choices
+
+
+def _place(published: PublishedEquation, equations: Equations) -> str:
+    return f"system {equations.system.name!r}, Eq. {published.number}"
+
+
+def _variables(equations: Equations) -> set[sp.Symbol]:
+    system = equations.system
+    return {*system.q, *system.v, *system.a, *system.u}
+
+
+def _undriven(derived: sp.Expr, published: PublishedEquation, equations: Equations) -> sp.Expr:
+    """What is derived, without the inputs where the source has none."""
+    if published.driven:
+        return derived
+    return derived.xreplace(dict.fromkeys(equations.system.u, sp.Integer(0)))
+
+
+def _left_over(published: sp.Expr, derived: sp.Expr) -> sp.Expr:
+    """Their difference; zero, and not only equal to it, where there is none."""
+    difference = sp.expand(published - derived)
+    if difference == 0 or _is_something(difference):
+        return difference
+    return sp.simplify(difference)
+
+
+def _is_something(expression: sp.Expr) -> bool:
+    """Whether it is surely not zero, from its value at a place of no symmetry: that is quick."""
+    symbols = sorted(expression.free_symbols, key=str)
+    place = {symbol: sp.Rational(7 * i + 3, 11) for i, symbol in enumerate(symbols)}
+    return bool(abs(sp.N(expression.xreplace(place), 30)) > 1e-12)
+
+
+def _motion_left_over(reading: Reading, derived: sp.Expr, equations: Equations) -> sp.Expr:
+    left, right = reading.sides
+    published = left - right
+    difference = _left_over(published, derived)
+    if difference == 0:
+        return difference
+    # Scale by the coefficient of an acceleration that both have; any other common factor would
+    # leave that term unequal.
+    variables = _variables(equations)
+    for acceleration in sorted(equations.system.a, key=str):
+        ours = sp.expand(derived).coeff(acceleration)
+        theirs = sp.expand(published).coeff(acceleration)
+        if ours != 0 and theirs != 0:
+            factor = sp.simplify(ours / theirs)
+            if not factor.free_symbols & variables:
+                return _left_over(sp.expand(factor * published), derived)
+    return difference

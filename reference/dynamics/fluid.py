@@ -1,0 +1,143 @@
+"""What a medium does to the bodies of a tree: drag and viscous resistance of their boxes.
+
+Of a box with edges a, b, c in a fluid of density rho and viscosity beta, whose center moves with u
+against the fluid and which turns with w, both along its own axes, the force and the moment about
+the center are, of the first axis and the others likewise,
+
+    f = -rho b c |u| u / 2 - 3 pi beta d u,  g = -rho a (b^4 + c^4) |w| w / 64 - pi beta d^3 w,
+
+where d is the mean of the edges: a quadratic drag, whose moment is the force of the turning faces
+summed over them, and the resistance of a sphere of that diameter (Stokes). Forces have a kink in
+their second derivative where a velocity turns, and none in the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics_crosscheck.reference.dynamics.propagation import Acting, Moving, Placement
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    Field,
+    Scalars,
+    cross,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
+
+
+@dataclass(frozen=True)
+class _Box:
+    """What is computed with; coefficients of forces and of moments, (3,) each."""
+
+    position: Scalars
+    rotation: Scalars
+    drag: Scalars
+    resistance: Scalars
+    turning_drag: Scalars
+    turning_resistance: Scalars
+
+    def place(self, beside: Scalars) -> tuple[Scalars, Scalars]:
+        """Its position and rotation beside a batch of vectors."""
+        tall = (1,) * (beside.ndim - 1)
+        return self.position.reshape(3, *tall), self.rotation.reshape(3, 3, *tall)
+
+
+class Immersion:
+    """The forces of a tree's medium, over one kind of numbers; the batch comes last.
+
+    Args:
+        tree: the links, and what of them is immersed.
+        recursion: its kinematics, over the same numbers.
+        field: the kind of numbers, with an order.
+    """
+
+    def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
+        self._tree, self._recursion, self._field = tree, recursion, field
+        self._wind = None
+        self._boxes: list[_Box] = []
+        if tree.medium is not None:
+            self._boxes = [_box(one, tree.medium, field) for one in tree.immersed]
+            self._wind = field.array(tree.medium.wind) if any(tree.medium.wind) else None
+
+    def __bool__(self) -> bool:
+        """Whether anything is immersed."""
+        return bool(self._boxes)
+
+    def forces(self, q: Scalars, v: Scalars) -> Scalars:
+        """On the joints, (nv, ...)."""
+        none = self._field.array(np.zeros((3, *v.shape[1:])))
+        on: list[Acting] = [(none, none) for _ in self._tree.links]
+        placements = self._recursion.placements(q)
+        for one, box, moving in self._moving(placements, v):
+            force, moment = _dragged(box, moving)
+            on[one.link] = on[one.link][0] + force, on[one.link][1] + moment
+        return self._recursion.handed_down(placements, on)
+
+    @property
+    def bent(self) -> bool:
+        """Whether there is a drag that turns somewhere."""
+        medium = self._tree.medium
+        return bool(self) and medium is not None and medium.density > 0
+
+    def bends(self, q: Scalars, v: Scalars) -> Scalars:
+        """The velocities at which drags turn, (m, ...)."""
+        placements = self._recursion.placements(q)
+        moving = self._moving(placements, v) if self.bent else ()
+        return np.concatenate([0 * v[:0], *(part for _, _, one in moving for part in one)])
+
+    def _moving(
+        self, placements: list[Placement], v: Scalars
+    ) -> Iterator[tuple[Immersed, _Box, Moving]]:
+        """How each box moves against the medium, along its own axes, its center."""
+        links = self._recursion.velocities(placements, v)
+        blowing = self._blowing(placements, v)
+        for one, box in zip(self._tree.immersed, self._boxes, strict=True):
+            angular, linear = links[one.link]
+            if blowing:
+                linear = linear - blowing[one.link]
+            center, turn = box.place(linear)
+            linear = linear + cross(angular, center)
+            yield one, box, Moving(turned_back(turn, angular), turned_back(turn, linear))
+
+    def _blowing(self, placements: list[Placement], v: Scalars) -> list[Scalars]:
+        """The wind in each link's frame, (3, ...); nothing where none blows."""
+        if self._wind is None:
+            return []
+        wind = self._wind.reshape(3, *(1,) * (v.ndim - 1)) + 0 * v[:1]
+        return [turned_back(pose.rotation, wind) for pose in self._recursion.poses_of(placements)]
+
+
+def _dragged(box: _Box, moving: Moving) -> Acting:
+    """What acts on its link at the link's origin, in the link's frame."""
+    angular, linear = moving
+    tall = (3, *(1,) * (linear.ndim - 1))
+    drag, resistance, turning_drag, turning_resistance = (
+        one.reshape(tall)
+        for one in (box.drag, box.resistance, box.turning_drag, box.turning_resistance)
+    )
+    center, turn = box.place(linear)
+    force = turned(turn, -(drag * abs(linear) + resistance) * linear)
+    moment = turned(turn, -(turning_drag * abs(angular) + turning_resistance) * angular)
+    return force, moment + cross(center, force)
+
+
+def _box(one: Immersed, medium: Fluid, field: Field) -> _Box:
+    size: Array = one.size
+    others = size[[1, 2, 0]], size[[2, 0, 1]]
+    mean = size.sum() / 3
+    density, viscosity = max(medium.density, 0.0), max(medium.viscosity, 0.0)
+    return _Box(
+        position=field.array(one.position),
+        rotation=field.array(one.rotation),
+        drag=field.array(density / 2 * others[0] * others[1]),
+        resistance=field.array(np.full(3, 3 * np.pi * viscosity * mean)),
+        turning_drag=field.array(density / 64 * size * (others[0] ** 4 + others[1] ** 4)),
+        turning_resistance=field.array(np.full(3, np.pi * viscosity * mean**3)),
+    )

@@ -1,0 +1,111 @@
+"""Equations of motion of a small tree as formulas: polynomials of sines, cosines and velocities.
+
+They come by the same recursion as the numbers, over polynomials; sin^2 is 1 - cos^2 in them. So
+their size is known before anything is written, and nothing is simplified without end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from sympy.polys.domains import RR
+from sympy.polys.rings import PolyRing
+
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.mechanism.rotations import Scalars, objects
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+MOST_JOINTS = 3
+"""Beyond, there are too many terms to be read, whatever the masses are."""
+
+MOST_TERMS = 80
+"""Products in all of M and f: a page."""
+
+NOTHING = 1e-9
+"""Of an equation's largest coefficient: what angles with the digits of a file leave of zeros."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Formulas:
+    """M(q) a = f(q, v) of n coordinates.
+
+    Attributes:
+        mass: rows of M.
+        force: terms of each row of f.
+    """
+
+    mass: tuple[tuple[sp.Expr, ...], ...]
+    force: tuple[tuple[sp.Expr, ...], ...]
+
+
+def formulas(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> Formulas | str:
+    """The equations without forces on the joints; or why they are none to be read.
+
+    Args:
+        tree: the bodies.
+        q, v: symbols of its positions and velocities.
+    """
+    if len(tree.links) > MOST_JOINTS:
+        return f"they are too long for {len(tree.links)} joints"
+    other = next((one for one in tree.links if one.kind not in ("hinge", "slide")), None)
+    if other is not None:
+        return f"joint {other.name!r} is a {other.kind} joint"
+    if tree.pulls or tree.couplings or tree.medium:
+        return "they are not written for tendons, actuators, joint couplings and fluids"
+    return _written(tree, q, v)
+
+
+def _written(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> Formulas | str:
+    n = tree.nv
+    names = [f"{letter}{i}" for letter in "scqv" for i in range(n)]
+    ring = PolyRing(names, RR, "lex")
+    sines, cosines, positions, velocities = (ring.gens[k * n : (k + 1) * n] for k in range(4))
+    at = {gen: i for i, gen in enumerate(positions)}
+    field = objects(lambda x: sines[at[x]], lambda x: cosines[at[x]], ring.ground_new)
+    dynamics = Dynamics(tree, field)
+    own, rates = _array(positions), _array(velocities)
+    circles = [s**2 + c**2 - 1 for s, c in zip(sines, cosines, strict=True)]
+    mass = dynamics.mass(own)
+    force = dynamics.force(own, rates, 0 * rates)
+    rows = [[_short(x, circles) for x in (*mass[i, :, 0], force[i, 0])] for i in range(n)]
+    rows = [_without_nothing(row) for row in rows]
+    count = sum(len(x) for row in rows for x in row)
+    if count > MOST_TERMS:
+        return f"they have {count} terms; more than {MOST_TERMS} are too long"
+    symbols = [*map(sp.sin, q), *map(sp.cos, q), *q, *v]
+    written = [[_terms(x, symbols) for x in row] for row in rows]
+    return Formulas(
+        mass=tuple(tuple(sp.Add(*x) for x in row[:-1]) for row in written),
+        force=tuple(row[-1] for row in written),
+    )
+
+
+def _array(values: Any) -> Scalars:
+    """A batch of one, (n, 1)."""
+    found = np.empty((len(values), 1), dtype=object)
+    found[:, 0] = values
+    return found
+
+
+def _short(polynomial: Any, circles: list[Any]) -> Any:
+    """With sin^2 + cos^2 = 1 put in."""
+    return polynomial.rem(circles)
+
+
+def _without_nothing(row: list[Any]) -> list[Any]:
+    """A row of M and f without what rounding leaves of zeros."""
+    largest = max((abs(c) for one in row for c in one.values()), default=0)
+    return [
+        type(one)(one.ring, {m: c for m, c in one.items() if abs(c) > NOTHING * largest})
+        for one in row
+    ]
+
+
+def _terms(polynomial: Any, symbols: list[sp.Expr]) -> tuple[sp.Expr, ...]:
+    return tuple(
+        sp.Mul(sp.Float(float(c), 15), *(x**k for x, k in zip(symbols, powers, strict=True)))
+        for powers, c in polynomial.terms()
+    )

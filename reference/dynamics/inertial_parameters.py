@@ -1,0 +1,54 @@
+"""The ten numbers of each body in which forces are linear, and trees that differ in them alone."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Link, Tree
+
+_OWN = ("mass", "center", "inertia")
+_LINKS = tuple(one.name for one in fields(Link) if one.name not in _OWN)
+_TREES = ("pulls", "couplings", "bushes")
+
+
+def ten(link: Link) -> Array:
+    """Mass, mass times center (3), and inertia about the origin, xx, yy, zz, xy, xz, yz, (10,).
+
+    As in `Recursion.regressor`.
+    """
+    c = link.center
+    about = link.inertia + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    (xx, xy, xz), (_, yy, yz), (*_, zz) = about
+    return np.array([link.mass, *(link.mass * c), xx, yy, zz, xy, xz, yz])
+
+
+def bodies_apart(one: Tree, other: Tree) -> Array | None:
+    """How far the bodies of two trees are apart, (10 links,); None where anything else is."""
+    same = (
+        len(one.links) == len(other.links)
+        and one.medium is None
+        and other.medium is None
+        and np.array_equal(one.gravity, other.gravity)
+        and all(getattr(one, name) == getattr(other, name) for name in _TREES)
+    )
+    if not same:
+        return None
+    found = np.zeros((len(one.links), 10))
+    for row, mine, theirs in zip(found, one.links, other.links, strict=True):
+        if not _carried_alike(mine, theirs):
+            return None
+        if not all(np.array_equal(getattr(mine, x), getattr(theirs, x)) for x in _OWN):
+            row[:] = ten(mine) - ten(theirs)
+    return found.ravel()
+
+
+def _carried_alike(one: Link, other: Link) -> bool:
+    """Whether nothing but the bodies of two links may be different."""
+    for name in _LINKS:
+        mine, theirs = getattr(one, name), getattr(other, name)
+        if mine is not theirs and not np.array_equal(mine, theirs):
+            return False
+    return True

@@ -1,0 +1,217 @@
+"""Lengths of ways, and what a force of one along each does on a tree's velocities."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from physics_crosscheck.reference.dynamics.propagation import Acting, Placement
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.force_paths import (
+    CablePath,
+    FrameForce,
+    JointForce,
+    Mark,
+    Way,
+)
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    VANISHING,
+    Field,
+    Scalars,
+    cross,
+    from_quaternion,
+    product,
+    quaternion_product,
+    rotation_vector,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.mechanism.tree import WORLD, Link, Tree
+
+Line = tuple[Scalars, Scalars]
+"""A length, (1, ...), and its rates by the velocities, or what stands for them, (nv, ...)."""
+
+
+class Lines:
+    """Of the ways of a tree, over one kind of numbers; the batch comes last.
+
+    Args:
+        tree: the links.
+        recursion: its kinematics, over the same numbers.
+        field: the kind of numbers.
+    """
+
+    def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
+        self._tree, self._recursion, self._field = tree, recursion, field
+        self._fixed = cache(self._quaternion_of)
+
+    def at(self, ways: list[Way], q: Scalars) -> list[Line]:
+        """Each way's line."""
+        placements = self._recursion.placements(q)
+        poses = self._recursion.poses_of(placements)
+        found: list[Line] = []
+        for way in ways:
+            if isinstance(way, JointForce):
+                found.append(self._joint(way, q))
+            elif isinstance(way, CablePath):
+                found.append(self._cord(way, q, placements, poses))
+            elif way.against is None:
+                found.append(self._frame(way, q, placements))
+            else:
+                found.append(self._between(way, way.against, q, placements, poses))
+        return found
+
+    def turning(self, way: JointForce[int] | FrameForce[Mark], q: Scalars) -> Scalars:
+        """The cosine of half of the angle that s is told of, (1, ...): where it turns, s jumps."""
+        if isinstance(way, JointForce):
+            return self._quaternion(way.joint, q)[:1]
+        assert way.against is not None  # else there is no angle
+        return self._turn(way.against, way.frame, q)[:1]
+
+    def _joint(self, way: JointForce[int], q: Scalars) -> Line:
+        there, batch = self._tree.velocities[way.joint], q.shape[1:]
+        row = self._field.array(np.zeros((self._tree.nv, *batch)))
+        gear = self._field.array(np.array(way.gear)).reshape(-1, *(1,) * len(batch))
+        turn = self._quaternion(way.joint, q)
+        rotation = from_quaternion(turn)
+        moment = gear[-3:] + 0 * turn[1:]
+        moment = turned_back(rotation, moment) if way.in_parent else moment
+        row[there.start : there.start + 3] = moment
+        if len(way.gear) == 3:
+            return (moment * rotation_vector(turn)).sum(axis=0)[None], row
+        row[there.start + 3 : there.stop] = turned_back(rotation, gear[:3] + 0 * turn[1:])
+        return 0 * q[:1], row
+
+    def _quaternion(self, link: int, q: Scalars) -> Scalars:
+        here = self._tree.positions[link]
+        return q[here.stop - 4 : here.stop]
+
+    def _turn(self, one: Mark, other: Mark, q: Scalars) -> Scalars:
+        """The quaternion (4, ...) of a frame in another; where joints turn on, it does."""
+        back = self._attitude(one, q)
+        back = np.concatenate([back[:1], -back[1:]])
+        found: Scalars = quaternion_product(back, self._attitude(other, q))
+        return found
+
+    def _attitude(self, mark: Mark, q: Scalars) -> Scalars:
+        tall = (4, *(1,) * (q.ndim - 1))
+        found, link = self._fixed(mark).reshape(tall) + 0 * q[:1], mark.link
+        while link != WORLD:
+            one = self._tree.links[link]
+            if one.kind == "hinge":
+                half = q[self._tree.positions[link]] / 2
+                axis = self._field.array(one.axis).reshape(3, *(1,) * (q.ndim - 1))
+                own = np.concatenate([self._field.cos(half), axis * self._field.sin(half)])
+                found = quaternion_product(own, found)
+            elif one.kind != "slide":
+                found = quaternion_product(self._quaternion(link, q), found)
+            found = quaternion_product(self._fixed(one).reshape(tall), found)
+            link = one.parent
+        whole: Scalars = found
+        return whole
+
+    def _quaternion_of(self, fixed: Mark | Link) -> Scalars:
+        """How a frame is turned in what carries it, (4,)."""
+        from scipy.spatial.transform import Rotation  # a part of a second, in every command
+
+        turn = Rotation.from_matrix(fixed.rotation).as_quat(scalar_first=True)
+        return self._field.array(turn)
+
+    def _cord(
+        self, way: CablePath[Mark], q: Scalars, placements: list[Placement], poses: list[Placement]
+    ) -> Line:
+        length, on = 0 * q[:1], self._nothing(q)
+        for share, marks in way.branches:
+            by = self._field.array([share])
+            points = [self._marked(one, poses, q).origin for one in marks]
+            for k in range(len(marks) - 1):
+                apart = points[k + 1] - points[k]
+                size = ((apart * apart).sum(axis=0) + VANISHING) ** 0.5
+                length = length + by * size[None]
+                along = by * apart / size
+                self._push(on, marks[k + 1], poses, along, None)
+                self._push(on, marks[k], poses, -along, None)
+        return length, self._recursion.handed_down(placements, on)
+
+    def _frame(self, way: FrameForce[Mark], q: Scalars, placements: list[Placement]) -> Line:
+        on = self._nothing(q)
+        force, moment = self._gear(way, q)
+        rotation = self._field.array(way.frame.rotation)
+        if way.frame.link != WORLD:
+            tall = (1,) * (q.ndim - 1)
+            turn = rotation.reshape(3, 3, *tall)
+            at = self._field.array(way.frame.position).reshape(3, *tall)
+            along = turned(turn, force)
+            on[way.frame.link] = along, turned(turn, moment) + cross(at, along)
+        return 0 * q[:1], self._recursion.handed_down(placements, on)
+
+    def _between(
+        self,
+        way: FrameForce[Mark],
+        against: Mark,
+        q: Scalars,
+        placements: list[Placement],
+        poses: list[Placement],
+    ) -> Line:
+        own, other = (self._marked(one, poses, q) for one in (way.frame, against))
+        force, moment = self._gear(way, q)
+        vector = rotation_vector(self._turn(against, way.frame, q))
+        apart = turned_back(other.rotation, own.origin - other.origin)
+        length = (force * apart + moment * vector).sum(axis=0)[None]
+        on = self._nothing(q)
+        along, about = turned(other.rotation, force), turned(other.rotation, moment)
+        self._push(on, way.frame, poses, along, about)
+        self._push(on, against, poses, -along, -about)
+        row = self._recursion.handed_down(placements, on)
+        for link in self._above(way.frame.link) & self._above(against.link):
+            row[self._tree.velocities[link]] = 0 * row[self._tree.velocities[link]]
+        return length, row
+
+    def _above(self, link: int) -> set[int]:
+        """A link and those that carry it."""
+        found: set[int] = set()
+        while link != WORLD:
+            found.add(link)
+            link = self._tree.links[link].parent
+        return found
+
+    def _gear(self, way: FrameForce[Mark], q: Scalars) -> tuple[Scalars, Scalars]:
+        gear = self._field.array(np.array(way.gear)).reshape(6, *(1,) * (q.ndim - 1)) + 0 * q[:1]
+        return gear[:3], gear[3:]
+
+    def _nothing(self, q: Scalars) -> list[Acting]:
+        none = self._field.array(np.zeros((3, *q.shape[1:])))
+        return [(none, none) for _ in self._tree.links]
+
+    def _marked(self, mark: Mark, poses: list[Placement], q: Scalars) -> Placement:
+        """A frame in the world."""
+        tall = (1,) * (q.ndim - 1)
+        rotation = self._field.array(mark.rotation).reshape(3, 3, *tall) + 0 * q[:1]
+        origin = self._field.array(mark.position).reshape(3, *tall) + 0 * q[:1]
+        if mark.link == WORLD:
+            return Placement(rotation, origin)
+        pose = poses[mark.link]
+        return Placement(
+            product(pose.rotation, rotation), pose.origin + turned(pose.rotation, origin)
+        )
+
+    def _push(
+        self,
+        on: list[Acting],
+        mark: Mark,
+        poses: list[Placement],
+        force: Scalars,
+        moment: Scalars | None,
+    ) -> None:
+        """Add a force at a frame, and a moment, both along the world's axes."""
+        if mark.link == WORLD:
+            return
+        turn = poses[mark.link].rotation
+        own = turned_back(turn, force)
+        at = self._field.array(mark.position).reshape(3, *(1,) * (own.ndim - 1))
+        about = cross(at, own)
+        if moment is not None:
+            about = about + turned_back(turn, moment)
+        on[mark.link] = on[mark.link][0] + own, on[mark.link][1] + about

@@ -1,0 +1,207 @@
+"""What the links of a tree hand on to each other: places, motions, masses and forces.
+
+As in `reference.dynamics.recursion`: usual accelerations of points, in each link's own frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics_crosscheck.reference.mechanism.rotations import (
+    Field,
+    Scalars,
+    cross,
+    product,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.mechanism.tree import Link
+
+INERTIAS = np.array([
+    np.outer(one, other) + (np.outer(other, one) if k > 2 else 0)
+    for k, (one, other) in enumerate(
+        (np.eye(3)[i], np.eye(3)[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    )
+]).swapaxes(0, 1)  # fmt: skip
+"""The matrices of which an inertia is a sum, xx, yy, zz, xy, xz, yz, (3, 6, 3): rows first."""
+
+
+class Placement(NamedTuple):
+    """A frame in another: its axes as columns, (3, 3, ...), and its origin, (3, ...)."""
+
+    rotation: Scalars
+    origin: Scalars
+
+
+class Moving(NamedTuple):
+    """Angular velocity of a link, and the velocity of its origin, (3, ...) each."""
+
+    angular: Scalars
+    linear: Scalars
+
+
+Acting = tuple[Scalars, Scalars]
+"""A force on a link, and its moment about the link's origin, (3, ...) each."""
+
+
+@dataclass(frozen=True)
+class LinkNumbers:
+    """A link's numbers, as those that are computed with; single ones are arrays (1,).
+
+    Libraries of symbols have ideas of their own about a symbol times an array.
+    """
+
+    placement: Placement
+    axis: Scalars
+    turning: Scalars
+    sliding: Scalars
+    mass: Scalars
+    armature: Scalars
+    center: Scalars
+    inertia: Scalars
+
+
+class Composite(NamedTuple):
+    """Mass, its first moment (3, ...) and inertia (3, 3, ...), about a frame's origin."""
+
+    mass: Scalars
+    moment: Scalars
+    inertia: Scalars
+
+    def momentum(
+        self, turning: Scalars, sliding: Scalars, rows: slice, batch: tuple[int, ...]
+    ) -> Columns:
+        """Linear momentum, and angular momentum about the origin, of a joint's velocities."""
+        ones = (1,) * len(batch)
+        angular, linear = (part.reshape(3, -1, *ones) for part in (turning, sliding))
+        first = self.moment[:, None]
+        moment = product(self.inertia, angular) + cross(first, linear)
+        force = self.mass * linear + cross(angular, first)
+        shape = (3, angular.shape[1], *batch)
+        which = np.arange(rows.start, rows.stop)
+        return Columns(np.broadcast_to(force, shape), np.broadcast_to(moment, shape), which)
+
+    def seen(self, placed: Placement, field: Field) -> Composite:
+        """The same from the frame in which its own is placed (Steiner)."""
+        r, moment = placed.origin, turned(placed.rotation, self.moment)
+        inertia = self.inertia.reshape(3, 3, *self.inertia.shape[2:] or (1,) * (r.ndim - 1))
+        own = product(product(placed.rotation, inertia), np.swapaxes(placed.rotation, 0, 1))
+        eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (r.ndim - 1))
+        square = self.mass * (r * r).sum(axis=0) + 2 * (r * moment).sum(axis=0)
+        mixed = r[:, None] * moment[None]
+        whole = own + square * eye - self.mass * r[:, None] * r[None]
+        return Composite(
+            self.mass, moment + self.mass * r, whole - mixed - np.swapaxes(mixed, 0, 1)
+        )
+
+    def with_(self, other: Composite) -> Composite:
+        """Both together."""
+        one = self.inertia
+        inertia = one.reshape(3, 3, *(1,) * (other.inertia.ndim - 2)) if one.ndim == 2 else one
+        return Composite(
+            self.mass + other.mass, self.moment + other.moment, inertia + other.inertia
+        )
+
+
+class Columns(NamedTuple):
+    """What accelerations of some velocities, `which`, ask for at a link: (3, columns, ...) each."""
+
+    force: Scalars
+    moment: Scalars
+    which: NDArray[np.intp]
+
+    @staticmethod
+    def none(field: Field, batch: tuple[int, ...]) -> Columns:
+        """Of no velocity."""
+        empty = field.array(np.zeros((3, 0, *batch)))
+        return Columns(empty, empty, np.arange(0))
+
+    def beside(self, other: Columns) -> Columns:
+        """Both."""
+        pairs = zip(self[:2], other[:2], strict=True)
+        force, moment = (np.concatenate(pair, axis=1) for pair in pairs)
+        return Columns(force, moment, np.concatenate([self.which, other.which]))
+
+    def carried(self, placed: Placement) -> Columns:
+        """The same at the frame in which the link's is placed."""
+        return Columns(*carried_down(placed, self.force, self.moment), self.which)
+
+
+class LinkMotion(NamedTuple):
+    """Angular velocity and acceleration of a link, and acceleration of its origin."""
+
+    angular: Scalars
+    turning: Scalars
+    linear: Scalars
+
+    def asks(self, one: LinkNumbers) -> tuple[Scalars, Scalars]:
+        """Force, and moment about the origin, that move the link so (Newton, Euler)."""
+        center = tall(one.center, self.linear.shape[1:])
+        w, dw = self.angular, self.turning
+        force = one.mass * (self.linear + cross(dw, center) + cross(w, cross(w, center)))
+        spin = np.tensordot(one.inertia, w, 1)
+        return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
+
+    def asks_each(self, field: Field) -> tuple[Scalars, Scalars]:
+        """The same of each of the ten numbers in which it is linear, (3, 10, ...)."""
+        w, dw = self.angular[:, None], self.turning[:, None]
+        eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (self.linear.ndim - 1))
+        centers = cross(dw, eye) + cross(w, cross(w, eye))
+        still, point = 0 * centers, self.linear[:, None]
+        inertias = field.array(INERTIAS)
+        spun = np.tensordot(inertias, self.angular, 1)
+        moments = np.tensordot(inertias, self.turning, 1) + cross(w, spun)
+        force = np.concatenate([point, centers, still, still], axis=1)
+        return force, np.concatenate([0 * point, cross(eye, point), moments], axis=1)
+
+    def carrying(
+        self, here: Placement, one: LinkNumbers, v: Scalars, a: Scalars | None
+    ) -> LinkMotion:
+        """The motion of a link that this one carries, its joint's velocities constant without a."""
+        w, r = self.angular, here.origin
+        carried = turned_back(here.rotation, w)
+        turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
+        point = self.linear + cross(self.turning, r) + cross(w, cross(w, r))
+        angular = turned_back(here.rotation, self.turning) + cross(carried, turning)
+        linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
+        if a is not None:
+            angular = angular + np.tensordot(one.turning, a, 1)
+            linear = linear + np.tensordot(one.sliding, a, 1)
+        return LinkMotion(carried + turning, angular, linear)
+
+
+def carried_down(placed: Placement, force: Scalars, moment: Scalars) -> tuple[Scalars, Scalars]:
+    """Columns of forces and moments, (3, columns, ...), at the frame in which the link's is."""
+    force, moment = (product(placed.rotation, part) for part in (force, moment))
+    return force, moment + cross(placed.origin[:, None], force)
+
+
+def numbers_of(link: Link, field: Field) -> LinkNumbers:
+    """A link's numbers in a field."""
+    turning, sliding = link.motion
+    return LinkNumbers(
+        placement=Placement(field.array(link.rotation), field.array(link.position)),
+        axis=field.array(link.axis),
+        turning=field.array(turning),
+        sliding=field.array(sliding),
+        mass=field.array([link.mass]),
+        armature=field.array([link.armature]),
+        center=field.array(link.center),
+        inertia=field.array(link.inertia),
+    )
+
+
+def tall(vector: Scalars, batch: tuple[int, ...]) -> Scalars:
+    """A vector (3,) beside a batch, (3, 1, ...)."""
+    return vector.reshape(3, *(1,) * len(batch))
+
+
+def widened(body: Composite, here: Placement) -> Composite:
+    """A body whose inertia may be one for the whole batch, beside a batch."""
+    if body.inertia.ndim > 2 or here.origin.ndim == 1:
+        return body
+    return body._replace(inertia=body.inertia.reshape(3, 3, *(1,) * (here.origin.ndim - 1)))

@@ -1,0 +1,244 @@
+"""Equations of motion M(q) a = f(q, v) of a tree, by recursion along its links.
+
+Featherstone, Rigid Body Dynamics Algorithms (2008): the recursive Newton-Euler algorithm (section
+5.3) for the forces that velocities and gravity ask for, the composite-rigid-body algorithm (section
+6.2) for the mass matrix. Accelerations of points are the usual ones, not the spatial ones, so that
+every line can be read as mechanics; all in each link's own frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physics_crosscheck.reference.dynamics.propagation import (
+    Acting,
+    Columns,
+    Composite,
+    LinkMotion,
+    LinkNumbers,
+    Moving,
+    Placement,
+    carried_down,
+    numbers_of,
+    tall,
+    widened,
+)
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    Field,
+    Scalars,
+    about_axis,
+    cross,
+    from_quaternion,
+    product,
+    quaternion_rate,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+
+
+class Recursion:
+    """The equations of a tree over one kind of numbers.
+
+    Positions are (nq, ...), velocities (nv, ...): the batch comes last.
+
+    Args:
+        tree: the links.
+        field: the kind of numbers.
+    """
+
+    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
+        self.tree, self._field = tree, field
+        self._links = [numbers_of(link, field) for link in tree.links]
+        self._gravity = field.array(tree.gravity)
+
+    def placements(self, q: Scalars) -> list[Placement]:
+        """Each link's frame in its parent's."""
+        rows = zip(self.tree.links, self._links, self.tree.positions, strict=True)
+        return [self._placed(link.kind, one, q[here]) for link, one, here in rows]
+
+    def poses(self, q: Scalars) -> list[Placement]:
+        """Each link's frame in the world."""
+        return self.poses_of(self.placements(q))
+
+    def poses_of(self, placements: list[Placement]) -> list[Placement]:
+        """The same, of each link's frame in its parent's."""
+        found: list[Placement] = []
+        for link, own in zip(self.tree.links, placements, strict=True):
+            if link.parent == WORLD:
+                found.append(own)
+                continue
+            base = found[link.parent]
+            rotation = product(base.rotation, own.rotation)
+            found.append(Placement(rotation, base.origin + turned(base.rotation, own.origin)))
+        return found
+
+    def rates(self, q: Scalars, v: Scalars) -> Scalars:
+        """dq/dt, (nq, ...)."""
+        parts = []
+        rows = zip(self.tree.links, self.tree.positions, self.tree.velocities, strict=True)
+        for link, here, there in rows:
+            given, own = q[here], v[there]
+            match link.kind:
+                case "hinge" | "slide":
+                    parts.append(own)
+                case "ball":
+                    parts.append(quaternion_rate(given, own))
+                case "free":
+                    parts.append(turned(from_quaternion(given[3:]), own[3:]))
+                    parts.append(quaternion_rate(given[3:], own[:3]))
+        return np.concatenate(parts)
+
+    def mass(self, q: Scalars) -> Scalars:
+        """The mass matrix, (nv, nv, ...), armatures included."""
+        placements, tree = self.placements(q), self.tree
+        bodies, batch = self._composites(placements), q.shape[1:]
+        out = self._field.array(np.zeros((tree.nv, tree.nv, *batch)))
+        felt = [Columns.none(self._field, batch) for _ in tree.links]
+        for i in reversed(range(len(tree.links))):
+            one, rows = self._links[i], tree.velocities[i]
+            own = bodies[i].momentum(one.turning, one.sliding, rows, batch)
+            columns = felt[i].beside(own)
+            found = self._felt(i, columns.force, columns.moment)
+            out[rows, columns.which] = found
+            out[columns.which, rows] = np.swapaxes(found, 0, 1)
+            for k in range(rows.start, rows.stop):
+                out[k, k] = (out[k, k] + one.armature).reshape(batch)
+            if (parent := tree.links[i].parent) != WORLD:
+                felt[parent] = felt[parent].beside(columns.carried(placements[i]))
+        return out
+
+    def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
+        """Forces that the joints must give for accelerations `a`, of zero without, (nv, ...).
+
+        Of bodies and gravity alone: no springs, dampers or armatures.
+        """
+        placements = self.placements(q)
+        motions = self._motions(placements, v, a)
+        forces = [own.asks(one) for own, one in zip(motions, self._links, strict=True)]
+        return self.handed_down(placements, forces)
+
+    def regressor(self, q: Scalars, v: Scalars, a: Scalars) -> Scalars:
+        """What `bias` is times, in which it is linear: (nv, 10 links, ...).
+
+        Of each link those are its mass, mass times center of mass (3), and inertia about its
+        origin, xx, yy, zz, xy, xz, yz (Atkeson, An and Hollerbach 1986, Int. J. Robotics Research
+        5(3)).
+        """
+        placements, tree = self.placements(q), self.tree
+        out = self._field.array(np.zeros((tree.nv, 10 * len(tree.links), *v.shape[1:])))
+        for i, motion in enumerate(self._motions(placements, v, a)):
+            force, moment = motion.asks_each(self._field)
+            at, columns = i, slice(10 * i, 10 * i + 10)
+            while True:
+                out[tree.velocities[at], columns] = self._felt(at, force, moment)
+                if (parent := tree.links[at].parent) == WORLD:
+                    break
+                force, moment = carried_down(placements[at], force, moment)
+                at = parent
+        return out
+
+    def lift(self, q: Scalars) -> Scalars:
+        """What acts on the joints because gravity does not pull on what is lifted, (nv, ...)."""
+        batch, forces = q.shape[1:], list[Acting]()
+        for link, pose in zip(self.tree.links, self.poses(q), strict=True):
+            up = self._field.array([-link.lifted]) * tall(self._gravity, batch)
+            force = turned_back(pose.rotation, up + 0 * pose.origin)
+            forces.append((force, cross(tall(self._field.array(link.lift), batch), force)))
+        return self.handed_down(self.placements(q), forces)
+
+    def _motions(
+        self, placements: list[Placement], v: Scalars, a: Scalars | None
+    ) -> list[LinkMotion]:
+        """How each link moves, seen from what falls with gravity."""
+        tree, batch = self.tree, v.shape[1:]
+        still = self._field.array(np.zeros((3, *batch)))
+        up = still - tall(self._gravity, batch)
+        found: list[LinkMotion] = []
+        for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
+            base = LinkMotion(still, still, up) if link.parent == WORLD else found[link.parent]
+            there = tree.velocities[i]
+            own = None if a is None else a[there]
+            found.append(base.carrying(placements[i], one, v[there], own))
+        return found
+
+    def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:
+        """Of each link, in its own frame, (3, ...) each."""
+        found: list[Moving] = []
+        still = self._field.array(np.zeros((3, *v.shape[1:])))
+        rows = zip(self.tree.links, self._links, placements, self.tree.velocities, strict=True)
+        for link, one, here, there in rows:
+            base = Moving(still, still) if link.parent == WORLD else found[link.parent]
+            linear = turned_back(here.rotation, base.linear + cross(base.angular, here.origin))
+            angular = turned_back(here.rotation, base.angular)
+            found.append(
+                Moving(
+                    angular + np.tensordot(one.turning, v[there], 1),
+                    linear + np.tensordot(one.sliding, v[there], 1),
+                )
+            )
+        return found
+
+    def handed_down(self, placements: list[Placement], forces: list[Acting]) -> Scalars:
+        """What forces, and moments about origins, on the links do on the joints, (nv, ...).
+
+        Args:
+            placements: each link's frame in its parent's.
+            forces: on each link, in its own frame, (3, ...) each; it is written over.
+        """
+        tree = self.tree
+        out: list[Scalars] = [forces[0][0]] * len(tree.links)
+        for i in reversed(range(len(tree.links))):
+            force, moment = forces[i]
+            out[i] = self._felt(i, force, moment)
+            if (parent := tree.links[i].parent) != WORLD:
+                force = turned(placements[i].rotation, force)
+                moment = turned(placements[i].rotation, moment) + cross(placements[i].origin, force)
+                forces[parent] = forces[parent][0] + force, forces[parent][1] + moment
+        return np.concatenate(out)
+
+    def _felt(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
+        """What a joint's velocities feel of a force and its moment about the link's origin."""
+        one = self._links[link]
+        found: Scalars = np.tensordot(one.turning.T, moment, 1)
+        found = found + np.tensordot(one.sliding.T, force, 1)
+        return found
+
+    def _placed(self, kind: str, one: LinkNumbers, q: Scalars) -> Placement:
+        batch = q.shape[1:]
+        base = one.placement
+        rotation = base.rotation.reshape(3, 3, *(1,) * len(batch))
+        origin = tall(base.origin, batch)
+        match kind:
+            case "hinge":
+                return Placement(product(rotation, about_axis(one.axis, q[0], self._field)), origin)
+            case "slide":
+                moved = turned(rotation, tall(one.axis, batch)) * q[0]
+                return Placement(rotation + 0 * q[0], origin + moved)
+            case "ball":
+                return Placement(product(rotation, from_quaternion(q)), origin)
+        return Placement(
+            product(rotation, from_quaternion(q[3:])), origin + turned(rotation, q[:3])
+        )
+
+    def _composites(self, placements: list[Placement]) -> list[Composite]:
+        """Each link with all that it carries, in its own frame."""
+        bodies = [
+            Composite(
+                one.mass, tall(one.mass * one.center, here.origin.shape[1:]), self._about(one)
+            )
+            for one, here in zip(self._links, placements, strict=True)
+        ]
+        for i in reversed(range(len(bodies))):
+            if (parent := self.tree.links[i].parent) != WORLD:
+                bodies[parent] = bodies[parent].with_(bodies[i].seen(placements[i], self._field))
+        return [widened(one, here) for one, here in zip(bodies, placements, strict=True)]
+
+    def _about(self, one: LinkNumbers) -> Scalars:
+        """Inertia about the link's origin, (3, 3)."""
+        c = one.center
+        eye = self._field.array(np.eye(3))
+        moved = (c * c).sum(keepdims=True) * eye - c[:, None] * c[None]
+        found: Scalars = one.inertia + one.mass * moved
+        return found

@@ -1,0 +1,213 @@
+"""Equations of motion of a tree of bodies, by recursion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
+from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, Scalars
+
+AT_ONCE = 2000
+"""States that one recursion takes: more of them no longer save time, and ask for memory."""
+
+MARGIN = 4.0
+"""Rounding is seen at some states and bounded at all, by so many times the largest seen."""
+
+
+@dataclass(frozen=True)
+class TreeEquations(EquationsOfMotion):
+    """The equations of a tree."""
+
+    system: TreeSystem
+
+    @property
+    def linear(self) -> bool:
+        """They are solved as if they were not, even where they are."""
+        return False
+
+    @cached_property
+    def numeric_acceleration(self) -> TreeFunction:
+        """a(q, v, u, (t,)), (..., n)."""
+        return TreeFunction(self._accelerations, self.system.tree.freedoms)
+
+    @cached_property
+    def numeric_power(self) -> TreeFunction:
+        """(energy, power supplied, power dissipated) of (q, v, u, (t,))."""
+        return TreeFunction(self._powers, self.system.tree.freedoms)
+
+    @cached_property
+    def numeric_mass(self) -> TreeFunction:
+        """M of (q, v, u, (t,)), row after row."""
+        return TreeFunction(self._masses, self.system.tree.freedoms)
+
+    @cached_property
+    def turning(self) -> Array:
+        """Which coordinates are angles, (n,)."""
+        return np.array([c.unit == "rad" for c in self.system.coordinates], dtype=bool)
+
+    def pushed_acceleration(self, q: Array, v: Array, forces: Array) -> Array:
+        """Accelerations under forces on the coordinates, all (..., n)."""
+        shape = np.broadcast_shapes(q.shape, v.shape, forces.shape)
+        at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
+        return _last(self._doubles.acceleration(*at))
+
+    def pushed_slopes(self, states: Array, forces: Array) -> Array:
+        """Derivatives of the accelerations under held forces by q and v, (B, n, 2n).
+
+        By central differences of what known accelerations leave of the forces: that takes one mass
+        matrix a state, where differences of accelerations take one a component.
+
+        Args:
+            states: (B, 2n).
+            forces: on the coordinates, (B, n).
+        """
+        n, own = forces.shape[1], self._doubles
+        x, rate, pushed = (_first(part) for part in (states[:, :n], states[:, n:], forces))
+        second = own.acceleration(x, rate, pushed)
+        inverse = np.linalg.inv(np.moveaxis(own.inertia(x), -1, 0))
+
+        def left(steps: Array) -> Scalars:
+            """Forces left over, (n, columns, B), at states moved by (2n, columns)."""
+            like = (n, steps.shape[1], len(states))
+            moved = (x[:, None] + steps[:n, :, None], rate[:, None] + steps[n:, :, None])
+            known = (np.broadcast_to(part[:, None], like) for part in (second, pushed))
+            return own.residual(*moved, *known)
+
+        sizes = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
+        columns = []
+        for some in np.array_split(np.arange(2 * n), -(-2 * n * len(states) // AT_ONCE)):
+            step = np.zeros((2 * n, len(some)))
+            step[some, range(len(some))] = sizes[some]
+            by = np.einsum("bij,jcb->icb", inverse, left(step) - left(-step), optimize=True)
+            at = np.broadcast_to(x[:, None], by.shape)
+            columns.append(own.seconds(at, by) / (2 * sizes[some][:, None]))
+        return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
+
+    def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
+        """Forces on the coordinates that make accelerations, all (..., n)."""
+        return _last(self._doubles.forces_for(*map(_first, (q, v, wanted))))
+
+    def inertia(self, q: Array) -> Array:
+        """M of the velocities at positions (B, n), (B, n, n): definite wherever that of T is."""
+        found: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
+        return found
+
+    def slopes_by_number(self, q: Array, v: Array, a: Array) -> Array:
+        """What numbers of the tree add to accelerations, (K, n, p), of states all (K, n)."""
+        return np.moveaxis(self._doubles.slopes(*map(_first, (q, v, a))), -1, 0)
+
+    @property
+    def bent(self) -> bool:
+        """Whether some of its forces are not smooth."""
+        return self._doubles.bent
+
+    def bends(self, q: Array, v: Array) -> Array:
+        """Quantities where whose signs change forces are not smooth, (..., m), of (..., n) each."""
+        return _last(self._doubles.bends(_first(q), _first(v)))
+
+    def rounding(self, q: Array, v: Array, forces: Array) -> Array:
+        """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
+        at = [_first(part) for part in (q, v, forces)]
+        long = Charted(self.system.tree, LONG_DOUBLES)
+        exact = long.acceleration(*map(LONG_DOUBLES.array, at))
+        apart = np.abs(exact - self._doubles.acceleration(*at)).astype(float)
+        found: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
+        return found
+
+    @cached_property
+    def pushes(self) -> Array:
+        """Forces on the coordinates by inputs, (n, inputs)."""
+        inputs = self.system.inputs
+        rows = [[float(one.on.get(c, 0)) for one in inputs] for c in self.system.coordinates]
+        return np.array(rows).reshape(len(rows), len(inputs))
+
+    def acceleration_error(
+        self,
+        states: Array,
+        inputs: Array,
+        times: Array,
+        *,
+        off: Array,
+        late: Array,
+        rounded: bool,
+    ) -> Array:
+        """Bound of the error of the accelerations: what long doubles make otherwise of them."""
+        n = self.system.tree.freedoms
+        q, v, u = (_first(part) for part in (states[..., :n], states[..., n:], inputs))
+        inverse = np.stack(
+            [np.abs(self._doubles.effect(q, _beside(column, q)))
+             for column in self.pushes.T] or [np.zeros((n, 0))]
+        )  # fmt: skip
+        error = np.zeros_like(q)
+        for column, by in zip(inverse, _first(off), strict=False):
+            error = error + column * by
+        if rounded:
+            forces = _last(self._forces(u, v))
+            own = self.rounding(states[..., :n], states[..., n:], forces)
+            error = error + _beside(own, q)
+        return _last(error)
+
+    @cached_property
+    def _doubles(self) -> Charted:
+        return Charted(self.system.tree, DOUBLES)
+
+    def _forces(self, u: Array, like: Array) -> Array:
+        return np.tensordot(self.pushes, u, 1) if len(u) else np.zeros_like(like)
+
+    def _accelerations(self, q: Array, v: Array, u: Array) -> Array:
+        found: Array = self._doubles.acceleration(q, v, self._forces(u, v))
+        return found
+
+    def _powers(self, q: Array, v: Array, u: Array) -> Array:
+        return self._doubles.powers(q, v, self._forces(u, v))
+
+    def _masses(self, q: Array, v: Array, u: Array) -> Array:
+        mass = self._doubles.mass(q)
+        return mass.reshape(-1, *mass.shape[2:])
+
+
+@dataclass(frozen=True)
+class TreeFunction:
+    """A function of (q, v, u), the batch last, as one of (q, v, u, (t,)) with the batch first.
+
+    Attributes:
+        freedoms: of the tree, the length of q.
+    """
+
+    function: Callable[[Array, Array, Array], Array]
+    freedoms: int
+
+    def __call__(self, *arguments: Array) -> Array:
+        """Evaluate."""
+        shape = np.broadcast_shapes(*(np.shape(a)[:-1] for a in arguments))
+        q, v, u = (_first(np.broadcast_to(a, (*shape, a.shape[-1]))) for a in arguments[:3])
+        return _last(self.function(q, v, u))
+
+    def scalar(self, *columns: float) -> Sequence[float]:
+        """The same of plain numbers: q, v, u and t."""
+        n = self.freedoms
+        q, v, u = np.array(columns[:n]), np.array(columns[n : 2 * n]), np.array(columns[2 * n : -1])
+        found: list[float] = self.function(q, v, u).tolist()
+        return found
+
+
+def _first(values: Array) -> Scalars:
+    """The last axis first."""
+    return np.moveaxis(values, -1, 0)
+
+
+def _last(values: Scalars) -> Array:
+    """The first axis last."""
+    return np.moveaxis(values, 0, -1)
+
+
+def _beside(column: Array, like: Array) -> Array:
+    """A column (n,) at every state of a batch (n, ...)."""
+    return np.broadcast_to(column.reshape(-1, *(1,) * (like.ndim - 1)), like.shape)

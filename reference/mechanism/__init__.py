@@ -1,0 +1,1 @@
+"""Mechanisms as declared: coordinates, parameters, bodies, joints, forces and scenarios."""

@@ -1,0 +1,334 @@
+"""A tree of bodies as a model file tells it: every body by itself, numbers as they stand there.
+
+Bodies that are welded to others are bodies of their own here, and one body may have several joints
+one after the other; `reference.mechanism.assemble` makes a `Tree` of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import get_args
+
+import numpy as np
+
+from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
+from physics_crosscheck.reference.mechanism.spatial_inertia import Lump, Place
+from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
+
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Powers = float | tuple[float, ...]
+"""A coefficient, or those of several powers: the first, the second, ..."""
+
+ZERO: Triple = (0.0, 0.0, 0.0)
+FLAT = 1e-15
+"""The least mass, kg, and second moment, kg m^2, that a box in a medium has."""
+KINDS = get_args(Kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A joint between a body and the one that carries it, or the body's joint before it.
+
+    Attributes:
+        name: by which its coordinate is called.
+        kind: "hinge", "slide", "ball" or "free". A free joint's position is that of the body's
+            frame, from where the body stands without it.
+        axis: direction in the body's frame, of any length; of no meaning for a ball or a free
+            joint.
+        at: a point of the axis, in the body's frame, m.
+        zero: its position where the body stands as it does without the joint: rad or m.
+        damping: force by velocity, against it: N s/m or N m s/rad; of several, those of the powers
+            w, w |w|, w |w|^2, ...
+        stiffness: N/m or N m/rad; of several, those of the powers of the stretch.
+        rest: position at which the spring pulls nothing: rad or m.
+        rest_place, rest_turn: those of a free joint, m and (w, x, y, z); the latter of a ball joint
+            too, None where it is not turned.
+        armature: added to the diagonal of the mass matrix: kg or kg m^2.
+        limits: lowest and highest position, between which states are drawn; None where there are
+            none.
+
+    Raises:
+        TreeError: naming the joint and what is wrong with it.
+    """
+
+    name: str
+    kind: Kind
+    axis: Triple = (1.0, 0.0, 0.0)
+    at: Triple = ZERO
+    zero: float = 0.0
+    damping: Powers = 0.0
+    stiffness: Powers = 0.0
+    rest: float = 0.0
+    armature: float = 0.0
+    limits: tuple[float, float] | None = None
+    rest_place: Triple = ZERO
+    rest_turn: Quaternion | None = None
+
+    def __post_init__(self) -> None:
+        what = f"joint {self.name!r}"
+        if self.kind not in KINDS:
+            raise TreeError(f"{what} is of kind {self.kind!r}; known kinds: {', '.join(KINDS)}")
+        _check(what, "axis", self.axis, 3)
+        _check(what, "at", self.at, 3)
+        for key in ("damping", "stiffness"):
+            _check(what, key, powers(getattr(self, key)))
+        _check(what, "zero, rest and armature", (self.zero, self.rest, self.armature), 3)
+        if self.single and not any(self.axis):
+            raise TreeError(f"the axis of {what} has no length")
+        if self.limits is not None and not (
+            len(self.limits) == 2 and self.limits[0] <= self.limits[1]
+        ):
+            raise TreeError(f"limits of {what} must be a lowest and a highest position")
+        _check(what, "rest_place", self.rest_place, 3)
+        _check(what, "rest_turn", self.rest_turn or (1.0, 0.0, 0.0, 0.0), 4)
+        if self.rest_turn is not None and not any(self.rest_turn):
+            raise TreeError(f"rest_turn of {what} has no length")
+
+    @property
+    def single(self) -> bool:
+        """Whether its position is one number."""
+        return self.kind in ("hinge", "slide")
+
+    @property
+    def bent(self) -> bool:
+        """Whether its spring or its damper is no straight line."""
+        return len(powers(self.damping)) > 1 or len(powers(self.stiffness)) > 1
+
+    @cached_property
+    def direction(self) -> Array:
+        """Its axis as a unit vector, (3,)."""
+        axis = np.array(self.axis, dtype=float)
+        axis = axis / np.abs(axis).max()  # its square neither overflows nor vanishes
+        found: Array = axis / np.linalg.norm(axis)
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidBody:
+    """A body, and the joints between it and the one that carries it.
+
+    Attributes:
+        name: of the body.
+        parent: name of the body that carries it; None for the world.
+        position: of its frame in the parent's, where all joints are as at `zero`, m.
+        rpy: how its frame is turned there: about the parent's x, then y, then z axis, rad.
+        quaternion: the same otherwise, (w, x, y, z); None where `rpy` says it.
+        joints: by which it moves, one after the other; none of a body that is welded.
+        mass: kg.
+        center: of mass, in the body's frame, m.
+        inertia: (ixx, iyy, izz, ixy, ixz, iyz) about the center of mass, kg m^2.
+        inertia_rpy, inertia_quaternion: how the axes of `inertia` are turned in the body's frame.
+        lift: share of its weight that does not pull on it.
+        dragged: whether a medium acts on it, as on the box of its mass and moments.
+
+    Raises:
+        TreeError: naming the body and what is wrong with it.
+    """
+
+    name: str
+    parent: str | None
+    position: Triple = ZERO
+    rpy: Triple = ZERO
+    quaternion: Quaternion | None = None
+    joints: tuple[Joint, ...] = ()
+    mass: float = 0.0
+    center: Triple = ZERO
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    inertia_rpy: Triple = ZERO
+    inertia_quaternion: Quaternion | None = None
+    lift: float = 0.0
+    dragged: bool = True
+
+    def __post_init__(self) -> None:
+        what = f"body {self.name!r}"
+        for key, count in (("position", 3), ("center", 3), ("inertia", 6)):
+            _check(what, key, getattr(self, key), count)
+        _check(what, "mass and lift", (self.mass, self.lift), 2)
+        for key in ("", "inertia_"):
+            rpy, other = getattr(self, f"{key}rpy"), getattr(self, f"{key}quaternion")
+            _check(what, f"{key}rpy", rpy, 3)
+            if other is None:
+                continue
+            _check(what, f"{key}quaternion", other, 4)
+            if any(rpy) or not any(other):
+                raise TreeError(
+                    f"{what} has {key}rpy and {key}quaternion: keep one of them"
+                    if any(rpy)
+                    else f"{key}quaternion of {what} has no length"
+                )
+
+    @property
+    def place(self) -> Place:
+        """Of its frame in its parent's."""
+        return _place(self.position, self.rpy, self.quaternion)
+
+    @property
+    def lump(self) -> Lump:
+        """Its mass in its own frame."""
+        own = Lump(float(self.mass), np.zeros(3), self._tensor)
+        return own.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
+
+    @property
+    def box(self) -> tuple[Place, Array] | None:
+        """The box of the same mass and moments: its frame in the body's, and its edges, m, (3,).
+
+        Its axes are those of `inertia`, principal ones where that has products. A side on which
+        nothing stands apart, such as of a plate, is that of `FLAT`. None without mass.
+        """
+        if self.mass < FLAT:
+            return None
+        place = _place(self.center, self.inertia_rpy, self.inertia_quaternion)
+        moments = np.array(self.inertia[:3], dtype=float)
+        if any(self.inertia[3:]):
+            moments, axes = np.linalg.eigh(self._tensor)
+            place = Place(place.rotation @ axes, place.origin)
+        apart = np.array([moments[i - 2] + moments[i - 1] - moments[i] for i in range(3)])
+        return place, np.sqrt(np.maximum(FLAT, apart) / self.mass * 6)
+
+    @property
+    def _tensor(self) -> Array:
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """A frame on a body.
+
+    Attributes:
+        body: its name; None for the world.
+        position: of its origin in the body's frame, m.
+        quaternion: how it is turned there, (w, x, y, z); None where it is not.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    body: str | None
+    position: Triple = ZERO
+    quaternion: Quaternion | None = None
+
+    def __post_init__(self) -> None:
+        what = f"a site on {self.body!r}"
+        _check(what, "position", self.position, 3)
+        if self.quaternion is not None:
+            _check(what, "quaternion", self.quaternion, 4)
+            if not any(self.quaternion):
+                raise TreeError(f"the quaternion of {what} has no length")
+
+    @property
+    def place(self) -> Place:
+        """In the body's frame."""
+        return _place(self.position, ZERO, self.quaternion)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceElement:
+    """A force F along a length s: a combination of hinges' and slides' positions, or another way.
+
+    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
+    w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
+
+    Attributes:
+        name: of the tendon or actuator.
+        joints: names of joints, each with its coefficient.
+        along: the other way; it has no armature.
+        bias: (b0, b1, b2).
+        gain: (g0, g1, g2).
+        control: u, at which its input is held.
+        stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
+        damping: d_1, d_2, ...
+        rest: between which lengths springs pull nothing.
+        armature: mass that moves as s does, kg or kg m^2.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    name: str
+    joints: tuple[tuple[str, float], ...] = ()
+    along: CablePath[Site] | FrameForce[Site] | JointForce[str] | None = None
+    bias: Triple = ZERO
+    gain: Triple = ZERO
+    control: float = 0.0
+    stiffness: Powers = 0.0
+    damping: Powers = 0.0
+    rest: tuple[float, float] = (0.0, 0.0)
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"pull {self.name!r}"
+        for key in ("bias", "gain"):
+            _check(what, key, getattr(self, key), 3)
+        for key in ("stiffness", "damping"):
+            _check(what, key, powers(getattr(self, key)))
+        _check(what, "control and armature", (self.control, self.armature), 2)
+        _check(what, "rest", self.rest, 2)
+        _check(what, "joints", [share for _, share in self.joints])
+        if isinstance(self.along, CablePath):
+            _check(what, "branches", [share for share, _ in self.along.branches])
+        elif self.along is not None:
+            _check(what, "gear", self.along.gear, 6 if len(self.along.gear) != 3 else 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupling:
+    """A hinge or slide that follows another: its position is multiplier * the other's + offset.
+
+    It may follow several, whose positions add up, each times its multiplier.
+
+    Attributes:
+        follower, leader: names of the joints; no leader where it stands at the offset.
+        multiplier: in the units of both.
+        offset: rad or m.
+        others: further joints that it follows, each with its multiplier.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    follower: str
+    leader: str | None
+    multiplier: float = 1.0
+    offset: float = 0.0
+    others: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        what = f"the coupling of {self.follower!r}"
+        _check(what, "multiplier and offset", (self.multiplier, self.offset), 2)
+        _check(what, "others", [share for _, share in self.others])
+
+
+def powers(value: Powers) -> tuple[float, ...]:
+    """Coefficients of the first power, the second, ...; none of those that are zero at the end."""
+    found = value if isinstance(value, tuple) else (value,)
+    while found and not found[-1]:
+        found = found[:-1]
+    return found
+
+
+def _place(at: Triple, rpy: Triple, quaternion: Quaternion | None) -> Place:
+    if quaternion is None:
+        return Place(from_rpy(*rpy), np.array(at, dtype=float))
+    return Place(from_quaternion(np.array(quaternion, dtype=float)), np.array(at, dtype=float))
+
+
+def _check(what: str, key: str, values: Sequence[float], count: int | None = None) -> None:
+    """Refuse what are not so many finite numbers.
+
+    Raises:
+        TreeError: naming them.
+    """
+    try:
+        fine = all(math.isfinite(value) for value in values)
+    except TypeError:
+        fine = False
+    if not fine or (count is not None and len(values) != count):
+        wanted = "finite numbers" if count is None else f"{count} finite numbers"
+        raise TreeError(f"{key} of {what} is {values!r}; expected {wanted}")

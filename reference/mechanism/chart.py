@@ -1,0 +1,237 @@
+"""Coordinates of a tree of which the velocities are the rates: as many as it has freedoms.
+
+Of a rotation they are p = 4 tan(angle/4) times its axis, four times the modified Rodrigues
+parameters (Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.6): near to its
+rotation vector, rational both ways, smooth for all angles below a whole turn. Of a free joint they
+are those and the origin's place in the joint's frame. Forces on them are not the conjugate ones,
+since those that engines hold are not: a moment about the link's own axes, a force along the
+joint's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    Field,
+    Scalars,
+    cross,
+    from_quaternion,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree
+
+AXES = ("x", "y", "z")
+
+SMALL = 1e-3
+"""Half an angle below which a series has more digits than a quotient."""
+
+
+def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
+    """Names and units of a joint's coordinates, in the order of its velocities."""
+    turning = tuple((f"{joint}:r{axis}", "rad") for axis in AXES)
+    match kind:
+        case "hinge":
+            return ((joint, "rad"),)
+        case "slide":
+            return ((joint, "m"),)
+        case "ball":
+            return turning
+    return (*turning, *((f"{joint}:{axis}", "m") for axis in AXES))
+
+
+class _Joint(NamedTuple):
+    """A ball or free joint's numbers: where they stand among q, and among the coordinates."""
+
+    at: slice
+    quaternion: slice
+    turning: slice
+    moving: slice
+
+
+class Chart:
+    """Positions y and rates of a tree's coordinates, (nv, ...) each; the batch comes last.
+
+    Args:
+        tree: the links.
+        field: the kind of numbers.
+    """
+
+    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
+        self._tree, self._field = tree, field
+        self._joints = list(_joints(tree))
+        self._free = [one for one in self._joints if one.moving.stop > one.moving.start]
+        self._plain = [
+            (here, there)
+            for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True)
+            if link.kind in ("hinge", "slide")
+        ]
+
+    @property
+    def plain(self) -> bool:
+        """Whether these are the tree's own numbers: it has hinges and slides alone."""
+        return not self._joints
+
+    def positions(self, y: Scalars) -> Scalars:
+        """The tree's q, (nq, ...), its quaternions of any length."""
+        if self.plain:
+            return y
+        q = self._field.array(np.zeros((self._tree.nq, *y.shape[1:])))
+        for here, there in self._plain:
+            q[here] = y[there]
+        for joint in self._joints:
+            s = y[joint.turning] / 4
+            real = 1 - (s * s).sum(axis=0)
+            q[joint.quaternion] = np.concatenate([real[None], 2 * s])
+            q[joint.at] = y[joint.moving]
+        return q
+
+    def velocities(self, y: Scalars, rate: Scalars) -> Scalars:
+        """The tree's v."""
+        return self.own(y, self.carried(y, rate))
+
+    def rates(self, y: Scalars, v: Scalars) -> Scalars:
+        """Rates of the coordinates, of the tree's v."""
+        return self.given(y, self.carrying(y, v))
+
+    def seconds(self, y: Scalars, v: Scalars, a: Scalars) -> Scalars:
+        """Second derivatives of the coordinates, of the tree's v and its derivative."""
+        return self.rates(y, a) + self._turning(y, v)
+
+    def accelerations(self, y: Scalars, v: Scalars, second: Scalars) -> Scalars:
+        """The derivative of the tree's v that makes these second derivatives."""
+        return self.velocities(y, second - self._turning(y, v))
+
+    def _turning(self, y: Scalars, v: Scalars) -> Scalars:
+        """Second derivatives of the coordinates at constant v."""
+        out = 0 * v
+        for joint in self._joints:
+            s, angular = y[joint.turning] / 4, v[joint.turning]
+            ds = _rate(s, angular) / 4
+            along, across = (s * angular).sum(axis=0), (ds * angular).sum(axis=0)
+            out[joint.turning] = (
+                2 * (ds * along + s * across - (s * ds).sum(axis=0) * angular)
+                + 2 * cross(ds, angular)
+            )  # fmt: skip
+        for joint in self._free:
+            carried = cross(v[joint.turning], v[joint.moving])
+            out[joint.moving] = turned(self._turn(y, joint), carried)
+        return out
+
+    def carried(self, y: Scalars, rate: Scalars) -> Scalars:
+        """What engines keep of rates: angular velocities in place of those of rotations."""
+        out = rate.copy()
+        for joint in self._joints:
+            out[joint.turning] = _unturned(y[joint.turning] / 4, rate[joint.turning])
+        return out
+
+    def carrying(self, y: Scalars, m: Scalars) -> Scalars:
+        """Rates of the coordinates, of what engines keep."""
+        out = m.copy()
+        for joint in self._joints:
+            out[joint.turning] = _rate(y[joint.turning] / 4, m[joint.turning])
+        return out
+
+    def steady(self, y: Scalars, m: Scalars) -> Scalars:
+        """The derivative of the tree's v where m stands still: the link's axes turn beneath it."""
+        v, out = self.own(y, m), 0 * m
+        for joint in self._free:
+            out[joint.moving] = -cross(v[joint.turning], v[joint.moving])
+        return out
+
+    def own(self, y: Scalars, m: Scalars) -> Scalars:
+        """The tree's v, of what engines keep."""
+        out = m.copy()
+        self._place(out, y, m, turned_back)
+        return out
+
+    def unturned(self, moved: Scalars, m: Scalars) -> Scalars:
+        """m as the rate of the moves whose exponentials turn bodies on, after moves (nv, ...).
+
+        The inverse of the exponential's differential (Iserles, Munthe-Kaas, Norsett and Zanna 2000,
+        Lie-group methods, Acta Numerica 9, section 2): w + T x w / 2 + k T x (T x w).
+        """
+        out = m.copy()
+        for joint in self._joints:
+            by, angular = moved[joint.turning], m[joint.turning]
+            half = np.sqrt((by * by).sum(axis=0)) / 2
+            near = half < SMALL
+            safe = np.where(near, 1.0, half)
+            share = np.where(
+                near, (1 + half**2 / 15) / 12, (1 - safe / np.tan(safe)) / (2 * safe) ** 2
+            )
+            twist = cross(by, angular)
+            out[joint.turning] = angular + twist / 2 + share * cross(by, twist)
+        return out
+
+    def turned_on(self, y: Scalars, m: Scalars, h: float) -> Scalars:
+        """Coordinates after m is held for h seconds: rotations go on about one axis."""
+        out = y + h * m
+        for joint in self._joints:
+            angular = m[joint.turning]
+            angle = h * np.sqrt((angular * angular).sum(axis=0))
+            # sin(a/2)/|w|, which is h/2 where nothing turns
+            share = h / 2 * np.sinc(angle / 2 / np.pi)
+            s = y[joint.turning] / 4
+            square = (s * s).sum(axis=0)
+            real, own = (1 - square) / (1 + square), 2 * s / (1 + square)
+            by = share * angular
+            turned_real = real * np.cos(angle / 2) - (own * by).sum(axis=0)
+            turned_own = real * by + np.cos(angle / 2) * own + cross(own, by)
+            out[joint.turning] = 4 * turned_own / (1 + turned_real)
+        return out
+
+    def forces(self, y: Scalars, given: Scalars) -> Scalars:
+        """Of forces on the coordinates, those on the tree's velocities."""
+        out = given.copy()
+        self._place(out, y, given, turned_back)
+        return out
+
+    def given(self, y: Scalars, forces: Scalars) -> Scalars:
+        """Forces on the coordinates, of those on the tree's velocities."""
+        out = forces.copy()
+        self._place(out, y, forces, turned)
+        return out
+
+    def _place(
+        self, out: Scalars, y: Scalars, of: Scalars, way: Callable[[Scalars, Scalars], Scalars]
+    ) -> None:
+        """The part of free joints that goes between the link's axes and the joint's."""
+        for joint in self._free:
+            out[joint.moving] = way(self._turn(y, joint), of[joint.moving])
+
+    def _turn(self, y: Scalars, joint: _Joint) -> Scalars:
+        s = y[joint.turning] / 4
+        real = 1 - (s * s).sum(axis=0)
+        return from_quaternion(np.concatenate([real[None], 2 * s]))
+
+
+def _joints(tree: Tree) -> Iterator[_Joint]:
+    for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True):
+        if link.kind in ("ball", "free"):
+            yield _Joint(
+                at=slice(here.start, here.stop - 4),
+                quaternion=slice(here.stop - 4, here.stop),
+                turning=slice(there.start, there.start + 3),
+                moving=slice(there.start + 3, there.stop),
+            )
+
+
+def _rate(s: Scalars, angular: Scalars) -> Scalars:
+    """dp/dt of p = 4 s: B w, with B = (1 - s.s) 1 + 2 [s] + 2 s s^T."""
+    square, along = (s * s).sum(axis=0), (s * angular).sum(axis=0)
+    found: Scalars = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
+    return found
+
+
+def _unturned(s: Scalars, rate: Scalars) -> Scalars:
+    """The angular velocity of dp/dt: B^T dp/dt / (1 + s.s)^2."""
+    square, along = (s * s).sum(axis=0), (s * rate).sum(axis=0)
+    back = (1 - square) * rate - 2 * cross(s, rate) + 2 * s * along
+    found: Scalars = back / (1 + square) ** 2
+    return found

@@ -1,0 +1,68 @@
+"""Joints that follow others: the coordinates that are left, and all of them by these."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
+from physics_crosscheck.reference.mechanism.tree import Coupling, Tree, TreeError
+
+
+class Coupled:
+    """All of a tree's coordinates, y = G x + c, by those that follow none, x.
+
+    Attributes:
+        kept: indices of x among y.
+        matrix: G, (nv, kept).
+        offset: c, (nv,).
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        rows = {tree.velocities[one.follower].start: one for one in tree.couplings}
+        self.kept = [i for i in range(tree.nv) if i not in rows]
+        self.matrix, self.offset = np.zeros((tree.nv, len(self.kept))), np.zeros(tree.nv)
+        self.matrix[self.kept, range(len(self.kept))] = 1.0
+        waiting = dict(rows)
+        while waiting:
+            ready = [
+                i for i, one in waiting.items() if not _leaders(tree, one).keys() & waiting.keys()
+            ]
+            if not ready:
+                names = ", ".join(tree.links[one.follower].name for one in waiting.values())
+                raise TreeError(f"{names} follow each other in a cycle")
+            for i in ready:
+                self._follow(i, _leaders(tree, waiting.pop(i)), rows[i].offset)
+
+    def _follow(self, i: int, leaders: dict[int, float], offset: float) -> None:
+        self.offset[i] = offset
+        for leader, multiplier in leaders.items():
+            self.matrix[i] += multiplier * self.matrix[leader]
+            self.offset[i] += multiplier * self.offset[leader]
+
+    def positions(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
+        """y, (nv, ...), of x, (kept, ...)."""
+        offset = field.array(self.offset).reshape(-1, *(1,) * (x.ndim - 1))
+        found: Scalars = self.rates(x, field) + offset
+        return found
+
+    def rates(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
+        """G x, of rates or accelerations."""
+        found: Scalars = np.tensordot(field.array(self.matrix), x, 1)
+        return found
+
+    def forces(self, y: Scalars, field: Field = DOUBLES) -> Scalars:
+        """G^T y: what forces on all are on those that are left."""
+        found: Scalars = np.tensordot(field.array(self.matrix.T), y, 1)
+        return found
+
+    def mass(self, whole: Scalars, field: Field = DOUBLES) -> Scalars:
+        """G^T M G, (kept, kept, ...)."""
+        half = np.tensordot(field.array(self.matrix.T), whole, 1)
+        both = np.tensordot(half, field.array(self.matrix), ([1], [0]))
+        found: Scalars = np.moveaxis(both, -1, 1)
+        return found
+
+
+def _leaders(tree: Tree, one: Coupling) -> dict[int, float]:
+    """Multipliers, by the coordinates that are followed."""
+    return {tree.velocities[link].start: multiplier for link, multiplier in one.leaders}

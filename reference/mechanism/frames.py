@@ -1,0 +1,104 @@
+"""The frames and points of a system: checked as they are declared, and as a numeric function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import sympy as sp
+
+from physics_crosscheck.reference.mechanism.declaration import Declaration, DeclarationError
+from physics_crosscheck.reference.mechanism.numeric import NumericFunction, compile_function
+from physics_crosscheck.reference.mechanism.pose import WORLD, Pose
+from physics_crosscheck.reference.mechanism.units import (
+    LENGTH,
+    ONE,
+    Dimension,
+    UnitError,
+    dimension_of,
+)
+from physics_crosscheck.reference.mechanism.validation import dimensions
+
+ENTRIES = 12
+"""Numbers of a frame: three of its position, nine of its rotation."""
+
+_DIGITS = 30
+_RIGHT = sp.Float("1e-15")
+"""How far from orthonormal a rotation may be at a place: axes are told with 24 digits."""
+
+
+def check_frames(system: Declaration) -> None:
+    """Refuse frames whose names, units or rotations can't be.
+
+    Raises:
+        DeclarationError: with one sentence that names what is wrong.
+    """
+    known = dimensions(system)
+    for frame in system.frames:
+        if not isinstance(frame, Pose):
+            raise DeclarationError(f"system {system.name!r}: {frame!r} in frames is not a Pose")
+    names = [frame.name for frame in system.frames]
+    for frame in system.frames:
+        where = f"system {system.name!r}, frame {frame.name!r}"
+        if names.count(frame.name) > 1:
+            raise DeclarationError(f"{where}: two frames share this name")
+        if not isinstance(frame.name, str) or frame.name in ("", WORLD):
+            raise DeclarationError(f"{where}: a frame needs a name, and {WORLD!r} is taken")
+        if not frame.description:
+            raise DeclarationError(f"{where}: it has no description")
+        if len(frame.position) != 3:
+            raise DeclarationError(f"{where}: its position must be three expressions, (x, y, z)")
+        for number, entry in enumerate(frame.entries):
+            _check_entry(entry, "position" if number < 3 else "rotation", system, known, where)
+        _check_rotation(frame, system, where)
+
+
+def _check_entry(
+    entry: sp.Expr,
+    what: str,
+    system: Declaration,
+    known: Mapping[sp.Symbol, Dimension],
+    where: str,
+) -> None:
+    """An expression of positions and constants, in metres or a number."""
+    allowed = {*system.q, *(c.symbol for c in system.constants)}
+    for symbol in sorted(entry.free_symbols - allowed, key=str):
+        raise DeclarationError(f"{where}: it uses {symbol}; use only positions and constants")
+    if not entry.is_real and entry.is_number:
+        raise DeclarationError(f"{where}: its {what} has {entry}, which is not a real number")
+    # A plain number in a sum is in metres, as in a sketch.
+    terms = [one for one in sp.Add.make_args(entry) if not one.is_number]
+    expected = LENGTH if what == "position" else ONE
+    try:
+        found = dimension_of(sp.Add(*terms), known)
+    except UnitError as error:
+        raise DeclarationError(f"{where}: {error}") from None
+    if found is not None and terms and found != expected:
+        raise DeclarationError(f"{where}: its {what} has the unit {found}; expected {expected}")
+
+
+def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:
+    """A rotation turns, and neither stretches nor mirrors, at places of no symmetry."""
+    if frame.rotation is None:
+        return
+    if frame.rotation.shape != (3, 3):
+        raise DeclarationError(f"{where}: its rotation must be a 3 x 3 matrix or a quaternion")
+    for shift in (2, 5):
+        place = {q: sp.Rational(5 * i + shift, 11) for i, q in enumerate(system.q)}
+        here = frame.rotation.xreplace(system.values).xreplace(place).evalf(_DIGITS)
+        off = (here.T * here - sp.eye(3)).norm()
+        if not (off.is_number and off.is_finite and off < _RIGHT):
+            raise DeclarationError(
+                f"{where}: its rotation is not orthonormal; its columns are the frame's axes"
+            )
+        if here.det() < 0:
+            raise DeclarationError(f"{where}: its rotation mirrors; its axes must be right-handed")
+
+
+def frame_function(system: Declaration) -> NumericFunction:
+    """Every frame's position and rotation, of q: twelve numbers each; a point is not turned."""
+    values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
+    entries: list[sp.Expr] = []
+    for frame in system.frames:
+        turn = () if frame.rotation is not None else tuple(sp.eye(3))
+        entries += [sp.sympify(e).xreplace(values) for e in (*frame.entries, *turn)]
+    return compile_function(entries, system.q)

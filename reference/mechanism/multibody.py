@@ -1,0 +1,116 @@
+"""Declared trees of bodies: systems whose equations follow by recursion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
+from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.declaration import (
+    Coordinate,
+    Declaration,
+    DeclarationError,
+)
+from physics_crosscheck.reference.mechanism.tree import Fluid, Tree, TreeError
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeSystem(Declaration):
+    """A mechanism whose bodies are declared, and not its energies: T, V and D stand for nothing.
+
+    Its coordinates are those of the joints that follow no other (`reference.mechanism.chart`), in
+    the tree's order.
+
+    Raises:
+        DeclarationError: naming what does not fit.
+    """
+
+    tree: Tree
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.coordinates) != self.tree.freedoms:
+            raise DeclarationError(
+                f"system {self.name!r} has {len(self.coordinates)} coordinates, but "
+                f"its tree has {self.tree.freedoms} degrees of freedom"
+            )
+
+
+def tree_system(*, name: str, title: str, source: str, tree: Tree) -> TreeSystem:
+    """A tree as a system: its coordinates are those of the joints that follow none."""
+    rows = [row for link in tree.links for row in coordinate_names(link.kind, link.name)]
+    return TreeSystem(
+        name=name,
+        title=title,
+        source=source,
+        coordinates=tuple(
+            Coordinate(row, unit, f"joint {row.partition(':')[0]}")
+            for row, unit in (rows[i] for i in Coupled(tree).kept)
+        ),
+        constants=(),
+        inputs=(),
+        outputs=(),
+        T=0,
+        V=0,
+        D=0,
+        equilibria=(),
+        scenarios=(),
+        published=(),
+        tree=tree,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultibodySystem:
+    """A mechanism as its bodies, joints and pulls: all numbers in SI units, as a model has them.
+
+    Attributes:
+        name: of the system.
+        title: what it is, in a few words.
+        source: where the numbers come from.
+        gravity: m/s^2.
+        bodies: each after the one that carries it.
+        pulls: tendons and actuators.
+        couplings: joints that follow others.
+        medium: in which the bodies move; None for none.
+
+    Raises:
+        DeclarationError: naming the body, joint or pull that does not fit.
+    """
+
+    name: str
+    title: str
+    source: str
+    gravity: Triple
+    bodies: tuple[RigidBody, ...]
+    pulls: tuple[ForceElement, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    medium: Fluid | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            found = self.assembled
+            Coupled(found.tree)  # not in a circle
+        except TreeError as error:
+            raise DeclarationError(str(error)) from None
+        if not found.tree.links:
+            raise DeclarationError(f"system {self.name!r} has no joint, so nothing moves")
+        for name in found.cancelled:
+            raise DeclarationError(
+                f"the masses of body {name!r} and of the bodies fixed to it do not "
+                "add up to a positive mass; write positive masses"
+            )
+
+    @cached_property
+    def assembled(self) -> Assembled:
+        """The tree, and where each body is in it."""
+        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.medium)
+
+    @cached_property
+    def tree_system(self) -> TreeSystem:
+        """The tree as a system whose equations can be asked."""
+        tree = self.assembled.tree
+        return tree_system(name=self.name, title=self.title, source=self.source, tree=tree)

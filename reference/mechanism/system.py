@@ -1,0 +1,44 @@
+"""A declared system, checked as it is made.
+
+Whatever is missing, unknown, dimensionally impossible or not differentiable is refused with a
+sentence that names it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+
+from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario
+from physics_crosscheck.reference.mechanism.frames import check_frames
+from physics_crosscheck.reference.mechanism.validation import check
+
+
+@dataclass(frozen=True)
+class System(Declaration):
+    """A mechanism: everything from which its equations of motion follow.
+
+    Raises:
+        DeclarationError: with one sentence that names what is missing or wrong.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self)
+        check_frames(self)
+
+    def forces(self) -> tuple[sp.Expr, ...]:
+        """Generalized forces Q of the inputs, one per coordinate."""
+        return tuple(
+            sp.Add(*(sp.sympify(i.on.get(c, 0)) * i.symbol for i in self.inputs))
+            for c in self.coordinates
+        )
+
+    def scenario(self, name: str) -> Scenario:
+        """Return the scenario of that name; KeyError with the known ones otherwise."""
+        for scenario in self.scenarios:
+            if scenario.name == name:
+                return scenario
+        known = ", ".join(s.name for s in self.scenarios)
+        raise KeyError(f"{self.name} has no scenario {name!r}; it has {known}")

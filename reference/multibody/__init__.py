@@ -1,1 +1,0 @@
-"""Trees of rigid bodies: what they are, and their equations of motion by recursion."""

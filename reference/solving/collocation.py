@@ -1,0 +1,150 @@
+"""Many short segments at once by Gauss collocation, in numbers alone.
+
+Eight stages, order 16 (Hairer, Norsett, Wanner, Solving ODEs I, II.7). It has a file of its own
+because what solves no other way need not load scipy, which takes half a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from physics_crosscheck.reference.mechanism.declaration import LocatedError
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.motion import chebyshev_nodes
+
+STAGES = 8
+
+ITERATIONS = 60
+CONVERGED = 4e-16
+"""Change of the stages' rates, relative to the largest of each component, that ends iterations."""
+
+NOISE = 1e-12
+"""A change below this is rounding, once two more iterations do not halve it."""
+
+ROUNDED = 1e-10
+"""Where rounding moves rates to and fro, as of a light finger on a heavy body, a change that falls
+no more is of this size at most; the two solutions are held against each other all the same."""
+
+STAGNATED = 1e-6
+"""A last change below this is rounding; equations that do not converge change by far more."""
+
+Field = Callable[[Array, Array], Array]
+"""dy/dt of (times (...,), states (..., 2n))."""
+
+
+class ReferenceError(LocatedError, RuntimeError):
+    """The reference could not be solved to the accuracy that a comparison needs."""
+
+    kind = "reference"
+
+
+def collocate(
+    field: Field,
+    times: Array,
+    states: Array,
+    length: float,
+    names: Sequence[str] = (),
+    converged: float = CONVERGED,
+) -> tuple[Array, Array]:
+    """Integrate B segments at once: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
+
+    Two steps a segment; each stage equation is solved by fixed-point iteration, to rounding.
+
+    Args:
+        field: dy/dt.
+        times: at which they start, (B,).
+        states: at which they start, (B, 2n).
+        length: of each, seconds.
+        names: of the components, for a message.
+        converged: change of the stages' rates that ends iterations, where less will do.
+
+    Raises:
+        ReferenceError: where the stage equations don't converge.
+    """
+    nodes, weights, matrix, integrals = gauss(STAGES)
+    half = length / 2
+    output = np.empty((len(times), len(chebyshev_nodes()), states.shape[1]))
+    current = states
+    for part in range(2):
+        at = times + part * half
+        stage_times = at[:, None] + half * nodes
+
+        def rates(slopes: Array, start: Array = current, times: Array = stage_times) -> Array:
+            stages = start[:, None, :] + half * _weighted(matrix, slopes)
+            return field(times, stages)
+
+        begun = np.repeat(field(at, current)[:, None, :], STAGES, axis=1)
+        slopes = _iterated(rates, begun, names, converged)
+        inside = [
+            (i, 2 * c - part) for i, c in enumerate(chebyshev_nodes()) if part <= 2 * c <= part + 1
+        ]
+        for i, c in inside:
+            output[:, i] = current + half * np.einsum("j,bjc->bc", integrals(c), slopes)
+        current = current + half * np.einsum("j,bjc->bc", weights, slopes)
+    output[:, 0] = states
+    output[:, -1] = current
+    return current, output
+
+
+def _weighted(matrix: Array, slopes: Array) -> Array:
+    """Weighted sums (B, S, 2n) of the stages' rates (B, S, 2n), as one product of matrices."""
+    return np.tensordot(matrix, slopes, axes=(1, 1)).swapaxes(0, 1)
+
+
+def _iterated(
+    rates: Callable[[Array], Array], slopes: Array, names: Sequence[str], converged: float
+) -> Array:
+    """The rates at the stages (B, STAGES, 2n) that the rates there reproduce, by iteration.
+
+    Raises:
+        ReferenceError: where they don't converge, with the component that changes most.
+    """
+    before, last, change = np.inf, np.inf, np.inf
+    for _ in range(ITERATIONS):
+        before, last = last, change
+        new = rates(slopes)
+        size = np.max(np.abs(new), axis=(0, 1)) + 1e-300
+        changes = np.max(np.abs(new - slopes), axis=(0, 1)) / size
+        change, slopes = float(np.max(changes)), new
+        # What no longer shrinks is rounding, of which some equations have more than others.
+        if change < converged or before / 2 < change < NOISE or last <= change < ROUNDED:
+            return slopes
+        if not np.isfinite(change):
+            break
+    worst = int(np.argmax(np.where(np.isfinite(changes), changes, np.inf)))
+    name, by = names[worst] if names else f"component {worst}", changes[worst]
+    if by < STAGNATED:
+        raise ReferenceError(
+            f"rounding hides {by:.1e} of the rate of {name}; a reference needs "
+            f"{ROUNDED:.0e}, and the chain is too long or some parts are too light "
+            "for doubles; check parts of the robot in separate files"
+        )
+    raise ReferenceError(
+        "the stage equations of the collocation do not converge: the rate of"
+        f" {name} changes by {by:.1e} of its size"
+    )
+
+
+@lru_cache(maxsize=8)
+def gauss(stages: int) -> tuple[Array, Array, Array, Callable[[float], Array]]:
+    """Gauss collocation: nodes, weights, the matrix of its stages, and integrals from 0 to c."""
+    points, weights = np.polynomial.legendre.leggauss(stages)
+    nodes = (points + 1) / 2
+    # Integral of each Lagrange basis polynomial from 0 to c, through Legendre's own integrals:
+    # l_j(x) = sum_k (2k+1)/2 w_j P_k(x_j) P_k(x), exact for Gauss points.
+    degrees = np.arange(stages)
+    values = np.polynomial.legendre.legvander(points, stages - 1)
+    coefficients = (2 * degrees[:, None] + 1) / 2 * (values * weights[:, None]).T
+
+    @lru_cache(maxsize=64)
+    def integrals(c: float) -> Array:
+        x = 2 * c - 1
+        primitive = np.polynomial.legendre.legint(coefficients, lbnd=-1, axis=0)
+        result: Array = np.asarray(np.polynomial.legendre.legval(x, primitive), dtype=float) / 2
+        return result
+
+    matrix = np.array([integrals(c) for c in nodes])
+    return nodes, weights / 2, matrix, integrals

@@ -1,0 +1,224 @@
+"""Solve a scenario: choose the segments, then the closed form or two integrations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.reference.dynamics.derive import Equations
+from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.mechanism.declaration import (
+    Declaration,
+    DeclarationError,
+    Equilibrium,
+    Scenario,
+    about,
+)
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.signal import Piece, numeric_inputs, pieces
+from physics_crosscheck.reference.solving.bounds import bounds
+from physics_crosscheck.reference.solving.closed_form import solve_closed_form
+from physics_crosscheck.reference.solving.integrate import (
+    ReferenceError,
+    solve_numerically,
+    trajectory,
+)
+from physics_crosscheck.reference.solving.motion import Motion, Span
+
+SEGMENTS_A_PERIOD = 20
+SEGMENTS_AT_LEAST = 200
+MOST_SEGMENTS = 1_000_000
+"""More would take hours."""
+
+LEAST_TURN = 1e-6
+"""Motion of so few rad is lost in the rounding of its states."""
+
+__all__ = ["ReferenceError", "solve", "start_of"]
+
+
+def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
+    """Return the reference motion of a scenario, in segments.
+
+    Linear equations under inputs that a linear equation generates have a closed form; all others
+    are integrated twice.
+
+    Raises:
+        DeclarationError: for an input that is not smooth between breaks that can be told, or a
+            motion that can't be: on a singular mass matrix, of no length, without end.
+        ReferenceError: where the equations can't be solved to the accuracy needed.
+    """
+    with about("Scenario", scenario.name):
+        place = f"system {equations.system.name!r}, scenario {scenario.name!r}"
+        try:
+            motion = _solved(equations, scenario, place)
+        except ReferenceError as error:
+            raise ReferenceError(f"{place}: {error}") from error
+        check_motion(equations, motion, place)
+        return motion
+
+
+def start_of(system: Declaration, scenario: Scenario) -> Array:
+    """The state from which a scenario starts, (2n,)."""
+    return np.array(
+        [
+            float(sp.sympify(given[c]).subs(system.values))
+            for given in (scenario.q, scenario.v)
+            for c in system.coordinates
+        ]
+    )
+
+
+def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Motion:
+    system = equations.system
+    signals = pieces(system, scenario)
+    start = start_of(system, scenario)
+    duration = float(scenario.duration)
+    fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
+    check_duration(fastest, duration, place)
+    if not equations.linear:
+        times = np.linspace(0.0, duration, 400)
+        states = trajectory(equations, start, signals, times, rtol=1e-6)
+        fastest = fastest_rate(equations, signals, times, states)
+        check_duration(fastest, duration, place)
+    spans = tile(signals, fastest)
+    exact = equations.linear and all(piece.generators is not None for piece in signals)
+    if exact and isinstance(equations, Equations):
+        at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
+        segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
+    else:
+        segments = solve_numerically(equations, start, signals, spans)
+    found = bounds(equations, signals, spans, segments, exact=exact)
+    return Motion(
+        t=segments.t,
+        start=segments.start,
+        end=segments.end,
+        bound=found.bound,
+        global_bound=found.global_bound,
+        nodes=segments.nodes,
+        spans=spans,
+        inputs=numeric_inputs(signals),
+        fastest=fastest,
+        method=segments.method,
+    )
+
+
+def check_duration(fastest: float, duration: float, place: str) -> None:
+    """Refuse a motion in which nothing moves, or that is cut into more segments than can be solved.
+
+    Raises:
+        DeclarationError: naming the duration, and how fast the motion is.
+    """
+    if not np.isfinite(fastest):
+        raise DeclarationError(
+            f"{place}: the accelerations, or their slopes, are not finite; correct "
+            "T, V, D or the start"
+        )
+    turns = fastest * duration
+    if 0 < turns < LEAST_TURN:
+        raise DeclarationError(
+            f"{place}: nothing moves within the duration of {duration:g} s: the "
+            f"fastest motion has {fastest:.3g} rad/s; make it longer"
+        )
+    if turns * SEGMENTS_A_PERIOD / (2 * np.pi) > MOST_SEGMENTS:
+        raise DeclarationError(
+            f"{place}: the duration of {duration:g} s holds "
+            f"{turns / (2 * np.pi):.1e} periods of the fastest motion, of "
+            f"{fastest:.3g} rad/s; make it shorter, or stiff parts softer"
+        )
+
+
+def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> None:
+    """Refuse a motion along which a mass matrix is not positive definite, or an energy not real.
+
+    Raises:
+        DeclarationError: naming the time.
+    """
+    n = len(equations.system.q)
+    u = motion.inputs(motion.t)
+    at = motion.start[:, :n], motion.start[:, n:], u, motion.t[:, None]
+    with np.errstate(all="ignore"):
+        mass = equations.numeric_mass(*at).reshape(-1, n, n)
+        energies = equations.numeric_power(*at)
+    finite = np.isfinite(np.concatenate([mass.reshape(-1, n * n), energies], axis=1)).all(axis=1)
+    if not finite.all():
+        time = float(motion.t[np.argmin(finite)])
+        raise DeclarationError(
+            f"{place}: T, V or D is not a finite real number at t = {time:.4g} s of "
+            "the motion; correct it, or choose another start"
+        )
+    # In units of its own diagonal, since a light part beside a heavy one is no singular one.
+    size = np.sqrt(np.maximum(np.einsum("kii->ki", mass), 1e-300))
+    least = np.linalg.eigvalsh(mass / size[:, :, None] / size[:, None, :])[:, 0]
+    if np.min(least) <= 0:
+        time = float(motion.t[np.argmax(least <= 0)])
+        raise DeclarationError(
+            f"{place}: the mass matrix is not positive definite at t = {time:.4g} s "
+            "of the motion; correct T, or choose another start"
+        )
+
+
+def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
+    """Cut each piece into equal segments, a prime number of them.
+
+    A prime count keeps the segments from being a simple fraction of a period that divides the
+    piece, where non-smooth motion could hide between them.
+    """
+    whole = signals[-1].stop - signals[0].start
+    wanted = max(SEGMENTS_A_PERIOD * fastest / (2 * np.pi), SEGMENTS_AT_LEAST / whole)
+    spans = []
+    for piece in signals:
+        duration = piece.stop - piece.start
+        count = sp.nextprime(max(int(np.ceil(wanted * duration)) - 1, 1))
+        spans.append(
+            Span(
+                start=piece.start,
+                length=duration / int(count),
+                count=int(count),
+                constant_input=piece.constant,
+            )
+        )
+    return tuple(spans)
+
+
+def fastest_rate(
+    equations: EquationsOfMotion, signals: Sequence[Piece], times: Array, states: Array
+) -> float:
+    """Largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.
+
+    Rates of turning (coordinates in rad) and of the inputs count as well: they too set how fast
+    the terms of the equations change.
+    """
+    system = equations.system
+    n = len(system.coordinates)
+    inputs = numeric_inputs(signals)
+    with np.errstate(all="ignore"):
+        lower = equations.slopes(states, inputs(times), times)
+    if not np.isfinite(lower).all():
+        return float("inf")
+    full = np.zeros((len(times), 2 * n, 2 * n))
+    full[:, range(n), range(n, 2 * n)] = 1.0
+    full[:, n:] = lower
+    rates = [float(np.max(np.abs(np.linalg.eigvals(full))))]
+    if len(times) > 1:
+        rates += [
+            float(np.max(np.abs(states[:, n + i])))
+            for i, c in enumerate(system.coordinates)
+            if c.unit == "rad"
+        ]
+    grid = np.linspace(0.0, signals[-1].stop, 2001)
+    u = inputs(grid)
+    for piece in signals:
+        inside = (grid >= piece.start) & (grid < piece.stop)
+        values = u[inside]
+        if len(values) > 2 and not piece.constant:
+            reach = np.max(np.abs(values - values.mean(axis=0)), axis=0)
+            slope = np.max(np.abs(np.diff(values, axis=0)), axis=0) / (grid[1] - grid[0])
+            rates += [
+                float(s / r)
+                for s, r in zip(slope, reach, strict=True)
+                if r > 1e-12 * np.max(np.abs(u))
+            ]
+    return max(rates)

@@ -1,0 +1,200 @@
+"""The equations with every constant free and with terms that they lack: what a model might be.
+
+A discrepancy is explained by moving one of these parameters until the equations do what the model
+does. All of them enter one numeric function, so that segments with many perturbed parameters are
+integrated at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.reference.dynamics.derive import Equations
+from physics_crosscheck.reference.dynamics.simplify import solved
+from physics_crosscheck.reference.mechanism.declaration import Coordinate, t
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.solving.collocation import collocate
+
+Kind = Literal[
+    "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"
+]
+"""Of a parameter: a constant, or one of the terms that `_terms` lists."""
+
+CREEP = 1e-3
+"""Speed below which Coulomb friction is smoothed, as a share of the motion's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One number that might be other than the equations have it.
+
+    Attributes:
+        name: of the constant, or of the coordinate that a term is on.
+        kind: a `constant`, or a term that the equations lack.
+        unit: its unit.
+        nominal: its value in the equations; 0 for a term that they lack.
+        size: a change that matters: the nominal value, or what makes the term as large as the
+            forces that the motion has.
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    nominal: float
+    size: float
+
+
+@dataclass(frozen=True)
+class Variants:
+    """Accelerations a(q, v, u, (t,), p) with the parameters p free; picklable.
+
+    Attributes:
+        parameters: in the order of p.
+        acceleration: argument groups q, v, u, (t,), p.
+    """
+
+    parameters: tuple[Parameter, ...]
+    acceleration: NumericFunction
+
+    @property
+    def nominal(self) -> Array:
+        """Parameters of the declared system, (P,)."""
+        return np.array([parameter.nominal for parameter in self.parameters])
+
+    @property
+    def sizes(self) -> Array:
+        """Changes that matter, (P,)."""
+        return np.array([parameter.size for parameter in self.parameters])
+
+    def flow(
+        self,
+        parameters: Array,
+        times: Array,
+        starts: Array,
+        length: float,
+        inputs: Callable[[Array], Array],
+    ) -> Array:
+        """Ends (B, 2n) of B segments, each with its own parameters (B, P)."""
+        n = starts.shape[1] // 2
+
+        def field(at: Array, states: Array) -> Array:
+            u = inputs(at.ravel()).reshape(*at.shape, -1)
+            shape = (len(times),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
+            a = self.acceleration(
+                states[..., :n], states[..., n:], u, at[..., None], parameters.reshape(shape)
+            )
+            return np.concatenate([states[..., n:], a], axis=-1)
+
+        ends, _ = collocate(field, times, starts, length)
+        return ends
+
+    def flows(
+        self,
+        points: Array,
+        times: Array,
+        starts: Array,
+        length: float,
+        inputs: Callable[[Array], Array],
+    ) -> Array:
+        """Ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
+        batch = len(times)
+        ends = self.flow(
+            np.repeat(points, batch, axis=0),
+            np.tile(times, len(points)),
+            np.tile(starts, (len(points), 1)),
+            length,
+            inputs,
+        )
+        return ends.reshape(len(points), batch, -1)
+
+
+def variants(equations: Equations, amplitude: Array) -> Variants:
+    """Free every constant, and add to every coordinate the terms that mechanisms have.
+
+    Args:
+        equations: the derived equations.
+        amplitude: size of the system's motions, (2n,): it scales the added terms.
+    """
+    system = equations.system
+    n = len(system.coordinates)
+    parameters = [
+        Parameter(
+            name=c.name,
+            kind="constant",
+            unit=c.unit,
+            nominal=c.value,
+            size=abs(c.value) or 1.0,
+        )
+        for c in system.constants
+    ]
+    symbols = [c.symbol for c in system.constants]
+    mass = np.array(equations.mass.subs(system.values).subs(_rest(equations)).tolist(), dtype=float)
+    added_mass = sp.zeros(n)
+    added_force = sp.zeros(n, 1)
+    for i, coordinate in enumerate(system.coordinates):
+        speed, reach = max(amplitude[n + i], 1e-9), max(amplitude[i], 1e-9)
+        inertia = abs(float(mass[i, i])) or 1.0
+        for term in _terms(coordinate, inertia, speed=speed, reach=reach):
+            symbol = sp.Symbol(f"extra_{term.kind.replace(' ', '_')}_{i}", real=True)
+            symbols.append(symbol)
+            if term.force is None:
+                added_mass[i, i] += symbol
+            else:
+                added_force[i] -= symbol * term.force
+            parameters.append(
+                Parameter(
+                    name=coordinate.name,
+                    kind=term.kind,
+                    unit=term.unit,
+                    nominal=0.0,
+                    size=term.size,
+                )
+            )
+    total = sp.Matrix(equations.mass) + added_mass
+    acceleration = solved(total, sp.Matrix(equations.force) + added_force)
+    function = compile_function(list(acceleration), system.q, system.v, system.u, (t,), symbols)
+    return Variants(tuple(parameters), function)
+
+
+def _rest(equations: Equations) -> dict[sp.Symbol, int]:
+    return dict.fromkeys((*equations.system.q, *equations.system.v, t), 0)
+
+
+class _Term(NamedTuple):
+    """A term that the equations lack: -p * force on a coordinate; None: p is added to its inertia.
+
+    `size` is what makes it as large as the forces that the motion has, in `unit`.
+    """
+
+    kind: Kind
+    force: sp.Expr | None
+    size: float
+    unit: str
+
+
+def _terms(
+    coordinate: Coordinate, inertia: float, *, speed: float, reach: float
+) -> tuple[_Term, ...]:
+    """Those that mechanisms have, a row each.
+
+    Args:
+        coordinate: on which they are.
+        inertia: of it, at rest.
+        speed, reach: sizes of its motions.
+    """
+    v, q, force = coordinate.v, coordinate.q, inertia * speed * max(speed / reach, 1e-3)
+    turns, per = coordinate.unit == "rad", coordinate.unit
+    N, kg = ("N*m", "kg*m^2") if turns else ("N", "kg")
+    return (
+        _Term("inertia", None, inertia, kg),
+        _Term("damping", v, force / speed, f"{N}*s/{per}"),
+        _Term("quadratic damping", v * sp.Abs(v), force / speed**2, f"{N}*s^2/{per}^2"),
+        _Term("friction", sp.tanh(v / (CREEP * speed)), force, N),
+        _Term("spring", q, force / reach, f"{N}/{per}"),
+        _Term("offset force", sp.Integer(-1), force, N),
+    )
