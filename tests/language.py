@@ -45,7 +45,7 @@ BANNED = {
     r"(?<!there )(?:is|are|was) no (?!longer\b|more\b|less\b|other\b)": "is not a",
     r"where [^.;,]{1,60} belongs?": "expected ...",
     r"but for|anew": "except, again",
-    r"(?<!of )freedoms?": "degrees of freedom",
+    r"(?<!of[ -])freedoms?": "degrees of freedom",
     r"shipped steps?": "time step, dt",
     r"principal moments(?! of inertia)": "principal moments of inertia",
     r"foret(?:ells?|old)": "predict",
@@ -117,7 +117,7 @@ def banned_name(name: str) -> bool:
 
 def sentences(paragraph: str) -> Iterator[str]:
     """Yield the sentences of a paragraph in which code and links are already plain words."""
-    yield from re.split(r"(?<=[.!?])\s+(?=[A-Z`*(\d])", paragraph)
+    yield from re.split(r"(?<=[.!?])\s+(?=[A-Z`*(\d]|code\b)", paragraph)
 
 
 def words(text: str) -> int:

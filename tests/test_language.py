@@ -25,7 +25,12 @@ LONG = "One " + "word after another " * 9
 
 PLANTED = {
     "prose_words": ("docs/a.md", "The report\ntells it, and *says* so.", "is reported", 2),
-    "prose_sentences": ("README.md", f"Short.\n\n- {LONG}.", f"{LONG[:40]}.", 1),
+    "prose_sentences": (
+        "README.md",
+        f"Short.\n\n- {LONG}.",
+        f"{LONG[:80]}. `code` {LONG[:80]}.",
+        1,
+    ),
     "table_cells": ("docs/a.md", f"| a | {LONG} |\n|---|---|", "| a | b |", 1),
     "message_words": (
         "harness/x/a.py",

@@ -10,6 +10,7 @@ import numpy as np
 from physics_crosscheck.harness.compare.mechanics import SPEEDS, Mechanics
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.accelerations import Estimate
+from physics_crosscheck.harness.text.status import counted
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -81,11 +82,11 @@ def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
         yield Term(
             kind="constraint",
             about=(),
-            message=f"under a force nothing moves in {less}, where {max(one, other)} of the joints"
-            f" can in {more}: a motor or a constraint holds them, or they carry no inertia"
+            message=f"no joint of {less} moves under a force; {counted(max(one, other), 'joint')}"
+            f" of {more} can. A motor or a constraint holds them, or they have no inertia"
             if min(one, other) == 0
-            else f"{max(one, other)} of the joints move by themselves in {more},"
-            f" {min(one, other)} in {less}: one holds them together, the other doesn't",
+            else f"{counted(max(one, other), 'joint')} can move independently in {more},"
+            f" {min(one, other)} in {less}. {less} has a constraint that {more} lacks",
             a=one,
             b=other,
             uncertainty=0.0,

@@ -181,7 +181,7 @@ panda.urdf:218 of pybullet_data
         sets the inertia to zero.""",
         example="""
   <inertia ixx="0.01" ixy="0.03" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
-  # principal moments: -0.02, 0.01 and 0.04 kg m^2
+  # principal moments of inertia: -0.02, 0.01 and 0.04 kg m^2
 """,
         remedy="""Check the sign and the size of `ixy`, `ixz` and `iyz`, and the reference
         point: a URDF states the tensor about the center of mass.""",

@@ -144,7 +144,7 @@ def _type(wanted: types.Type, links: Mapping[type, str]) -> str:
         case types.DictType(value_type=value):
             return f"{_type(value, links)}, by name"
         case types.LiteralType(values=values):
-            return ", ".join(f"`{value}`" for value in values)
+            return ", ".join(f"`{value}`" if value else '`""`' for value in values)
         case types.EnumType(cls=cls):
             return links.get(cls) or ", ".join(f"`{one.value}`" for one in cls)
     return _PLAIN[type(wanted)]

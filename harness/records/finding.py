@@ -53,7 +53,7 @@ class AuditFinding(Record, frozen=True, kw_only=True):
         subject: Affected objects. Findings of equal kind and subject are the same finding, whatever
             their numbers.
         message: Explanation in one sentence.
-        location: Line of the file; None if there is none.
+        location: Line of the file; None if unknown.
         expected: Expected number; None without one.
         found: Number in the model; None without one.
         replacement: Text to write in the span of `location`; empty if no number must change.

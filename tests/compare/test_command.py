@@ -149,9 +149,9 @@ def test_a_motor_that_holds_a_joint_is_told_with_the_sidecar_that_leaves_it_on(
         shutil.copy(ROOT / "docs" / "cases" / name, tmp_path)
     done = crosscheck("pendulum.urdf", "pendulum_with_motors.urdf", cwd=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "under a force nothing moves in B, where 1 of the joints can in A" in done.stdout
-    where = r"pendulum_with_motors\.urdf\.toml +sidecar:settings\.motors: nothing -> True"
-    assert re.search(where, done.stdout, re.MULTILINE)
+    assert "no joint of B moves under a force; 1 joint of A can" in " ".join(done.stdout.split())
+    cause = "sidecar:settings.motors: nothing, pendulum_with_motors.urdf.toml: True"
+    assert cause in done.stdout
 
 
 def test_files_that_are_refused_are_failures_told_before_a_worker_is_started(

@@ -226,7 +226,7 @@ def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path: Path
     found = compared(path, other, "pybullet", "pybullet")
     assert found.judgement.outcome is Outcome.DIFFERS
     assert [t.kind for t in found.terms] == ["constraint"]
-    assert "3 of the joints move by themselves in B, 2 in A" in found.terms[0].message
+    assert "3 joints can move independently in B, 2 in A" in found.terms[0].message
 
 
 def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path: Path) -> None:

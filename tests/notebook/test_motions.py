@@ -255,10 +255,12 @@ def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
         simulate(PENDULUM, 3)  # type: ignore[arg-type]
     with pytest.raises(FolderError, match="unknown engine 'havok'; known engines"):
         simulate(PENDULUM, "free", engine="havok")
-    with pytest.raises(MotionError, match=r"is not run in pybullet; .* as mujoco\.xml\.toml"):
+    with pytest.raises(
+        MotionError, match=r"does not run in pybullet, only in .* \(see mujoco\.xml\.toml"
+    ):
         simulate(PENDULUM, "free", engine="pybullet")
     (tmp_path / "arm.urdf").write_text(ARM)
-    with pytest.raises(MotionError, match="is not run in pymunk; it is in pybullet, mujoco"):
+    with pytest.raises(MotionError, match="does not run in pymunk, only in pybullet, mujoco"):
         simulate(tmp_path / "arm.urdf", {}, duration=1, engine="pymunk")
     with pytest.raises(MotionError, match=r"a system folder; name .*: mujoco\.xml"):
         simulate("simple_pendulum", "free")

@@ -118,8 +118,8 @@ def engine_for(subject: Subject, asked: str | None) -> str:
         names = [*sidecar.engines, *sidecar.absent]
         fits = asked is None or asked in names
     if not fits:
-        why = "" if subject.folder is None else f", as {subject.file.name}.toml says"
-        raise MotionError(f"{subject.file} is not run in {asked}; it is in {_listed(names)}{why}")
+        why = "" if subject.folder is None else f" (see {subject.file.name}.toml)"
+        raise MotionError(f"{subject.file} does not run in {asked}, only in {_listed(names)}{why}")
     wanted = [asked] if asked is not None else names
     for name in wanted:
         if name in known and known[name].version() is not None:

@@ -16,8 +16,8 @@ from physics_crosscheck.harness.results.visible import visible
 _BEGIN = """
 import pathlib, site, sys
 here, places, separator, package, engine, version, why, *rest = sys.argv[1:]
-def end(said):
-    pathlib.Path(why).write_text(said, encoding="utf-8")
+def end(reason):
+    pathlib.Path(why).write_text(reason, encoding="utf-8")
     sys.exit(1)
 own = f"{sys.version_info.major}.{sys.version_info.minor}"
 if own != here:
@@ -30,8 +30,8 @@ try:
     from physics_crosscheck.harness.extras.versions.child import unusable
 except ImportError as error:
     end(f"{type(error).__name__}: {error}")
-if said := unusable(engine, version, package):
-    end(said)
+if problem := unusable(engine, version, package):
+    end(problem)
 """
 """What an environment's interpreter runs: the packages of this one come after its own."""
 

@@ -19,8 +19,7 @@ ABOUT = CommandHelp(
         "0": "Every case agrees, or its difference is accepted.",
         "1": "A case differs or is unresolved, or a number in a file is wrong.",
         "2": "Wrong usage, an unknown target, or a folder that is in use.",
-        "3": "A case, audit or diagnosis failed, or nothing could be tested;"
-        " or --strict or --require-engines was not met.",
+        "3": "A check could not run, nothing was tested, or --strict or --require-engines fails.",
         **INTERRUPTED,
     },
 )
