@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import json
+import os
 import posixpath
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import nbformat
+from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
+from nbclient import NotebookClient
 
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(((?:\.\./)+[^)#\s]*)(#[^)\s]*)?\)")
 NOTEBOOKS = Path(__file__).parents[1] / "examples"
@@ -21,10 +26,15 @@ def on_config(config: Any, **_: Any) -> Any:
 
 
 def on_files(files: Files, *, config: Any, **_: Any) -> Files:
-    """Add a page for each notebook."""
-    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
-        page = File.generated(config, f"examples/{path.stem}.md", content=notebook_page(path))
-        files.append(page)
+    """Add a page for each notebook; `EXECUTE_NOTEBOOKS=false` leaves out their outputs."""
+    paths = sorted(NOTEBOOKS.glob("*.ipynb"))
+    notebooks = [nbformat.read(path, 4) for path in paths]
+    if config.extra["execute_notebooks"]:
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(execute, notebooks))
+    for path, notebook in zip(paths, notebooks, strict=True):
+        text = "\n\n".join(map(_cell, notebook.cells)) + "\n"
+        files.append(File.generated(config, f"examples/{path.stem}.md", content=text))
     return files
 
 
@@ -44,15 +54,36 @@ def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
     return _LINK.sub(inside, markdown)
 
 
-def notebook_page(path: Path) -> str:
-    """Return a notebook's cells as Markdown; outputs are not stored in the repository."""
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    return "\n\n".join(map(_cell, cells)) + "\n"
+def execute(notebook: Any) -> None:
+    """Add the outputs to a notebook's cells; the files that it writes are deleted."""
+    with TemporaryDirectory() as scratch:
+        client = NotebookClient(
+            notebook,
+            timeout=300,
+            extra_arguments=["--log-level=ERROR"],
+            resources={"metadata": {"path": scratch}},
+        )
+        client.execute(env=os.environ | {"TMPDIR": scratch, "IPYTHONDIR": scratch})
 
 
-def _cell(cell: dict[str, Any]) -> str:
-    source = "".join(cell["source"])
-    return f"```python\n{source}\n```" if cell["cell_type"] == "code" else source
+def _cell(cell: Any) -> str:
+    """Return a cell as Markdown, with formulas as MathML and outputs below the code."""
+    if cell.cell_type == "markdown":
+        return re.sub(r"\$([^$]+)\$", lambda formula: convert(formula[1]), cell.source)
+    return "\n\n".join([f"```python\n{cell.source}\n```", *map(_output, cell.outputs)])
+
+
+def _output(output: Any) -> str:
+    """Return an output as Markdown: a picture, a table or text; a warning is an error."""
+    if output.get("name") == "stderr":
+        raise ValueError(output.text)
+    data = output.get("data", {})
+    if "image/png" in data:
+        return f"![output](data:image/png;base64,{data['image/png'].strip()})"
+    if "text/html" in data:
+        html = re.sub(r"<style.*?</style>", "", data["text/html"], flags=re.DOTALL)
+        return f"<div>{' '.join(html.split())}</div>"
+    return f"```text\n{(data.get('text/plain') or output.text).rstrip()}\n```"
 
 
 def _expand(nav: list[Any], docs: Path) -> list[Any]:

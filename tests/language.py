@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import sys
 import tomllib
@@ -23,7 +24,8 @@ MOST_CELL_WORDS = 15
 MOST_HELP_WORDS = 12
 
 CODE = ("harness", "reference", "physics_crosscheck")
-PAGES = ("*.md", "docs/**/*.md", "campaigns/**/*.md", "soak/**/*.md")
+DOCS = ("docs/**/*.md", "README.md", "examples/*.ipynb")
+PAGES = (*DOCS, "*.md", "campaigns/**/*.md", "soak/**/*.md")
 
 # A pattern, and what to write instead.
 BANNED = {
@@ -162,10 +164,18 @@ def plain(text: str) -> str:
 
 
 def pages(*patterns: str) -> Iterator[tuple[str, int, str]]:
-    """Yield page, line and plain text of every paragraph."""
+    """Yield page, line and plain text of every paragraph; of a notebook, the line in its prose."""
     for path in sorted({path for pattern in patterns for path in ROOT.glob(pattern)}):
-        for line, text in paragraphs(path.read_text()):
+        for line, text in paragraphs(_markdown(path)):
             yield str(path.relative_to(ROOT)), line, plain(text)
+
+
+def _markdown(path: Path) -> str:
+    """Return the text of a page, or the Markdown cells of a notebook."""
+    if path.suffix == ".md":
+        return path.read_text()
+    cells = json.loads(path.read_text())["cells"]
+    return "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
 
 
 @lru_cache(maxsize=1)
@@ -288,8 +298,8 @@ def prose_words() -> Iterator[Offence]:
 
 
 def prose_sentences() -> Iterator[Offence]:
-    """Yield sentences of more than 25 words, of docs/ and README."""
-    for page, line, text in pages("docs/**/*.md", "README.md"):
+    """Yield sentences of more than 25 words in the documentation."""
+    for page, line, text in pages(*DOCS):
         if not text.startswith(("|", "<")):
             for sentence in sentences(text):
                 if words(sentence) > MOST_WORDS:
@@ -297,8 +307,8 @@ def prose_sentences() -> Iterator[Offence]:
 
 
 def table_cells() -> Iterator[Offence]:
-    """Yield table cells of more than 15 words, of docs/ and README."""
-    for page, line, text in pages("docs/**/*.md", "README.md"):
+    """Yield table cells of more than 15 words in the documentation."""
+    for page, line, text in pages(*DOCS):
         for cell in text.split("|") if text.startswith("|") else ():
             if words(re.sub(r"\bcode\b", "", cell)) > MOST_CELL_WORDS:
                 yield Offence(page, f"{page}:{line}", f"{words(cell)} words: {cell.strip()}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -116,6 +117,16 @@ def test_code_links_and_long_code_blocks_are_no_prose(place: Path) -> None:
     )
     for rule in ("prose_words", "prose_sentences", "table_cells"):
         assert not list(RULES[rule]())
+
+
+def test_the_prose_of_a_notebook_is_a_page(place: Path) -> None:
+    cells = [
+        {"cell_type": "markdown", "source": ["The report\n", "tells it."]},
+        {"cell_type": "code", "source": ["told = 3"]},
+    ]
+    (place / "examples").mkdir()
+    (place / "examples/a.ipynb").write_text(json.dumps({"cells": cells}))
+    assert [o.text for o in RULES["prose_words"]()] == ["tells"]
 
 
 TWO = [Offence("docs/a.md", "docs/a.md:1", "told"), Offence("docs/a.md", "docs/a.md:7", "says")]

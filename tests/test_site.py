@@ -6,27 +6,34 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
+from tests.report.chromium import running
+from tests.report.steps import needs_browser
+
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built strictly: a link to a page or a heading that is not there is an error."""
-    place = tmp_path_factory.mktemp("site")
+def build(place: Path, *, notebooks: bool) -> Path:
+    """Build strictly: a link to a page or a heading that is not there is an error."""
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(place)],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1", "EXECUTE_NOTEBOOKS": str(notebooks).lower()},
     )
     assert done.returncode == 0, done.stderr
     return place
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(tmp_path_factory.mktemp("site"), notebooks=False)
 
 
 def test_notebooks_are_pages_with_their_code(site: Path) -> None:
@@ -35,9 +42,33 @@ def test_notebooks_are_pages_with_their_code(site: Path) -> None:
         assert "physics_crosscheck" in page, path.name
 
 
-def test_the_site_is_searched_offline(site: Path) -> None:
-    index = (site / "search" / "search_index.json").read_text()
-    assert "panda_link8" in index
+@pytest.mark.slow
+def test_notebooks_show_pictures_tables_and_formulas(tmp_path: Path) -> None:
+    folders = [ROOT / "docs", ROOT / "examples"]
+    before = [sorted(folder.rglob("*")) for folder in folders]
+    site = build(tmp_path, notebooks=True)
+    assert [sorted(folder.rglob("*")) for folder in folders] == before
+    pages = {path.stem: path.read_text() for path in (site / "examples").glob("*.html")}
+    assert len(pages) == 3
+    for name, page in pages.items():
+        assert 'src="data:image/png;base64,' in page, name
+        assert "<table" in page, name
+        assert tempfile.gettempdir() + "/" not in page, name
+        assert "white-space:pre;overflow-x:auto" not in page, f"{name}: Rich printed a string"
+    assert "<msqrt>" in pages["pendulum"]
+
+
+@needs_browser
+def test_the_site_is_searched_from_disk(site: Path, tmp_path: Path) -> None:
+    with running(tmp_path) as browser, browser.tab() as tab:
+        tab.send("Page.navigate", url=(site / "index.html").as_uri())
+        tab.until("document.readyState === 'complete' && window.location$")
+        tab.run("document.querySelector('label[for=__search]').click()")
+        field = "document.querySelector('.md-search__input')"
+        tab.run(f"{field}.focus(), {field}.value = 'panda_link8', null")
+        tab.run(f"{field}.dispatchEvent(new KeyboardEvent('keyup'))")
+        tab.until("document.querySelector('.md-search-result__item')")
+        assert tab.problems == []
 
 
 @pytest.mark.slow

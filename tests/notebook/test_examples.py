@@ -52,31 +52,6 @@ def test_there_are_three_and_none_has_outputs() -> None:
         assert sum("assert" in "".join(one["source"]) for one in code) >= 3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_in_a_kernel_and_shows_pictures_and_tables(
-    notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    nbformat = pytest.importorskip("nbformat")
-    nbclient = pytest.importorskip("nbclient")
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    for name in ("IPYTHONDIR", "JUPYTER_RUNTIME_DIR"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    read = nbformat.read(notebook, 4)
-    nbformat.validate(read)
-    client = nbclient.NotebookClient(
-        read, timeout=300, resources={"metadata": {"path": str(tmp_path)}}
-    )
-    client.execute()
-    shown = [one for cell in read.cells for one in cell.get("outputs", [])]
-    data = [one["data"] for one in shown if "data" in one]
-    assert any("image/png" in one for one in data)
-    assert any("text/html" in one for one in data)
-    # Rich would print into the page what is only put into a string.
-    assert all("image/png" in one["data"] for one in shown if one.output_type == "display_data")
-    assert not [one for one in shown if one.get("name") == "stderr"]
-
-
 FAULTS = {
     "pendulum": [
         ("LENGTH, GRAVITY = 0.75, 9.81", "LENGTH, GRAVITY = 0.76, 9.81"),
