@@ -88,12 +88,12 @@ def test_every_page_is_in_the_site(site: Path) -> None:
 def test_the_reference_has_the_public_names_with_their_docstrings(site: Path) -> None:
     page = re.sub(r"<[^>]+>", " ", (site / "reference" / "python.html").read_text())
     for words in (
-        "relative discrepancy to resolve",  # check
-        "Whether all cases and audits agree",  # Results
-        "An adapter: its name, whether its engine is there",  # Engine
-        "Run a model once, from start to end, and nothing else",  # simulate
-        "with a bound of the error of every value",  # reference
-        "joints without a partner; with the remedy",  # compare
+        "smallest relative discrepancy to detect",  # check
+        "True if all cases and audits agree",  # Results
+        "An adapter: loads model files into an engine",  # Engine
+        "Run a model file once, at one time step",  # simulate
+        "with an error bound for every value",  # solve
+        "joints have no partner; the message gives the remedy",  # compare
     ):
         assert words in " ".join(page.split()), words
 

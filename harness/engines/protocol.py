@@ -1,11 +1,10 @@
-"""The engine protocol: what an adapter offers, and nothing of the system's equations.
+"""The engine protocol: the interface of an adapter, without any equations of a system.
 
-An adapter turns a model file into a `Model` that rolls out. It holds engine knowledge only, and all
-of it: it never sees a system's constants, never interpolates, and counts steps in integers. What
-must be there is abstract; everything else has a default, so that nothing is asked of an adapter
-that the protocol does not declare. Third parties add one through the entry point
-`crosscheck.engines`; `harness.engines.known_answer` is the one to read first, and
-`harness.engines.conformance` tells what an adapter gets wrong.
+An adapter turns a model file into a `Model` that runs steps. It contains all knowledge about its
+engine. It never receives a system's constants, never interpolates, and counts steps in integers.
+Required methods are abstract; all others have a default. Third parties register an adapter by the
+entry point `crosscheck.engines`. `harness.engines.known_answer` is an example, and
+`harness.engines.conformance` tests an adapter.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ Array = NDArray[np.float64]
 
 
 class FileError(Exception):
-    """What is wrong with a file; as text, `FILE:LINE: sentence`.
+    """A problem of a file; its text is `FILE:LINE: sentence`.
 
     Attributes:
-        sentence: what is wrong; it names the file itself where `file` is None.
-        file: in which it stands; None where the sentence names it.
-        line: of it, counted from 1; None where it is no line's.
-        kind: which kind of failure a case reports (`harness.records.case.FailureKind`).
+        sentence: the problem; it names the file if `file` is None.
+        file: path; None if the sentence names it.
+        line: number, from 1; None without a line.
+        kind: type of the failure that a case reports (`harness.records.case.FailureKind`).
     """
 
     kind = "file"
@@ -46,16 +45,16 @@ class FileError(Exception):
 
 
 class EngineError(FileError, RuntimeError):
-    """A model file that an engine can't load or run; the message names file, place and remedy.
+    """A model file that an engine cannot load or run; the message names file, place and remedy.
 
-    Where memory runs out, an adapter raises MemoryError instead: that says nothing about the file.
+    If memory runs out, an adapter raises MemoryError instead, which is not a fault of the file.
     """
 
 
 class UnsupportedError(EngineError):
-    """A model file that an engine or its adapter does not take, though another engine may.
+    """A model file that this engine or adapter does not support, but another engine may.
 
-    A mistake in the file or in its sidecar is an `EngineError` alone.
+    A mistake in the file or its sidecar is an `EngineError`.
     """
 
     kind = "unsupported"
@@ -76,7 +75,7 @@ class Spring:
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """A model file with what its sidecar adds for one engine; `settings` are the engine's own."""
+    """A model file with the sidecar's springs and the engine's own settings."""
 
     path: Path
     springs: tuple[Spring, ...] = ()
@@ -87,11 +86,11 @@ class ModelSpec:
 class Sample:
     """A small mechanism as a file that an adapter runs, for the conformance suite.
 
-    Its coordinates are to be free of one another's constraints, near `Model.home`.
+    No constraint may couple its coordinates near `Model.home`.
 
     Attributes:
         file: name of the file, with its ending.
-        text: what stands in it.
+        text: content of the file.
         springs, settings: as in `ModelSpec`.
     """
 
@@ -108,7 +107,7 @@ class StateForce:
     Attributes:
         inputs: u at the start of each step, (B, n, inputs).
         at: force on the engine's coordinates at one state, (z, u) -> nz numbers. It takes plain
-            sequences: at a call a step, arrays of two or three numbers would cost most of the time.
+            sequences, because small arrays would take most of the time of a step.
     """
 
     inputs: Array
@@ -120,16 +119,16 @@ Force = Array | StateForce | None
 
 
 def within(free: Array, limits: Array) -> Array:
-    """Ranges (nz, 2) cut to limits; where these leave nothing, the limits alone."""
+    """Return ranges (nz, 2) clipped to limits; an empty range is replaced by its limits."""
     cut = np.stack([np.maximum(free[:, 0], limits[:, 0]), np.minimum(free[:, 1], limits[:, 1])], 1)
     return np.where((cut[:, 0] < cut[:, 1])[:, None], cut, limits)
 
 
 def held_joints(spec: ModelSpec) -> tuple[str, ...]:
-    """The setting `held`: names of joints that are to stand still where the file draws them.
+    """Return the setting `held`: names of joints to fix where the file draws them.
 
     Raises:
-        EngineError: where it is no list of names.
+        EngineError: if it is not a list of names.
     """
     held = spec.settings.get("held", [])
     if isinstance(held, list) and all(isinstance(name, str) for name in held):
@@ -142,11 +141,11 @@ class Model(ABC):
     """A model file, loaded by an engine.
 
     Attributes:
-        coordinates: names of the engine's coordinates, in the order of its states: nz of them.
-        step: the step the file (or its sidecar) ships with, seconds.
+        coordinates: names of the nz engine coordinates, in the order of the states.
+        step: time step of the file or its sidecar, s.
         integrator: name of the time-stepping method.
-        gravity: its components, m/s^2, two in a planar engine; empty where the model doesn't tell.
-        epsilon: relative rounding of the numbers that the engine computes with.
+        gravity: components, m/s^2, two in a planar engine; empty if unknown.
+        epsilon: relative rounding of the engine's numbers.
     """
 
     coordinates: tuple[str, ...]
@@ -157,28 +156,27 @@ class Model(ABC):
 
     @abstractmethod
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Leading exponent of h in the error of a motion, and the increment to the next.
+        """Return the leading exponent of h in the error of a motion, and the increment to the next.
 
-        `varying_input` tells whether an input changes over time and is held over each step.
+        `varying_input` is True if an input changes over time and is constant over each step.
         """
 
     @abstractmethod
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """From B states (q, v), each (B, nz), take n steps of h seconds.
+        """Run n steps of h seconds from B states (q, v), each (B, nz).
 
-        Returns positions and velocities after every `every` steps, each (B, n // every, nz).
-        Nothing that an earlier call left may matter. Values that are not finite are returned as
-        they are.
+        Return positions and velocities after each `every` steps, each (B, n // every, nz).
+        The result must not depend on earlier calls. Values that are not finite are returned too.
         """
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """What it computes at B states without a step, (B, nz); None where it tells nothing.
+        """Return the accelerations at B states without a step, (B, nz); None if unsupported.
 
-        Of slides and hinges they are second derivatives; of what turns, and of a root that floats,
-        those of its velocities: angular about its own axes, linear along the world's. Of a state
-        where a soft constraint acts, such as a contact, they are nan.
+        For slides and hinges they are second derivatives. For ball joints and a floating root they
+        are derivatives of the velocities: angular about body axes, linear along world axes. They
+        are nan in a state in which a soft constraint acts, such as a contact.
 
         Args:
             z: positions, (B, nz).
@@ -188,10 +186,10 @@ class Model(ABC):
         return None
 
     def equality_errors(self, z: Array) -> Array | None:
-        """Return how far B positions are from where equalities put them, (B, nz).
+        """Return the violation of equalities at B positions, (B, nz).
 
-        Of equalities that the engine itself makes soft, and that `accelerations` takes to hold
-        exactly: their own numbers show here. Zero where nothing is held; None where it has none.
+        This covers equalities that the engine treats as soft and `accelerations` as exact.
+        The violation is zero without an equality; None if the model has none.
 
         Args:
             z: positions, (B, nz).
@@ -205,95 +203,92 @@ class Model(ABC):
 
     @property
     def reach(self) -> Array:
-        """Where positions may be drawn at random, (nz, 2)."""
+        """Range of random positions, (nz, 2)."""
         return np.tile([-1.0, 1.0], (len(self.coordinates), 1))
 
     @property
     def limits(self) -> Array:
-        """Between which positions no stop acts, (nz, 2); infinite where there is none."""
+        """Joint limits, (nz, 2); infinite without one."""
         return np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
 
     @property
     def remedies(self) -> Mapping[str, Mapping[str, object]]:
-        """What the engine does on its own and the settings let stand: cause -> what undoes it."""
+        """Defaults of the engine that change the motion: cause -> settings that switch it off."""
         return {}
 
     @property
     def integrators(self) -> Mapping[str, Mapping[str, object]]:
-        """Other ways to step this model, just as sound: name -> settings that choose it."""
+        """Other valid integrators of this model: name -> settings that select it."""
         return {}
 
     @property
     def step_rule(self) -> StepRule | None:
-        """How its very next state follows from the forces, or None where that isn't known."""
+        """The rule for the next state under given forces; None if unknown."""
         return None
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the engine has warned of so far, a sentence each; it may be why a motion ends."""
+        """Warnings of the engine so far, one sentence each; one may explain why a motion ends."""
         return ()
 
     @property
     def reservations(self) -> tuple[str, ...]:
-        """Numbers that the engine did not work out from the file itself, a sentence each."""
+        """Numbers that the engine did not derive from the file, one sentence each."""
         return ()
 
     @property
     def places(self) -> tuple[str, ...]:
-        """What has a pose, as `kind:name`, such as `body:rod`; none where the engine can't say."""
+        """Names of poses, as `kind:name`, such as `body:rod`; empty if unsupported."""
         return ()
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """Where some of `places` are in the engine's world, at positions z, (K, nz).
+        """Return poses of some `places` in the engine's world, at positions z, (K, nz).
 
-        Returns origins, (K, F, 3), m, and rotations, (K, F, 3, 3), whose columns are their axes. A
-        plane is that of x and y.
+        Return origins, (K, F, 3), m, and rotations, (K, F, 3, 3), with the axes as columns.
+        Planar engines use x and y.
         """
         raise NotImplementedError(f"{type(self).__name__} has places and no poses")
 
     def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
-        """What the engine or the format adds or drops, read from the model and not from a motion.
+        """Return what the engine or the format adds or drops, according to the loaded model.
 
         Args:
-            z: positions that the motions pass, (K, nz).
+            z: positions on the motions, (K, nz).
             w: velocities there, (K, nz).
         """
         return ()
 
 
 class Engine(ABC):
-    """An adapter: its name, whether its engine is there, and how to load a model file.
+    """An adapter: loads model files into an engine and describes what the engine does.
 
     Attributes:
         name: short name, as in sidecars and results.
-        title: as it is written in sentences.
-        formats: endings of the files it reads, such as ".urdf".
-        extra: by which extra of this package its engine is installed, and not by that of the
-            standing ones; where it isn't there, sidecars that name it run without it.
-        distribution: what a package index calls the engine itself, where that is not its name.
-        written_like: for a format of its own, the ending of one that it is written like: ".xml",
-            ".py" or ".toml". Its numbers have addresses then, for bindings and for causes.
-        capabilities: what it can do, one short phrase each, for `crosscheck engines`.
-        preferred: the formats for which it comes before others that read them.
-        on_request: whether robots' files alone are run in it only where it is asked for by name,
-            since it compiles each for minutes.
-        unstated: the step and gravity that it takes where neither a file nor its sidecar says.
-        stated_settings: those that a new sidecar states, though it has a default for each.
-        bare_link: the mass that it takes for a URDF's resting link without one; empty: none.
-        takes_springs: the formats in which it heeds the springs of a sidecar; in others they are
-            refused before a file is loaded.
-        ignores: numbers of its formats that it reads over, such as "dynamics@friction".
-        idle: what numbers are for on which no motion need depend, by a regular expression of the
-            tags that lead to them, as in `robot/link/visual/.*`.
-        choices: whole numbers that choose and measure nothing, likewise; empty: none.
-        compiles: the formats that `compiled` takes apart.
-        switches: which of the settings `smooth`, `couplings`, `held` (names of joints that are to
-            stand still, where the file draws them), `actuators` (whether they act), `controls`
-            (at which they are held) and `activations` (states of actuators, which then move) it
-            has.
-        usual_mistakes: those that its users make and no format is to blame for.
-        compilers: engines whose `compiled` takes a format apart, by its ending; the registry sets
-            them. An adapter that edits a file may state inertias as one of them compiles them.
+        title: name for sentences.
+        formats: file endings that it reads, such as ".urdf".
+        extra: extra of this package that installs the engine; empty for default engines. Sidecars
+            that name a missing optional engine run without it.
+        distribution: name of the engine in a package index, if it differs.
+        written_like: for a new format, the ending of a format with the same syntax: ".xml", ".py"
+            or ".toml". Its numbers then have addresses for bindings and causes.
+        capabilities: one short phrase per topic, for `crosscheck engines`.
+        preferred: formats for which it comes before other engines.
+        on_request: True if it runs robot files only when named, because compiling takes minutes.
+        unstated: default step and gravity, if neither the file nor its sidecar states them.
+        stated_settings: settings that a new sidecar states although they have a default.
+        bare_link: mass of a fixed URDF link without `<inertial>`; empty: none.
+        takes_springs: formats in which it supports the springs of a sidecar. In others they are an
+            error.
+        ignores: numbers that the engine ignores, such as "dynamics@friction".
+        idle: purpose of numbers that affect no motion, by a regular expression of their tags, such
+            as `robot/link/visual/.*`.
+        choices: regular expression of integers that select something; empty: none.
+        compiles: formats that `compiled` supports.
+        switches: supported settings of `smooth`, `couplings`, `held`, `actuators`, `controls` and
+            `activations`.
+        usual_mistakes: common mistakes of its users that no format causes.
+        compilers: engines whose `compiled` supports a format, by its ending; set by the registry.
+            An adapter that edits a file may use the inertias that one of them compiles.
     """
 
     name: str
@@ -319,52 +314,52 @@ class Engine(ABC):
 
     @abstractmethod
     def version(self) -> str | None:
-        """Version of the engine, or None where it is not installed."""
+        """Return the version of the engine, or None if it is not installed."""
 
     @abstractmethod
     def load(self, spec: ModelSpec) -> Model:
         """Load a model file.
 
         Raises:
-            EngineError: naming file, place and remedy.
+            EngineError: with file, place and remedy.
         """
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """What files of a format can't say and must run with, at ordinary values."""
+        """Return typical values of required settings that files of a format cannot state."""
         return {}
 
     def caveats(self, path: Path) -> tuple[str, ...]:
-        """What the engine is known to lose of a file's digits, a sentence each."""
+        """Return known losses of digits when the engine reads a file, one sentence each."""
         return ()
 
     def parts(self, path: Path) -> tuple[Path, ...]:
-        """A file of the formats in `compiles`, and those that it includes.
+        """Return a file of a format in `compiles`, and the files that it includes.
 
         Raises:
-            EngineError: naming file and reason.
+            EngineError: with file and reason.
         """
         return (path,)
 
     def file_remarks(self, path: Path) -> Iterable[Remark]:
-        """What the engine makes of a file's numbers as it reads it, without a model's settings.
+        """Return how the engine changes a file's numbers while reading, without settings.
 
         Raises:
-            EngineError: naming file and reason.
+            EngineError: with file and reason.
         """
         return ()
 
     def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
-        """A file of the formats in `compiles` as the numbers that the engine makes of it.
+        """Return the numbers that the engine compiles from a file of a format in `compiles`.
 
         Args:
-            path: of the file.
-            texts: what is read instead of some of its `parts`, by their paths.
+            path: model file.
+            texts: contents that replace some of its `parts`, by path.
 
         Raises:
-            EngineError: naming file and reason.
+            EngineError: with file and reason.
         """
         raise EngineError(f"{self.title} can't compile {path.suffix} files", file=path)
 
     def samples(self) -> tuple[Sample, ...]:
-        """Mechanisms that the conformance suite runs, one a format or integrator at least."""
+        """Return mechanisms for the conformance suite, at least one per format or integrator."""
         return ()

@@ -48,7 +48,7 @@ class Results(results.Results, frozen=True, kw_only=True):
 
     @property
     def agree(self) -> bool:
-        """Whether all cases and audits agree; a missing engine counts as a failure."""
+        """True if all cases and audits agree; a missing engine counts as a failure."""
         passes = all(case.passes for case in self.cases)
         return bool(self.cases) and passes and all(model.passes for model in self.models)
 
@@ -97,14 +97,14 @@ class Results(results.Results, frozen=True, kw_only=True):
     def to_frame(self, library: str = "") -> Any:
         """Return a table with one row per case: names, outcome, numbers and reason.
 
-        Discrepancy and uncertainty are relative to how far a component moves over a segment, the
-        global error to the amplitude; steps are in seconds. Missing values are nan.
+        Discrepancy and uncertainty are relative to the displacement of a component over a segment.
+        The global error is relative to the amplitude. Steps are in seconds. Missing values are nan.
 
         Args:
-            library: "pandas" or "polars"; empty: the first of these that is installed.
+            library: "pandas" or "polars"; empty: the first that is installed.
 
         Raises:
-            ImportError: where none is installed; says what installs it.
+            ImportError: if none is installed; the message names what to install.
         """
         return frame(shown.columns(self.cases), library)
 
@@ -112,13 +112,13 @@ class Results(results.Results, frozen=True, kw_only=True):
         """Draw the cases.
 
         Args:
-            what: "verdicts", discrepancy beside uncertainty of each case; or "steps", the global
-                error over the step, with a ring around the shipped one.
-            ax: where to draw; None: a figure of its own.
+            what: "verdicts" draws discrepancy and uncertainty of each case; "steps" draws the
+                global error over the time step, with a ring at the file's own step.
+            ax: axes to draw on; None: a new figure.
 
         Raises:
-            ValueError: for anything else, or where no case has any.
-            ImportError: without matplotlib; says what installs it.
+            ValueError: if `what` has another value, or no case has the data.
+            ImportError: without matplotlib; the message names what to install.
         """
         return shown.plot(self, what, ax)
 
@@ -146,7 +146,7 @@ class Results(results.Results, frozen=True, kw_only=True):
 
 
 MOST_JOBS = 4096
-"""Worker processes that no machine has."""
+"""Upper limit of worker processes, above any real machine."""
 
 
 def check(
@@ -159,24 +159,25 @@ def check(
     baseline: str | PathLike[str] = DEFAULT,
     scheduler: str = "",
 ) -> Results:
-    """Run every model of the system folders at `paths` in every scenario, and judge it.
+    """Run every model in every scenario, and compare it with the equations.
 
     Args:
-        paths: system folders, folders of them, or names of built-in ones; none: all built-in.
-        engines: only these; none: every engine that the sidecars name.
-        resolution: relative discrepancy to resolve.
-        jobs: worker processes; 0: one per processor.
-        limit: processor seconds that one task may use.
-        memory: GiB that a worker may hold.
-        baseline: where differences that were accepted are looked up.
-        scheduler: address of a dask cluster's; empty: processes of this machine.
+        paths: system folders, their parent folders, or names of built-in systems; none: all
+            built-in systems.
+        engines: names of the engines to use; none: every engine that a sidecar names.
+        resolution: smallest relative discrepancy to detect.
+        jobs: number of worker processes; 0: one per processor.
+        limit: processor seconds per task.
+        memory: GiB per worker.
+        baseline: folder of the accepted differences.
+        scheduler: address of a Dask scheduler; empty: processes of this machine.
 
     Raises:
-        FolderError: for a path that is no system folder, or an engine that nobody knows.
-        BaselineError: for a baseline that can't be believed.
-        ClusterError: for a cluster that can't be worked with.
-        TypeError: for an argument of another type, such as one engine's name for a list of them.
-        ValueError: for a number that is out of bounds.
+        FolderError: if a path is not a system folder, or an engine is unknown.
+        BaselineError: if the baseline is damaged.
+        ClusterError: if the cluster does not work.
+        TypeError: if an argument has the wrong type, such as a string for `engines`.
+        ValueError: if a number is out of bounds.
     """
     for path in paths:
         check_text(path, "a path of check()", path=True)

@@ -1,4 +1,4 @@
-"""`simulate` and `reference`: one motion alone, of a model in an engine or of the equations."""
+"""`simulate` and `solve`: one motion of a model in an engine, or of the equations."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SAMPLES = 1000
-"""Intervals at whose ends a reference motion is told, where no times are asked for."""
+"""Default number of intervals of an exact motion."""
 
 KEPT = 16
-"""Reference motions that are kept: one is asked for again with every step that is tried."""
+"""Number of exact motions in memory; comparing time steps needs the same one repeatedly."""
 
 LIMITS = Limits(options="a notebook's ")
 
@@ -55,27 +55,26 @@ def simulate(
     engine: str | None = None,
     duration: float | None = None,
 ) -> Trajectory:
-    """Run a model once, from start to end, and nothing else.
+    """Run a model file once, at one time step.
 
-    A model is a file of a system folder, also of a built-in one (`"simple_pendulum/space.py"`),
-    with what its sidecar says; or a robot's file alone, whose contacts, limits and friction are
-    then left out, as where it is checked.
+    A file in a system folder, also a built-in one (`"simple_pendulum/space.py"`), uses its sidecar.
+    A robot file runs without contacts, joint limits and dry friction, as in `crosscheck run`.
 
     Args:
-        model: the file.
-        scenario: name of a declared one; or a start, `{"theta": 0.1, "theta_dot": 0}`, without
-            inputs, in which what is not named is zero.
-        step: s; None: as the file or its sidecar ships.
-        engine: that runs it; None: the first that is installed of those that do.
-        duration: s; None: the scenario's.
+        model: model file.
+        scenario: name of a declared scenario; or a start without inputs, such as
+            `{"theta": 0.1, "theta_dot": 0}`. Values that are not named are zero.
+        step: time step, s; None: that of the file or its sidecar.
+        engine: name; None: the first installed engine that runs the file.
+        duration: s; None: that of the scenario.
 
     Returns:
-        A trajectory of about a thousand times at most, in the coordinates of the system.
+        A trajectory of at most about 1000 times, in the coordinates of the system.
 
     Raises:
-        MotionError: for an unknown scenario, coordinate or engine, one that is not installed, or a
-            step that is none, with what there is; or with what became of the engine.
-        FolderError, SidecarError: for a name that is no model.
+        MotionError: if scenario, coordinate, engine or step is invalid, or the engine is not
+            installed or fails. The message lists the alternatives.
+        FolderError, SidecarError: if the name is not a model.
     """
     subject = model_named(model)
     asked = _asked(subject, scenario, duration)
@@ -92,22 +91,22 @@ def solve(
     *,
     duration: float | None = None,
 ) -> Trajectory:
-    """Solve the equations of a system once, with a bound of the error of every value.
+    """Solve the equations of a system, with an error bound for every value.
 
     Args:
-        system: a system folder, or the name of a built-in one; or a robot's file alone, of which
-            the equations are made: these take longer, half a minute where a motion is long.
+        system: system folder, name of a built-in system, or robot file. A long motion of a robot
+            file takes up to half a minute.
         scenario: as in `simulate`.
-        times: at which values are told, s, (n,); None: a thousand and one, evenly.
-        duration: s; None: the scenario's.
+        times: ascending times of the values, s, (n,); None: 1001 equidistant times.
+        duration: s; None: that of the scenario.
 
     Returns:
-        A trajectory with an uncertainty: what solving, rounding and interpolation leave open; inf
-        where a chaotic motion leaves no bound.
+        A trajectory whose uncertainty bounds the errors of solution, rounding and interpolation.
+        It is inf if a chaotic motion has no bound.
 
     Raises:
-        MotionError: for an unknown scenario or coordinate, or times that are not in the motion.
-        FolderError: for a name that is no system.
+        MotionError: if scenario or coordinate is unknown, or a time is outside the motion.
+        FolderError: if the name is not a system.
     """
     subject = system_named(system)
     asked = _asked(subject, scenario, duration)
@@ -168,7 +167,7 @@ _KEPT: OrderedDict[Asked, Solved] = OrderedDict()
 
 
 def _solved(asked: Asked) -> Solved:
-    """The motion, unless it is known and nothing that it was read from has changed."""
+    """Return the motion, from memory if none of its input files has changed."""
     known = _KEPT.pop(asked, None)
     if known is None or known.reads != _states_now(known.reads, asked.subject):
         known = _done(motions.solved, asked, asked.subject)
@@ -179,16 +178,16 @@ def _solved(asked: Asked) -> Solved:
 
 
 def _states_now(reads: Mapping[str, str], subject: Subject) -> dict[str, str]:
-    """The states of what a motion was read from, as they are now."""
+    """Return the current state of the input files of a motion."""
     named = {} if subject.folder is not None else part_digests(subject.place.absolute())
     return {**states_now(subject.base, reads), **named}
 
 
 def _done(function: Callable[[T], V], task: T, subject: Subject) -> V:
-    """What comes of a task in a worker process: an engine that crashes ends no notebook.
+    """Run a task in a worker process, so that a crash of the engine does not stop the notebook.
 
     Raises:
-        MotionError: with the reason, and what was printed.
+        MotionError: with the reason and the printed output.
     """
     with without_main(), Workers(1, LIMITS) as workers:
         value = workers.outcome(workers.submit(function, task))

@@ -1,4 +1,4 @@
-"""`compare`: two models of one mechanism held against each other, as a value."""
+"""`compare`: the comparison of two models of one mechanism, as an object."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ _OPTION = re.compile(r"--([a-z][a-z-]*)")
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Something in which the two differ.
+    """A difference between two models.
 
     Attributes:
-        source: "file" for what the files say, read from them; "term" for a term of the equations,
-            measured; "line" for a place where files of one format are written differently.
-        kind: such as `mass` or `inertia`; of a line the literal or the setting.
-        about: the link, joint or frame, where it is about one.
+        source: "file" for a property in the files, "term" for a measured term of the equations,
+            "line" for a changed line in files of one format.
+        kind: such as `mass` or `inertia`; of a line, the literal or the setting.
+        about: name of the link, joint or frame; empty without one.
         message: one sentence.
-        a, b: what A has and B, as numbers or as they are written; None where it is no one thing.
-        where_a, where_b: the lines, where they are known.
-        moves: whether motions depend on it.
-        share: of the discrepancy that it explains alone; None where that is not known.
+        a, b: values in A and B, as numbers or text; None without a single value.
+        where_a, where_b: lines; None if unknown.
+        moves: True if motions depend on it.
+        share: share of the discrepancy that it explains alone; None if unknown.
     """
 
     source: str
@@ -74,13 +74,13 @@ class Difference:
 
 
 class Comparison(comparison.Comparison, frozen=True, kw_only=True):
-    """How two models came out, as `crosscheck compare --json` writes it; true where they agree."""
+    """Result of a comparison, as `crosscheck compare --json` writes it; true if models agree."""
 
     @property
     def agree(self) -> bool:
-        """Whether they move alike; what could not be run does not.
+        """True if both models move alike; a failed run counts as a difference.
 
-        With `strict=True`, nothing that no run shows may differ either.
+        With `strict=True`, differences that no run shows count too.
         """
         return self.passes
 
@@ -89,7 +89,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """All in which they differ: what the files say first, the weightiest first in each part."""
+        """All differences: those in the files first, the largest first in each group."""
         return tuple(self._differences())
 
     def _differences(self) -> Iterator[Difference]:
@@ -119,15 +119,15 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
             )  # fmt: skip
 
     def to_frame(self, library: str = "") -> Any:
-        """A table of the differences, a row each, with the fields of `Difference` as columns.
+        """Return a table with one row per difference and the fields of `Difference` as columns.
 
-        Lines are as `file:line`, and empty where none is known.
+        Lines are `file:line`, or empty if unknown.
 
         Args:
-            library: "pandas" or "polars"; empty: the first of these that is installed.
+            library: "pandas" or "polars"; empty: the first that is installed.
 
         Raises:
-            ImportError: where none is installed; says what installs it.
+            ImportError: if none is installed; the message names what to install.
         """
         rows = self.differences
         text = ("source", "kind", "about", "message", "a", "b", "where_a", "where_b")
@@ -216,36 +216,36 @@ def compare(
     limit: float = SECONDS,
     memory: float = MEMORY,
 ) -> Comparison:
-    """Hold two model files against each other, without equations, as `crosscheck compare` does.
+    """Compare two model files without equations, as `crosscheck compare` does.
 
     Args:
-        a: a model file; also of a built-in system, as `"simple_pendulum/robot.urdf"`.
-        b: another, or the same before an edit.
-        engine: of both; None: the first that is installed of those that read each.
-        engine_a: of A alone.
-        engine_b: of B alone.
-        joints: those of A by those of B, such as `{"hip": "j1", "knee": "-j2"}`; None: by name,
-            order or place.
-        starts: states to start from, `{"hip": 1.0, "hip_dot": 0}`; none: they are drawn.
-        resolution: relative discrepancy to resolve.
-        as_shipped: with contacts, limits, dry friction and couplings, which are left out otherwise.
-        floating: whether the root links of URDFs without a sidecar move freely; beside an MJCF
-            whose root does, that of a URDF does too.
-        strict: whether `agree` is false where the files differ, or may differ, in what no run
-            shows, listed in `found.untested`.
-        limit: processor seconds that one task may use.
-        memory: GiB that a worker may hold.
+        a: model file, also of a built-in system, such as `"simple_pendulum/robot.urdf"`.
+        b: the other model file.
+        engine: engine of both; None: the first installed engine that reads each file.
+        engine_a: engine of A.
+        engine_b: engine of B.
+        joints: joints of B by joints of A, such as `{"hip": "j1", "knee": "-j2"}`; None: match
+            by name, order or place.
+        starts: start states, such as `{"hip": 1.0, "hip_dot": 0}`; none: random states.
+        resolution: smallest relative discrepancy to detect.
+        as_shipped: True keeps contacts, joint limits, dry friction and couplings.
+        floating: True lets the root links of URDFs without a sidecar move freely. Next to an MJCF
+            with a free root, a URDF's root is free too.
+        strict: True makes `agree` false if the files differ in something that no run shows. It is
+            listed in `found.untested`.
+        limit: processor seconds per task.
+        memory: GiB per worker.
 
     Returns:
-        A record; where an engine failed, FAILED with the reason.
+        The comparison; its outcome is FAILED, with the reason, if an engine failed.
 
     Raises:
-        CompareError: for files that are not there, engines that don't read them, joints without a
-            partner; with the remedy.
-        NotInstalledError: where no engine that would do is installed.
-        SidecarError: for a sidecar that can't be read.
-        TypeError: for an argument of another type.
-        ValueError: for a number that is out of bounds.
+        CompareError: if a file is missing, an engine does not read it, or joints have no partner;
+            the message gives the remedy.
+        NotInstalledError: if no suitable engine is installed.
+        SidecarError: if a sidecar cannot be read.
+        TypeError: if an argument has the wrong type.
+        ValueError: if a number is out of bounds.
     """
     for key, file in {"a": a, "b": b}.items():
         check_text(file, key, path=True)

@@ -1,4 +1,4 @@
-"""A motion as arrays with names and units: simulated, of the equations, or their difference."""
+"""A motion as named arrays with units: simulated, solved, or a difference."""
 
 from __future__ import annotations
 
@@ -41,26 +41,25 @@ FEWEST = 2
 
 
 class MotionError(ValueError):
-    """A motion that was asked for and can't be had; the message says why, and what can."""
+    """A motion that is not available; the message gives the reason and the alternatives."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """Quantities of a mechanism over time: its coordinates, their rates, its outputs, its energy.
+    """Quantities of a mechanism over time: coordinates, rates, outputs and energy.
 
-    `trajectory["theta"]` is a column, (n,). `a - b` are the errors of a, where both have values.
+    `trajectory["theta"]` is a column, (n,). `a - b` is the difference at the common times.
 
     Attributes:
         t: times, s, ascending, (n,).
-        names: of the columns: coordinates, then `NAME_dot` of each, outputs, `energy`; k of them.
-        units: of each, such as "rad/s"; "1" for none.
-        values: (n, k); not finite where a simulation has blown up.
-        uncertainty: bound of the error of each value, (n, k); None where it is not known, as of a
-            simulation.
+        names: the k columns: coordinates, their rates `NAME_dot`, outputs and `energy`.
+        units: unit of each column, such as "rad/s"; "1" without a unit.
+        values: (n, k); not finite after a simulation diverged.
+        uncertainty: error bound of each value, (n, k); None if unknown, as for a simulation.
         system: name of the mechanism.
-        scenario: that it is in.
-        origin: what made it: file, engine, integrator and step; or how the equations were solved.
-        step: of the engine, s; None where there is none.
+        scenario: name or start values.
+        origin: file, engine, integrator and step; or the method that solved the equations.
+        step: time step of the engine, s; None for solved equations.
     """
 
     t: Array
@@ -90,11 +89,11 @@ class Trajectory:
         return self.values[:, self._index(name)]
 
     def uncertainty_of(self, name: str) -> Array:
-        """The bound of a column's error, (n,).
+        """Return the error bound of a column, (n,).
 
         Raises:
-            KeyError: naming the columns that there are.
-            ValueError: where none is known.
+            KeyError: if the column is unknown; the message lists the columns.
+            ValueError: if no bound is known.
         """
         place = self._index(name)
         if self.uncertainty is None:
@@ -104,7 +103,7 @@ class Trajectory:
         return self.uncertainty[:, place]
 
     def label(self, name: str) -> str:
-        """A column's name with its unit, such as `theta (rad)`.
+        """Return a column's name with its unit, such as `theta (rad)`.
 
         Raises:
             KeyError: naming the columns that there are.
@@ -113,12 +112,12 @@ class Trajectory:
         return name if unit == "1" else f"{name} ({unit})"
 
     def minus(self, other: Trajectory) -> Trajectory:
-        """The errors of this one, at the times that both have: values here minus those there.
+        """Return the difference of two trajectories at their common times.
 
-        What is known of either's error is the uncertainty.
+        The uncertainty is the sum of the known uncertainties.
 
         Raises:
-            MotionError: where the columns are not the same, or no times are.
+            MotionError: if the columns differ, or there are too few common times.
         """
         self._check_alike(other)
         here, there = self._common(other)
@@ -143,15 +142,15 @@ class Trajectory:
         return self.minus(other) if isinstance(other, Trajectory) else NotImplemented
 
     def to_frame(self, library: str = "") -> Any:
-        """A table: a row a time, a column a quantity, headed like `theta (rad)`.
+        """Return a table with one row per time and one column per quantity, such as `theta (rad)`.
 
-        With an uncertainty there is a column `theta uncertainty (rad)` for each as well.
+        With an uncertainty, each quantity has a column such as `theta uncertainty (rad)` too.
 
         Args:
-            library: "pandas" or "polars"; empty: the first of these that is installed.
+            library: "pandas" or "polars"; empty: the first that is installed.
 
         Raises:
-            ImportError: where none is installed; says what installs it.
+            ImportError: if none is installed; the message names what to install.
         """
         columns: dict[str, Array] = {TIME: self.t}
         columns |= {self.label(name): self[name] for name in self.names}
@@ -162,18 +161,18 @@ class Trajectory:
         return frame(columns, library)
 
     def plot(self, *names: str, ax: Axes | None = None) -> tuple[Axes, ...]:
-        """Draw columns over time, those of one unit in one panel.
+        """Draw columns over time, with one panel per unit.
 
         Args:
-            names: of the columns; none: all.
-            ax: where all of them are drawn; None: a figure of its own.
+            names: columns; none: all.
+            ax: axes for all columns; None: a new figure.
 
         Returns:
-            The axes that were drawn on, top to bottom.
+            The axes, top to bottom.
 
         Raises:
-            KeyError: naming the columns that there are.
-            ImportError: without matplotlib; says what installs it.
+            KeyError: if a column is unknown; the message lists the columns.
+            ImportError: without matplotlib; the message names what to install.
         """
         wanted = names or self.names
         labels = {name: self.label(name) for name in wanted}
@@ -252,7 +251,7 @@ class Trajectory:
             )
 
     def _common(self, other: Trajectory) -> tuple[Indices, Indices]:
-        """Rows of the times that both have."""
+        """Return the rows of the common times in both."""
         near = np.clip(np.searchsorted(other.t, self.t), 1, max(len(other.t) - 1, 1))
         before = np.maximum(near - 1, 0)
         near = np.minimum(near, len(other.t) - 1)
@@ -268,5 +267,5 @@ class Trajectory:
 
 
 def units_of_rates(units: Sequence[str]) -> list[str]:
-    """Units of the rates of quantities."""
+    """Return the units of the rates of quantities."""
     return [f"{unit}/s" for unit in units]
