@@ -149,20 +149,20 @@ def matrix() -> str:
 
 
 def facts(engine: Engine) -> str:
-    """Return the facts, settings and common mistakes of one engine."""
+    """Return the facts, settings and common mistakes of one engine; the matrix has the phrases."""
     rows = [
         ("fact", "value"),
         ("---", "---"),
         ("files", _formats(engine)),
         ("installation", f"`{installs(engine)}`"),
-        *phrases(engine).items(),
     ]
     if engine.bare_link:
         rows.append(("mass of a URDF link without `<inertial>`", engine.bare_link))
     if engine.ignores:
         rows.append(("ignored numbers", ", ".join(f"`{one}`" for one in sorted(engine.ignores))))
     common = ", ".join(f"`{key}`" for key in common_settings(engine))
-    parts = [_table(rows), f"## Settings\n\nCommon settings: {common}.\n"]
+    compared = "[Engines](index.md) compares joints, springs, steps and features.\n"
+    parts = [_table(rows), compared, f"## Settings\n\nCommon settings: {common}.\n"]
     own = own_settings(engine)
     if own:
         told = {**HELP, **(_SPACE if engine.name == "pymunk" else {})}
