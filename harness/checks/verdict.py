@@ -7,7 +7,6 @@ uncertainty is that of the extrapolation, its rounding and the reference.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -294,23 +293,15 @@ def _unresolved(
     )
 
 
-_KINDS: Mapping[Obstacle, CaseKind] = {
-    Obstacle.STANDS_STILL: "stands still",
-    Obstacle.DIVERGES: "diverges",
-    Obstacle.WRONG_ORDER: "wrong order",
-    Obstacle.DIVERGES_HERE: "not smooth",
-}
-
-
 def _kind(found: Judgement, limit: Limit) -> CaseKind:
     """Return the kind of a reason; empty where the case agrees."""
     if found.outcome is Outcome.DIFFERS:
         return "motion"
     if found.obstacle is None:
         return ""
-    if found.obstacle is Obstacle.COARSE:
-        return "rounding" if _is_rounding(limit, found) else "coarse"
-    return _KINDS[found.obstacle]
+    if found.obstacle is Obstacle.COARSE and _is_rounding(limit, found):
+        return "rounding"
+    return found.obstacle.kind
 
 
 def _is_rounding(limit: Limit, found: Judgement) -> bool:

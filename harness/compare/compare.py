@@ -56,7 +56,7 @@ class CompareOptions:
     """What is to be compared, and how: see `harness.compare.match` and `excitation`.
 
     Attributes:
-        as_shipped: whether contacts, limits, dry friction and couplings act as the files say.
+        include_constraints: whether contacts, joint limits, dry friction and couplings act.
         strict: whether what differs, or may differ, and no run shows counts as a difference.
     """
 
@@ -65,7 +65,7 @@ class CompareOptions:
     joints: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
     starts: tuple[Mapping[str, float], ...] = ()
     resolution: float = 1e-9
-    as_shipped: bool = False
+    include_constraints: bool = False
     strict: bool = False
 
 
@@ -113,7 +113,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         FailureError: where an engine fails, with what it printed.
     """
     began = time.perf_counter()
-    made = prepare(execute, options.a, options.b, options.joints, options.as_shipped)
+    made = prepare(execute, options.a, options.b, options.joints, options.include_constraints)
     options = replace(options, a=made.a, b=made.b)
     a, b, matched = made.a, made.b, made.match
     is_a = matched.source == "A"

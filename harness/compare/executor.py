@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Generic
 
 from physics_crosscheck.harness.compare.candidate import CompareError
@@ -35,7 +36,7 @@ def _told(who: str, value: V | Failure) -> V | Failure:
     """A failure with the name of what failed; a reason that names the file needs no other."""
     if not isinstance(value, Failure) or value.usage or who.rpartition(" [")[0] in value.reason:
         return value
-    return Failure(f"{who}: {value.reason}", value.stdout)
+    return replace(value, reason=f"{who}: {value.reason}")
 
 
 class _Guarded(Generic[T, V]):

@@ -15,6 +15,7 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics import judgement
 from physics_crosscheck.harness.numerics.judgement import Obstacle, obstacle
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 
@@ -92,6 +93,7 @@ class Judgement:
     by_component: Array
     certain: NDArray[np.bool_]
     reason: str
+    kind: CaseKind = ""
 
 
 def judge(recorded: Recorded, followed: Followed, match: Match, resolution: float) -> Judgement:
@@ -108,6 +110,7 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
     there = obstacle(limit) or (None if followed.mostly_known else Obstacle.DIVERGES)
     found = judgement.judge(defect, uncertainty, resolution, hindered or there)
     reason = ""
+    stopped = hindered or found.obstacle
     known = np.where(np.isfinite(uncertainty), defect, 0.0)
     certain = known > uncertainty
     if found.outcome is Outcome.DIFFERS:
@@ -132,6 +135,7 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
         by_component=np.max(known, axis=0),
         certain=np.asarray(certain.any(axis=0)),
         reason=reason,
+        kind=stopped.kind if stopped and found.outcome is Outcome.UNRESOLVED else "",
     )
 
 

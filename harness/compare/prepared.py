@@ -49,7 +49,7 @@ class Prepared:
 
 
 def prepare(
-    execute: Execute, a: Candidate, b: Candidate, joints: Maps, as_shipped: bool
+    execute: Execute, a: Candidate, b: Candidate, joints: Maps, include_constraints: bool
 ) -> Prepared:
     """Load two models and pair their joints.
 
@@ -57,15 +57,15 @@ def prepare(
         CompareError: for joints without a partner that can't be held, with the remedy.
         FailureError: where an engine fails.
     """
-    if not as_shipped:
+    if not include_constraints:
         a, b = smooth(a, b)
     (a, one), (b, other), floated = _loaded(execute, (a, b))
     readback = a.sidecar.readback, b.sidecar.readback
     names = one.coordinates, other.coordinates
     given = spoken_for(*names, joints, readback)
     found = partners(*names, given, _drawn(one, other))
-    notes = [*_left_out(a, b, one, other, as_shipped), *floated]
-    unlike = [] if as_shipped else list(_uncompared(a, b, one, other))
+    notes = [*_left_out(a, b, one, other, include_constraints), *floated]
+    unlike = [] if include_constraints else list(_uncompared(a, b, one, other))
     still: list[Mapping[str, float]] = []
     for candidate, own, alone in zip((a, b), (one, other), found.alone, strict=True):
         held = _held(candidate, own, alone) if found.pairs else {}
@@ -81,7 +81,7 @@ def prepare(
     if still[1]:
         b = b.at(held=list(still[1]))
         other = ask(execute, b, facts, b)
-    if not as_shipped:
+    if not include_constraints:
         a, one, b, other, more = _actuated(
             execute, (a, b), (one, other), _joints(found, joints), bool(still[0] or still[1])
         )
@@ -272,11 +272,11 @@ COUPLED = ("mimic", "equality", FOLLOWERS)
 
 
 def _left_out(
-    a: Candidate, b: Candidate, one: Facts, other: Facts, as_shipped: bool
+    a: Candidate, b: Candidate, one: Facts, other: Facts, include_constraints: bool
 ) -> tuple[str, ...]:
     """What is said of contacts and the like."""
-    if as_shipped:
-        return ("as shipped: with contacts, limits, dry friction and couplings of the files",)
+    if include_constraints:
+        return ("contacts, joint limits, dry friction and couplings of the files are included",)
     told = [_told(*pair) for pair in ((a, one), (b, other))]
     if a.sidecar.model.resolve() == b.sidecar.model.resolve() or told[0] == told[1]:
         return (f"{NOT_COMPARED}: {told[0]}",) if told[0] else ()

@@ -41,6 +41,7 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
         outcome=judged.outcome,
         strict=options.strict,
         reason=judged.reason,
+        kind=judged.kind,
         found=Compared(
             discrepancy=number(judged.discrepancy),
             uncertainty=number(judged.uncertainty),
@@ -90,6 +91,7 @@ def failed_record(
         outcome=Outcome.FAILED,
         strict=options.strict,
         reason=failure.reason,
+        kind=failure.kind,
         stdout=failure.stdout,
     )
 

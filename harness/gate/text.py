@@ -13,18 +13,20 @@ from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.records.codes import gate_code, part_code
 from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
 from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible_lines
 
 QUIET = (Status.SAME,)
-"""Cases of which a log says nothing but their number."""
+"""Cases that a log only counts."""
 
-MOST_TOLD = 200
-"""Cases of a summary; gate.json has all."""
+MAX_ROWS = 200
+"""Cases that a summary lists; gate.json has all."""
 
-MOST_GROUPS, MOST_CASES, MOST_EDITS, MOST_KNOWN, MOST_PATTERNS = 20, 12, 12, 5, 3
+MAX_GROUPS, MAX_CASES, MAX_EDITS, MAX_KNOWN, MAX_PATTERNS = 20, 12, 12, 5, 3
 """Models, cases of a model, edits, known differences and patterns that a terminal shows."""
 
 _MARKUP = re.compile(r"[<>|`*~\[\]!\\$#]|(?<![^\W_])_|_(?![^\W_])")
@@ -53,11 +55,11 @@ def gate_lines(found: GateResult, width: int = 80, given: Sequence[str] = ()) ->
         lines += wrapped(text, width)
     bad = [change for change in found.changes if not change.status.passes]
     groups, place = _groups(bad), _sole_edit(found, bad)
-    for group in groups[:MOST_GROUPS]:
+    for group in groups[:MAX_GROUPS]:
         named = bool(place) and place[0].file.name == group[0].id.model
         lines += _group_lines(group, width, with_audit=not named)
-    if len(groups) > MOST_GROUPS:
-        more = counted(len(groups) - MOST_GROUPS, "model")
+    if len(groups) > MAX_GROUPS:
+        more = counted(len(groups) - MAX_GROUPS, "model")
         lines.append(f"  and {more} more, listed in gate.json")
     return [*lines, *wrapped(f"{verdict(found)}: {total(found)}", width)]
 
@@ -142,7 +144,7 @@ def _edit_list(found: GateResult, width: int) -> list[str]:
     bad = [change for change in found.changes if not change.status.passes]
     diffs = _concerned(found, bad)
     edits = [line for diff in diffs for line in diff.lines if line.edit]
-    shown = [] if _sole_edit(found, bad) else edits[:MOST_EDITS]
+    shown = [] if _sole_edit(found, bad) else edits[:MAX_EDITS]
     lines = []
     for line in shown:
         lines += wrapped(f"  {_relative(line.file)}:{line.line} {line.edit}", width)
@@ -150,7 +152,7 @@ def _edit_list(found: GateResult, width: int) -> list[str]:
     if more:
         lines.append(f"  and {counted(more, 'more edit')}, listed in summary.md")
     inside = [diff for diff in diffs if not diff.is_outside]
-    for line in [one for diff in inside for one in diff.lines if not one.edit][:MOST_EDITS]:
+    for line in [one for diff in inside for one in diff.lines if not one.edit][:MAX_EDITS]:
         lines += wrapped(f"  {_relative(line.file)}: {line.message}", width)
     outside = {diff.name for diff in diffs if diff.is_outside}
     if outside:
@@ -180,13 +182,14 @@ def _remedy(found: GateResult, width: int, given: Sequence[str]) -> list[str]:
 def _patterns(changes: Sequence[Change]) -> list[str]:
     """Return patterns for `crosscheck accept` that match the models of some cases; none: all."""
     models = list(dict.fromkeys(f"{one.id.system}/{one.id.model}/*" for one in changes))
-    if len(models) > MOST_PATTERNS:
+    if len(models) > MAX_PATTERNS:
         models = list(dict.fromkeys(f"{one.id.system}/*" for one in changes))
-    return [] if len(models) > MOST_PATTERNS else [shlex.quote(one) for one in models]
+    return [] if len(models) > MAX_PATTERNS else [shlex.quote(one) for one in models]
 
 
 def _failures(found: GateResult, width: int) -> list[str]:
-    return [line for failure in found.failures for line in wrapped(f"ERROR  {failure}", width)]
+    lines = [f"ERROR  {with_code(part_code(), failure)}" for failure in found.failures]
+    return [each for line in lines for each in wrapped(line, width)]
 
 
 def _remarks(found: GateResult, width: int) -> list[str]:
@@ -200,19 +203,31 @@ def _remarks(found: GateResult, width: int) -> list[str]:
         for change in found.of(Status.KNOWN)
         if change.entry is not None
     )
-    for text, number in known.most_common(MOST_KNOWN):
+    for text, number in known.most_common(MAX_KNOWN):
         lines += wrapped(f"  {counted(number, 'known difference')} in {text}", width)
-    if len(known) > MOST_KNOWN:
-        lines.append(f"  and {len(known) - MOST_KNOWN} more, listed in gate.json")
+    if len(known) > MAX_KNOWN:
+        lines.append(f"  and {len(known) - MAX_KNOWN} more, listed in gate.json")
     return lines
 
 
 def _groups(changes: Sequence[Change]) -> list[list[Change]]:
-    """Return cases of one model and status together, in the order of the worst."""
-    found: dict[tuple[str, str, Status], list[Change]] = {}
+    """Return cases of one model, status and code together, in the order of the worst."""
+    found: dict[tuple[str, str, Status, str], list[Change]] = {}
     for change in changes:
-        found.setdefault((change.id.system, change.id.model, change.status), []).append(change)
+        key = change.id.system, change.id.model, change.status, change_code(change)
+        found.setdefault(key, []).append(change)
     return list(found.values())
+
+
+def change_code(change: Change) -> str:
+    """Return the message code of a case in the gate; empty where it is as accepted."""
+    return gate_code(change.status, change.kinds)
+
+
+def code_hint(found: GateResult) -> str:
+    """Return how to explain the first code that a failing gate prints; empty for others."""
+    codes = [change_code(change) for change in found.changes if not change.status.passes]
+    return explain_hint([*codes, *(part_code() for _ in found.failures)])
 
 
 def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> list[str]:
@@ -224,7 +239,8 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
         with_audit: whether to repeat what the audit finds; the headline may have said it.
     """
     first = group[0]
-    lines = wrapped(f"{first.status}  {first.id.system}/{first.id.model}", width)
+    name = with_code(change_code(first), f"{first.id.system}/{first.id.model}")
+    lines = wrapped(f"{first.status}  {name}", width)
     said = [
         [text for text in sentences(one) if with_audit or not text.startswith("the audit")]
         for one in group
@@ -234,10 +250,10 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
     for change, texts in zip(group, said, strict=True):
         text = "; ".join(text for text in texts if text not in shared)
         own.setdefault(text, []).append(f"{change.id.scenario} [{change.id.engine}]")
-    for text, names in list(own.items())[:MOST_CASES]:
+    for text, names in list(own.items())[:MAX_CASES]:
         lines += wrapped(f"  {', '.join(names)}{': ' if text else ''}{text}", width)
-    if len(own) > MOST_CASES:
-        lines.append(f"  and {counted(len(own) - MOST_CASES, 'case')} more, listed in gate.json")
+    if len(own) > MAX_CASES:
+        lines.append(f"  and {counted(len(own) - MAX_CASES, 'case')} more, listed in gate.json")
     for text in shared:
         lines += wrapped(f"  {text}", width)
     return lines
@@ -268,14 +284,14 @@ def accepted_lines(
 
 
 def change_lines(change: Change) -> list[str]:
-    """What became of a case."""
+    """Return the lines of one case in a review."""
     kinds = f" ({', '.join(change.kinds)})" if change.kinds else ""
-    told = [f"  {sentence}" for sentence in sentences(change)]
-    return [f"{change.status.upper()} {change.id}{kinds}", *told]
+    name = with_code(change_code(change), str(change.id))
+    return [f"{change.status}  {name}{kinds}", *(f"  {text}" for text in sentences(change))]
 
 
 def diff_lines(diff: FileDiff) -> list[str]:
-    """What changed in a file."""
+    """Return the changed lines of a file."""
     models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
     lines = [f"changed in {diff.system}: {diff.name}{models}"]
     lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
@@ -297,17 +313,17 @@ def total(found: GateResult) -> str:
 
 
 def summary(found: GateResult) -> str:
-    """The findings as Markdown."""
+    """Return the findings as Markdown."""
     lines = [f"## crosscheck gate: {verdict(found)}", "", total(found), ""]
     told = [change for change in found.changes if change.status not in QUIET]
     if told:
         lines += ["| case | | what changed | |", "|---|---|---|---|"]
-        for change in told[:MOST_TOLD]:
+        for change in told[:MAX_ROWS]:
             said = "<br>".join(_cell(sentence) for sentence in sentences(change))
             kinds = ", ".join(change.kinds)
             lines.append(f"| {_cell(str(change.id))} | {change.status} | {kinds} | {said} |")
-        if len(told) > MOST_TOLD:
-            lines += ["", f"and {len(told) - MOST_TOLD} more"]
+        if len(told) > MAX_ROWS:
+            lines += ["", f"and {len(told) - MAX_ROWS} more"]
     for diff in found.file_diffs:
         lines += ["", f"**{_cell(diff.system)}/{_cell(diff.name)}**", ""]
         lines += [
@@ -323,20 +339,23 @@ def summary(found: GateResult) -> str:
 
 
 def sentences(change: Change) -> Sequence[str]:
-    """What is told of a case; of a known difference, the reason it was accepted with first."""
+    """Return what changed in a case; of a known difference, the reason of its acceptance first."""
     if change.status is Status.KNOWN and change.entry is not None:
         return [f"{change.entry.outcome}, accepted: {change.entry.reason}", *change.messages]
     return change.messages
 
 
 def _causes(found: GateResult) -> list[str]:
-    """What the diagnosis says of models that differ."""
+    """Return the causes that the diagnosis found in models that differ."""
     lines: list[str] = []
     for model in found.results.models if found.results else ():
         diagnosis = model.diagnosis
         if diagnosis and diagnosis.explained and diagnosis.explanations:
+            best = diagnosis.explanations[0]
+            *texts, tail = cause_sentences(best)
+            coded = zip((cause.code for cause in best.causes), texts, strict=True)
             lines.append(f"cause in {model.id}")
-            lines += [f"  {said}" for said in cause_sentences(diagnosis.explanations[0])]
+            lines += [f"  {text}" for text in (*(with_code(*one) for one in coded), tail)]
     return lines
 
 

@@ -9,6 +9,7 @@ room's own.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 
@@ -28,6 +30,20 @@ class Obstacle(Enum):
     WRONG_ORDER = "the errors don't fall with the claimed order"
     DIVERGES_HERE = "the limits of this segment don't converge"
     COARSE = "the uncertainty is above the resolution"
+
+    @property
+    def kind(self) -> CaseKind:
+        """Return the kind of the message that reports it."""
+        return _KINDS[self]
+
+
+_KINDS: Mapping[Obstacle, CaseKind] = {
+    Obstacle.STANDS_STILL: "stands still",
+    Obstacle.DIVERGES: "diverges",
+    Obstacle.WRONG_ORDER: "wrong order",
+    Obstacle.DIVERGES_HERE: "not smooth",
+    Obstacle.COARSE: "coarse",
+}
 
 
 @dataclass(frozen=True, kw_only=True)

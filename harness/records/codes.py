@@ -15,9 +15,6 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.records.base import Record
 
-DOCS = "docs/messages/"
-"""Folder of the pages. Once they have a public address, write it here: SARIF links to it then."""
-
 
 class Code(Record, frozen=True, kw_only=True):
     """A message that a check can report.
@@ -39,11 +36,6 @@ class Code(Record, frozen=True, kw_only=True):
     example: str
     remedy: str
     kinds: tuple[str, ...]
-
-    @property
-    def page(self) -> str:
-        """Return where its page stands."""
-        return f"{DOCS}{self.code}.md"
 
 
 GROUPS: Mapping[str, str] = MappingProxyType(
@@ -73,6 +65,11 @@ def case_code(outcome: str, kind: str) -> str:
     """Return the code of a case: by its kind, or else by its outcome; empty where it agrees."""
     exact = _BY_KIND.get(f"case:{outcome}:{kind}")
     return exact or _BY_KIND.get(f"case:{outcome}:", "")
+
+
+def comparison_code(outcome: str, kind: str) -> str:
+    """Return the code of a comparison of two files; empty where they agree."""
+    return _BY_KIND.get(f"comparison:{outcome}") or case_code(outcome, kind)
 
 
 def gate_code(status: str, kinds: Sequence[str]) -> str:
@@ -928,6 +925,20 @@ leg.urdf in PyBullet
   its error is 2.1e-02 off the 1.3e-03 that finer steps predict
 """,
         remedy="""Look for gains, filters or constraint settings that are derived from `dt`.""",
+    ),
+    _code(
+        "XC320",
+        "models-differ",
+        "Two compared models move differently.",
+        kinds="comparison:DIFFERS",
+        cause="""`crosscheck compare` starts both models in the same states, and their motions
+        differ by more than the uncertainty of both. The message names the number with the largest
+        effect, its lines in both files, and its share of the difference.""",
+        example="""
+robot.urdf:12 mass of hand: 0.68, robot.xml:31: 0.73 (98 % of the difference)
+""",
+        remedy="""Decide which file is right, and correct the other one. `crosscheck run` checks
+        one file against the equations of its own bodies.""",
     ),
 )
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from physics_crosscheck.harness.records.base import Number, Numbers, Record, SourceLine
+from physics_crosscheck.harness.records.case import CaseKind
+from physics_crosscheck.harness.records.codes import comparison_code
 from physics_crosscheck.harness.records.outcome import Outcome
 
 
@@ -190,6 +194,8 @@ class Comparison(Record, frozen=True, kw_only=True):
         models: Models A and B.
         outcome: DIFFERS if the models move differently.
         reason: One sentence that explains the outcome; empty for AGREES.
+        kind: Type of the reason of an outcome other than AGREES and DIFFERS, as in `Case`.
+        code: Message code of the outcome and its kind; empty for AGREES.
         stdout: Output of a comparison that failed.
         found: The comparison itself; None if it could not run.
         strict: Whether an entry of `untested` counts as a difference.
@@ -201,10 +207,16 @@ class Comparison(Record, frozen=True, kw_only=True):
     models: tuple[ComparedModel, ...]
     outcome: Outcome
     reason: str = ""
+    kind: CaseKind = ""
+    code: str = ""
     stdout: str = ""
     found: Compared | None = None
     strict: bool = False
     schema: int = 1
+
+    def __post_init__(self) -> None:
+        code = comparison_code(self.outcome, self.kind)
+        msgspec.structs.force_setattr(self, "code", code)
 
     @property
     def passes(self) -> bool:

@@ -1,4 +1,4 @@
-"""A failure in words, as pytest and the function API print it."""
+"""Failures in words, as pytest and the function API print them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import os
 
 from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.findings import audit_lines
 from physics_crosscheck.harness.results.github import on_github, plain_line
+from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import Decision
 from physics_crosscheck.harness.results.visible import visible_lines
 
@@ -19,45 +21,50 @@ from physics_crosscheck.harness.results.visible import visible_lines
 def failure_message(
     record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
 ) -> str:
-    """What a failing test prints: the cause, the verdict, its numbers, what the engine printed."""
+    """Return what a failing test prints: cause, verdict, numbers, and the engine's output."""
     if isinstance(record, Model):
         findings = audit_lines(record.findings)
-        told = [f"audit: {decision.reason}", *(f"  {text}" for text in findings)]
-        return _visible("\n".join(told))
+        code = part_code() if record.failures else ""
+        title = with_code(code, f"audit: {decision.reason}")
+        return _visible("\n".join([title, *(f"  {text}" for text in findings)]))
     agrees = record.outcome is Outcome.AGREES
     # What agrees may fail a project's demands.
-    lines = [f"{record.outcome}{', but' if agrees else ':'} {decision.reason}"]
+    code = "" if diagnosis is not None and diagnosis.explained else record.code
+    lines = [with_code(code, f"{record.outcome}{', but' if agrees else ':'} {decision.reason}")]
     numbers = figures(record)
     if numbers:
         lines.append("  " + ", ".join(f"{name} {text}" for name, text in numbers.items()))
     if diagnosis is not None:
         cause, *more = diagnosis_lines(diagnosis)
-        told = [cause, *(f"  {text}" for text in more)]
-        lines = [*told, *lines] if diagnosis.explained else [*lines, *told]
+        explained = [cause, *(f"  {text}" for text in more)]
+        lines = [*explained, *lines] if diagnosis.explained else [*lines, *explained]
     lines += [f"  | {text}" for text in record.stdout.splitlines()]
     return _visible("\n".join(lines))
 
 
 def _visible(text: str) -> str:
-    """Lines that write nothing to a terminal but themselves, and no command to a log of GitHub."""
+    """Return lines without control characters and without workflow commands of GitHub."""
     lines = visible_lines(text)
     return "\n".join(map(plain_line, lines) if on_github(os.environ) else lines)
 
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
-    """A diagnosis in words: its first explanation, or why there is none."""
+    """Return the first explanation of a diagnosis in words, or why no cause was found."""
     if not diagnosis.explanations:
-        return [f"no cause found: {diagnosis.failure or 'nothing tried explains it'}"]
-    sentences = cause_sentences(diagnosis.explanations[0])
-    if diagnosis.explained:
-        return [f"cause: {sentences[0]}", *sentences[1:]]
-    return ["no cause explains it; what leaves least is", *sentences]
+        return [f"no cause found: {diagnosis.failure or 'no tried cause explains it'}"]
+    best = diagnosis.explanations[0]
+    *sentences, tail = cause_sentences(best)
+    if not diagnosis.explained:
+        return ["no cause found; closest:", *sentences, tail]
+    coded = zip((cause.code for cause in best.causes), sentences, strict=True)
+    cause, *more = (with_code(*one) for one in coded)
+    return [f"cause: {cause}", *more, tail]
 
 
 def in_brief(
     record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
 ) -> tuple[str, SourceLine | None]:
-    """A failure in one line, for pytest's short summary, and where it lies, if in any line."""
+    """Return a failure in one line for pytest's short summary, and its line if known."""
     if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
         lines = [one for cause in diagnosis.explanations[0].causes for one in cause.locations]
         brief = _visible(f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}")
@@ -70,7 +77,7 @@ def in_brief(
 
 
 def figures(case: Case) -> dict[str, str]:
-    """The numbers of a case by name, as a person reads them; those that it has."""
+    """Return the known numbers of a case by name, formatted."""
     found: dict[str, str] = {}
     if case.verdict is not None:
         component = case.verdict.component

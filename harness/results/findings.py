@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.places import shown_path
 
 
@@ -18,7 +19,8 @@ def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[st
     for severity in ("finding", "note") if notes else ("finding",):
         for one in known:
             if one.severity == severity:
-                lines.append(f"{severity:<8} {one.kind:<12} {_place(one.location)}{one.message}")
+                text = f"{_place(one.location)}{one.message}"
+                lines.append(f"{severity:<8} {with_code(one.code, text)}")
     return lines or ["ok: literals and compiled terms match the equations"]
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from physics_crosscheck.harness.records.codes import CODES, GROUPS, Code
@@ -27,6 +27,17 @@ def find_code(word: str) -> Code | None:
     return CODES.get(word.upper()) or next(
         (one for one in CODES.values() if one.name == word.lower()), None
     )
+
+
+def with_code(code: str, text: str) -> str:
+    """Return a message with its code in front, where it has one."""
+    return f"{code} {text}" if code else text
+
+
+def explain_hint(codes: Iterable[str]) -> str:
+    """Return the last line of an output with messages; empty where none of them has a code."""
+    first = next(filter(None, codes), "")
+    return f"Explain a code: crosscheck explain {first}" if first else ""
 
 
 def similar_codes(word: str) -> list[str]:

@@ -9,6 +9,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
@@ -41,10 +42,7 @@ def sarif(results: Results) -> str:
 
 
 def _rule(one: Code) -> dict[str, object]:
-    """Return a message as a rule; its page is linked once it has a public address.
-
-    A `helpUri` must be absolute (section 3.49.12), so that a path in the repository is none.
-    """
+    """Return a message as a rule, with the address of its page (section 3.49.12) if known."""
     text = f"{one.title} {one.cause} What to do: {one.remedy}"
     rule: dict[str, object] = {
         "id": one.code,
@@ -52,7 +50,24 @@ def _rule(one: Code) -> dict[str, object]:
         "shortDescription": {"text": _message(one.title)},
         "help": {"text": _message(text)},
     }
-    return {**rule, "helpUri": one.page} if urlsplit(one.page).scheme else rule
+    address = page_address(one.code)
+    return {**rule, "helpUri": address} if address else rule
+
+
+def page_address(code: str) -> str:
+    """Return the web address of a message's page; empty if the package names no documentation.
+
+    The address comes from the installed package, from the project URL "Documentation".
+    """
+    try:
+        urls = metadata("physics-crosscheck").get_all("Project-URL") or ()
+    except PackageNotFoundError:
+        return ""
+    for url in urls:
+        label, _, address = (part.strip() for part in url.partition(","))
+        if label.lower() == "documentation" and urlsplit(address).scheme in ("http", "https"):
+            return f"{address.rstrip('/')}/messages/{code}.html"
+    return ""
 
 
 def _result(note: Annotation, codes: Sequence[str]) -> dict[str, object]:

@@ -273,7 +273,7 @@ def test_records_are_json_and_lines_are_read(look: Look, tmp_path: Path) -> None
     read = msgspec.json.decode(msgspec.json.encode(records), type=tuple[AuditFinding, ...])
     assert read == records
     lines = audit_lines(records)
-    assert lines[0].startswith("finding  damping      damping of theta is 10 in the model")
+    assert lines[0].startswith("finding  XC122 damping of theta is 10 in the model")
     assert lines[-1].startswith("note")
     assert audit_lines([]) == ["ok: literals and compiled terms match the equations"]
 

@@ -35,11 +35,12 @@ def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_
 ) -> None:
     ran = crosscheck("audit", name, cwd=place)
     assert ran.returncode == 1, ran.stderr
-    told = ran.stdout.splitlines()
+    *told, hint = ran.stdout.splitlines()
+    assert hint == "Explain a code: crosscheck explain XC101"
     assert [line.replace("simple_pendulum", "pendulum") for line in told if line[0] != " "] == (
         audited
     )
-    lines = [line for line in told if line.startswith("  finding  literal")]
+    lines = [line for line in told if line.startswith("  finding  XC101 ")]
     assert lines
     file = audited[0].partition(" ")[0]
     assert all(

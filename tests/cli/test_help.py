@@ -19,7 +19,10 @@ PARSER = build_parser(COMMANDS)
 PARSERS = subparsers(PARSER)
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
 
-OWN_MEANING = {("compare", "--engine"), ("versions", "--engine"), ("report", "--out")}
+OWN_MEANING = {
+    ("compare", "--engine"), ("versions", "--engine"), ("report", "--out"), ("accept", "-v"),
+    ("accept", "--verbose"),
+}  # fmt: skip
 """Options that share a name with others, and take or mean something else."""
 
 

@@ -21,7 +21,7 @@ def compared(
     table: Path | None = None,
     resolution: float = 1e-9,
     starts: tuple[Mapping[str, float], ...] = (),
-    as_shipped: bool = False,
+    include_constraints: bool = False,
 ) -> Findings:
     """Compare two files as the command does."""
     options = CompareOptions(
@@ -30,7 +30,7 @@ def compared(
         joints=declared(joints, table),
         resolution=resolution,
         starts=starts,
-        as_shipped=as_shipped,
+        include_constraints=include_constraints,
     )
     return compare(options, at_once)
 

@@ -168,11 +168,11 @@ def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
         ('<body name="pendulum"', f"{wall}<body name='pendulum'"),
         (bob, f'{bob} contype="1" conaffinity="1"'),
     )
-    found = agrees(compared(touching, touching, as_shipped=True))
+    found = agrees(compared(touching, touching, include_constraints=True))
     assert 0 < found.recorded.lost < len(found.recorded.runs.z)
     assert "runs left out" in found.notes[-1]
     # Well within the contact the motion is smooth again: the wall is a difference.
-    shipped = compared(touching, path, as_shipped=True)
+    shipped = compared(touching, path, include_constraints=True)
     assert shipped.judgement.outcome is Outcome.DIFFERS
     # Left out unless it is asked for, and told.
     found = agrees(compared(touching, path))

@@ -129,7 +129,7 @@ def test_an_attribute_more_is_tried(tmp_path: Path) -> None:
 def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" frictionloss="0.001"/>'))
-    found = compared(path, other, as_shipped=True)
+    found = compared(path, other, include_constraints=True)
     assert found.judgement.outcome is Outcome.DIFFERS
     assert [t.message for t in found.terms] == [
         "friction on theta: 0 in A, 0.001 in B, whatever its speed"

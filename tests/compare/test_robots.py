@@ -63,7 +63,7 @@ def test_a_base_that_touches_its_first_link_is_no_difference_of_two_engines(
     tmp_path: Path,
 ) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[1]))
-    shipped = compared(path, path, "pybullet", "mujoco", as_shipped=True)
+    shipped = compared(path, path, "pybullet", "mujoco", include_constraints=True)
     assert shipped.judgement.outcome is not Outcome.AGREES
     found = agrees(compared(path, path, "pybullet", "mujoco"))
     assert "not compared: limits of position, collision geometry (2)" in found.notes
@@ -93,11 +93,11 @@ def test_a_range_without_zero_is_no_difference(tmp_path: Path, engine: str) -> N
     assert elbow[: len(elbow) // 2].max() < -0.07
 
 
-@pytest.mark.parametrize("as_shipped", [False, True])
-def test_a_home_at_a_limit_is_no_obstacle(tmp_path: Path, as_shipped: bool) -> None:
+@pytest.mark.parametrize("include_constraints", [False, True])
+def test_a_home_at_a_limit_is_no_obstacle(tmp_path: Path, include_constraints: bool) -> None:
     a = written(tmp_path, "arm.xml", MJCF, ('range="-0.2 0.3"', 'range="0 0.3"'))
     b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0" upper="0.3"'))
-    found = compared(a, b, engine_b="mujoco", as_shipped=as_shipped)
+    found = compared(a, b, engine_b="mujoco", include_constraints=include_constraints)
     assert found.judgement.outcome is Outcome.AGREES, found.judgement.reason
     assert len(found.recorded.runs.z) > 40
 
@@ -393,7 +393,7 @@ def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> N
     found = agrees(compared(a, b, "pybullet", "mujoco"))
     assert "not compared: joints that follow others, limits of position, in A" in found.notes
     assert idle(found) == ["joints that follow others: 1 in A, 0 in B"]
-    shipped = compared(a, b, "pybullet", "pybullet", as_shipped=True)
+    shipped = compared(a, b, "pybullet", "pybullet", include_constraints=True)
     assert shipped.judgement.outcome is Outcome.DIFFERS
 
 

@@ -71,7 +71,7 @@ def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder: Path) -> Non
     assert "joint[x]@stiffness is 47.000047" in audit_lines(wrong.findings)[0]
     text = str(result)
     assert text == repr(result)
-    assert "mass_spring_damper/mujoco.xml/free [mujoco]\nDIFFERS: x_dot is off by" in text
+    assert "mass_spring_damper/mujoco.xml/free [mujoco]\nXC301 DIFFERS: x_dot is off by" in text
     assert "the motion implies 47 ±" in text
     assert "Traceback" not in text
     for wanted in ({"scenario": "free"}, {"scenario": "nothing"}):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from email.message import Message
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,12 @@ import pytest
 
 from physics_crosscheck.harness.checks.audit_finding import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
-from physics_crosscheck.harness.records import codes
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.codes import CODES
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal import sarif as sarif_module
 from physics_crosscheck.harness.results.github import run_notes
 from physics_crosscheck.harness.results.sarif import sarif
 from tests.records.made import case, finding, model, results
@@ -32,7 +33,6 @@ def found(text: str) -> list[dict[str, Any]]:
         assert CODES[rule["id"]].remedy in rule["help"]["text"].replace("{{", "{").replace(
             "}}", "}"
         )
-        assert "helpUri" not in rule, "a path of the repository is no absolute URI"
     assert rules == sorted({one["ruleId"] for one in run["results"]})
     assert run["columnKind"] == "unicodeCodePoints"
     for one in run["results"]:
@@ -97,13 +97,26 @@ def test_a_cause_and_a_finding_stand_at_their_line(
         assert physical["region"]["startLine"] == 21
 
 
-def test_a_rule_links_to_its_page_once_the_pages_have_an_address(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("urls", "address"),
+    [
+        (["Source, https://a.org", "Documentation, https://b.org/docs/"],
+         "https://b.org/docs/messages/XC606.html"),
+        (["documentation,https://b.org"], "https://b.org/messages/XC606.html"),
+        (["Documentation, docs/index.md", "Source, https://a.org"], None),
+        (None, None),
+    ],
+)  # fmt: skip
+def test_a_rule_links_to_the_documentation_that_the_package_names(
+    monkeypatch: pytest.MonkeyPatch, urls: list[str] | None, address: str | None
 ) -> None:
-    monkeypatch.setattr(codes, "DOCS", "https://example.org/messages/")
+    installed = Message()
+    for url in urls or ():
+        installed["Project-URL"] = url
+    monkeypatch.setattr(sarif_module, "metadata", {"physics-crosscheck": installed}.__getitem__)
     absent = results(case(Outcome.ABSENT, reason="pymunk is not installed"))
     (rule,) = json.loads(sarif(absent))["runs"][0]["tool"]["driver"]["rules"]
-    assert rule["helpUri"] == "https://example.org/messages/XC606.md"
+    assert rule.get("helpUri") == address
 
 
 def test_what_agrees_is_no_result() -> None:

@@ -76,10 +76,11 @@ def test_an_absent_engine_is_one_line_with_the_command_that_installs_it() -> Non
     absent = [case(Outcome.ABSENT, engine="pymunk", scenario=s, reason=why) for s in ("a", "b")]
     text = printed(results(*absent))
     assert [line for line in text.splitlines() if "pymunk" in line] == [
-        f"  skipped 2 cases  {why}",
+        f"  skipped 2 cases  XC606 {why}",
     ]
     assert "Nothing was tested, 2 skipped" in text
     assert "digits" not in text  # no table of cases that were not run
+    assert "crosscheck explain" not in text
 
 
 def test_nothing_that_a_record_has_is_markup_or_an_emoji() -> None:
@@ -104,13 +105,13 @@ def test_problems_come_worst_first_with_what_was_printed() -> None:
         )
     )
     order = [
-        "  ERROR disc/mujoco.xml/dies [mujoco]  it [b]died[/b]",
+        "  ERROR disc/mujoco.xml/dies [mujoco]  XC612 it [b]died[/b]",
         "        | one",
         "        | two",
-        "  ERROR disc/mujoco.xml [pymunk]  the diagnosis failed: it died too",
-        "  FAIL  disc/mujoco.xml [mujoco]  x off by up to 100 % (far); 2 of 3 cases differ",
+        "  ERROR disc/mujoco.xml [pymunk]  XC613 the diagnosis failed: it died too",
+        "  FAIL  disc/mujoco.xml [mujoco]  XC301 x off by up to 100 % (far); 2 of 3 cases differ",
         "  FAIL  disc/mujoco.xml [mujoco]  the audit finds 1 fault in the file",
-        "        found: the mass is wrong",
+        "        found: XC101 the mass is wrong",
     ]
     assert [line for line in text.splitlines() if line in order] == order
     assert "rounded" not in text
@@ -146,7 +147,7 @@ def test_many_problems_and_changes_are_counted() -> None:
     )
     assert "2 more problems: see the report" in text
     assert "changes since reports/baseline" in text
-    assert text.count("  missing     disc/m/s [e]: it is gone") == MAX_PROBLEMS
+    assert text.count("  XC502 missing     disc/m/s [e]: it is gone") == MAX_PROBLEMS
     assert "1 more change: see the report" in text
 
 
@@ -193,7 +194,8 @@ def test_no_line_is_longer_than_the_terminal(width: int, details: bool) -> None:
     report = Path("a/rather/long/path/of/a/report/that/stays/whole/in/one/line/index.html")
     print_results(Console(file=out, width=width), found, details=details, report=report)
     lines = out.getvalue().splitlines()
-    assert lines[-1] == f"Report: {report}" or width == 120
+    assert lines[-1] == "Explain a code: crosscheck explain XC612"
+    assert lines[-2] == f"Report: {report}" or width == 120
     assert max(len(line) for line in lines if "Report" not in line) <= width
 
 

@@ -122,7 +122,8 @@ def test_the_first_lines_show_the_line_and_the_value(
     top = " ".join(" ".join(lines[:8]).split())
     assert "body[rod]/inertial@mass is 3.3; the motion implies 3.6" in top
     assert "fix: change models/disc/mujoco.xml:21 from 3.3 to 3.6" in top
-    assert lines[-1].startswith("4 of 20 cases differ, 16 agree to 11.3 digits")
+    assert lines[-1] == "Explain a code: crosscheck explain XC201"
+    assert lines[-2].startswith("4 of 20 cases differ, 16 agree to 11.3 digits")
 
 
 def test_another_fault_beside_the_cause_is_reported_too() -> None:
@@ -184,7 +185,7 @@ def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
     assert printed(results(agreeing, differs, models=models)).splitlines()[:7] == [
         "arm.urdf",
         "  FAIL  mujoco  x off by up to 210 %",
-        "        cause: mujoco drops the inertia of massless links",
+        "        cause: XC205 mujoco drops the inertia of massless links",
         "        arm.urdf:18 tool",
         "        fix:   give the link a mass, or remove its inertia",
         "  ok    pybullet  11.3 digits",

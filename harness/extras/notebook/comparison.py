@@ -210,7 +210,7 @@ def compare(
     joints: Mapping[str, str] | None = None,
     starts: Sequence[Mapping[str, float]] = (),
     resolution: float = 1e-9,
-    as_shipped: bool = False,
+    include_constraints: bool = False,
     floating: bool = False,
     strict: bool = False,
     limit: float = SECONDS,
@@ -228,7 +228,7 @@ def compare(
             by name, order or place.
         starts: start states, such as `{"hip": 1.0, "hip_dot": 0}`; none: random states.
         resolution: smallest relative discrepancy to detect.
-        as_shipped: True keeps contacts, joint limits, dry friction and couplings.
+        include_constraints: True keeps contacts, joint limits, dry friction and couplings.
         floating: True lets the root links of URDFs without a sidecar move freely. Next to an MJCF
             with a free root, a URDF's root is free too.
         strict: True makes `agree` false if the files differ in something that no run shows. It is
@@ -264,7 +264,7 @@ def compare(
             joints=(dict(joints or {}), {}),
             starts=tuple({key: float(q) for key, q in one.items()} for one in starts),
             resolution=resolution,
-            as_shipped=as_shipped,
+            include_constraints=include_constraints,
             strict=strict,
         )
         with without_main(), Workers(1, limits) as workers:

@@ -1,4 +1,4 @@
-"""`crosscheck accept`: the present results become the baseline, with a reason."""
+"""`crosscheck accept`: write the current results into the baseline, with a reason."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from physics_crosscheck.harness.gate.text import accepted_lines
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
 from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, meant
 from physics_crosscheck.harness.modelfiles.folders import check_engines, check_no_robots
-from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.console import print_status_lines, terminal
 from physics_crosscheck.harness.results.github import in_ci
-from physics_crosscheck.harness.results.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run what changed, and write what was found into the baseline."""
+    """Run the models that changed, and write their results into the baseline."""
     if in_ci():
         print("crosscheck: accept needs a person and is refused in CI", file=sys.stderr)
         return USAGE
@@ -35,9 +34,9 @@ def main(options: argparse.Namespace) -> int:
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
-    with_cases = getattr(options, "verbose", False)
-    for line in accepted_lines(done.cases, done.files, terminal().width, with_cases=with_cases):
-        print(visible(line))
+    console = terminal()
+    lines = accepted_lines(done.cases, done.files, console.width, with_cases=options.verbose)
+    print_status_lines(console, lines)
     for case in done.left:
         print(f"crosscheck: {case} is unchanged: its engine is not installed", file=sys.stderr)
     return FAIL if done.left else AGREE

@@ -23,22 +23,25 @@ def targets(
     command: argparse.ArgumentParser,
     *,
     required: bool,
-    kinds: str = "System folders, model files, robot files or case names",
+    kinds: str = "Folders, model or robot files, case names",
+    default: str = "all built-in systems",
 ) -> None:
-    """Add TARGET ...; `kinds` describes what may be named."""
+    """Add TARGET ...; `kinds` and `default` describe possible names, and no name."""
     action = command.add_argument(
         "folders",
         nargs="+" if required else "*",
         metavar="TARGET",
-        help=kinds + ("" if required else " [all built-in systems]"),
+        help=kinds + ("" if required else f" [{default}]"),
     )
     completed_by(action, systems_and_files)
 
 
-def folders(
-    command: argparse.ArgumentParser, *, required: bool, default: str = "all built-in systems"
-) -> None:
-    """Add FOLDER ...; `default` describes what is used where none is named."""
+BELOW = "those below the working folder"
+"""Default targets of commands that search for models."""
+
+
+def folders(command: argparse.ArgumentParser, *, required: bool, default: str = "") -> None:
+    """Add FOLDER ...; `default` describes the folders without an argument."""
     action = command.add_argument(
         "folders",
         nargs="+" if required else "*",

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.audits import ModelAudit, audits
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.interfaces.cli.targets import (
@@ -20,8 +20,17 @@ from physics_crosscheck.harness.interfaces.cli.targets import (
 )
 from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFolders, check_engines
 from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.records.codes import case_code, part_code
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import nothing_tested
+from physics_crosscheck.harness.render.terminal.console import (
+    print_hint,
+    print_status_lines,
+    terminal,
+    wrapped,
+)
 from physics_crosscheck.harness.results.findings import audit_lines
+from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.visible import visible
 
 
@@ -48,16 +57,30 @@ def main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {nothing_tested(m.id.engine for m in found)}", file=sys.stderr)
         code = FAIL
     for model in found:
-        print(model.id)
         if model.failure:
-            print(f"  {'skipped' if model.absent else 'ERROR':<8} {visible(model.failure)}")
             code = code if model.absent else FAIL
-            continue
-        for text in audit_lines(model.findings):
-            print(f"  {visible(text)}")
-        if any(finding.severity == "finding" for finding in model.findings):
+        elif any(finding.severity == "finding" for finding in model.findings):
             code = max(code, DIFFER)
+    _print(found)
     return with_unknown(code, wanted.named)
+
+
+def _print(models: Sequence[ModelAudit]) -> None:
+    """Print the findings of each model, or why it has none."""
+    console, codes = terminal(), []
+    for model in models:
+        if model.absent:
+            lines = [f"skipped  {with_code(case_code(Outcome.ABSENT, ''), model.failure)}"]
+        elif model.failure:
+            lines = [f"ERROR    {with_code(part_code(), model.failure)}"]
+            codes.append(part_code())
+        else:
+            lines = audit_lines(model.findings)
+            codes += [one.code for one in model.findings if one.severity == "finding"]
+        print_status_lines(console, wrapped(str(model.id), console.width))
+        for line in lines:
+            print_status_lines(console, wrapped(f"  {line}", console.width))
+    print_hint(console, explain_hint(codes))
 
 
 def _select_targets(names: Sequence[str]) -> Targets:

@@ -1,4 +1,4 @@
-"""The models below the working directory: what `run` and `list` take where nothing is named."""
+"""Models below the working directory: the default targets of `run`, `list` and `gate`."""
 
 from __future__ import annotations
 

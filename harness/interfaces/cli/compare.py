@@ -24,7 +24,8 @@ from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
-from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.console import print_hint, terminal
+from physics_crosscheck.harness.results.messages import explain_hint
 
 JOBS = 1
 """Worker processes: to start a second one takes longer than to ask both models in turn."""
@@ -43,10 +44,12 @@ def main(options: argparse.Namespace) -> int:
         return _stop(str(error), USAGE)
     except FailureError as error:
         found = failed_record(pair, error.failure, created)
-    print_comparison(terminal(), found)
+    console = terminal()
+    print_comparison(console, found)
     if options.json:
         write_whole(options.json, encoded(found, indent=1))
         print(options.json)
+    print_hint(console, explain_hint([found.code]))
     if found.outcome is Outcome.FAILED:
         return FAIL
     if found.strict and found.found is not None:
@@ -67,7 +70,7 @@ def _pair(options: argparse.Namespace) -> CompareOptions:
         joints=declared(options.joints, options.map),
         starts=tuple(options.start),
         resolution=options.resolution,
-        as_shipped=options.as_shipped,
+        include_constraints=options.include_constraints,
         strict=options.strict,
     )
 

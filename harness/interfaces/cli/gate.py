@@ -16,26 +16,32 @@ from physics_crosscheck.harness.gate.gate import accepted_folders, gate
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.text import gate_lines, summary
+from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.below import models_below
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
-from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.console import (
+    print_hint,
+    print_status_lines,
+    terminal,
+)
 from physics_crosscheck.harness.render.terminal.progress import Progress
 from physics_crosscheck.harness.results.github import commands, print_commands, write_summary
-from physics_crosscheck.harness.results.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Gate, print, annotate, write; any doubt is no pass."""
+    """Run the gate, print and annotate its findings, and write its files."""
     check_engines(options.engine)
     folders, what = meant(options)
     with LateProgress() as progress:
         found = gate(folders, what, progress)
-    for line in gate_lines(found, terminal().width, _accept_options(options)):
-        print(visible(line))
+    console = terminal()
+    lines = gate_lines(found, console.width, _accept_options(options))
+    print_status_lines(console, lines)
+    print_hint(console, code_hint(found))
     print_commands(commands(notes(found), os.environ))
     sys.stdout.flush()
     text = summary(found)
@@ -54,17 +60,19 @@ def _accept_options(options: argparse.Namespace) -> list[str]:
 
 
 def code(found: GateResult) -> int:
-    """The exit code of what a gate found."""
+    """Return the exit code of a gate."""
     if found.of(Status.NOT_RUN) or not found.changes or found.failures:
         return FAIL
     return AGREE if found.passes else DIFFER
 
 
 def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
-    """The folders and options that the arguments mean.
+    """Return the folders and options that the arguments select.
+
+    Without arguments, the folders are those of the baseline; without a baseline, those of `run`.
 
     Raises:
-        FolderError, BaselineError: naming what is wrong.
+        FolderError, BaselineError: for an unknown folder or an unreadable baseline.
     """
     parents: tuple[Path, ...] | None = None
     if options.folders:
@@ -74,7 +82,7 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
     else:
         folders = accepted_folders(options.baseline)
         if not folders and not any(options.baseline.glob("*.json")):
-            folders = system_folders([])
+            folders = system_folders(models_below(Path.cwd()))
     return folders, GateOptions(
         baseline=options.baseline,
         engines=tuple(options.engine),
@@ -88,12 +96,12 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
 
 
 class LateProgress(ExitStack):
-    """Progress as in `crosscheck run`, made when there is some."""
+    """Progress as in `crosscheck run`, shown once a case runs."""
 
     _shown: Callable[[int, int, Case | None], None] | None = None
 
     def __call__(self, done: int, total: int, case: Case | None) -> None:
-        """Tell that a case is done."""
+        """Report that a case is done."""
         if self._shown is None:
             self._shown = self.enter_context(Progress())
         self._shown(done, total, case)

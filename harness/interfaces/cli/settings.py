@@ -232,7 +232,7 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType(
             argument="folders",
             kind="list of paths or names",
             read=_folders,
-            commands=frozenset({"run", "list"}),
+            commands=_RUNNING | {"list"},
         ),
         "engines": Setting(
             argument="engine",

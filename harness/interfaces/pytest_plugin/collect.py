@@ -166,6 +166,9 @@ class CrosscheckItem(pytest.Item):
                 self.path.parent, self.sidecar, self.engine
             )
             self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
+            if diagnosis.explained:
+                causes = diagnosis.explanations[0].causes
+                self.user_properties += [("code", cause.code) for cause in causes]
         self._brief, self._where = in_brief(record, decision, diagnosis)
         cause, *more = failure_message(record, decision, diagnosis).splitlines()
         text = "\n".join([cause, *self._fixes(record, diagnosis), *more])

@@ -8,15 +8,13 @@ from typing import Any
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.comparison import WORDS
+from physics_crosscheck.harness.render.terminal.styles import WORDS
+from physics_crosscheck.harness.results.messages import explain_hint
 from physics_crosscheck.harness.results.status import counted
 
 
 def summarize(reporter: pytest.TerminalReporter) -> None:
-    """Write how the cases came out, what passed because it is accepted, and what was skipped.
-
-    Everything is taken from the reports, which xdist brings from its workers.
-    """
+    """Write counts of outcomes, accepted differences and skipped tests, from pytest's reports."""
     reports = _reports(reporter)
     if not reports:
         return
@@ -43,17 +41,20 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
             "nothing was tested: no engine of these models is installed."
             " Run pip install 'physics-crosscheck[engines]'."
         )
+    codes = [facts["code"] for report, facts in known if report.failed and "code" in facts]
+    if hint := explain_hint(codes):
+        reporter.write_line(hint, light=True)
 
 
 def untested(config: pytest.Config) -> bool:
-    """Whether there were cases, and all of them were skipped."""
+    """Return whether there were cases, and all of them were skipped."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     reports = [] if reporter is None else _reports(reporter)
     return bool(reports) and all(report.skipped for report in reports)
 
 
 def _reports(reporter: pytest.TerminalReporter) -> list[Any]:
-    """Those of the cases and audits, in any order."""
+    """Return the reports of cases and audits, in any order."""
     return [
         report
         for kind in ("passed", "failed", "skipped")

@@ -114,9 +114,10 @@ def _print_share(console: Console, found: Compared) -> None:
     if is_explained(found):
         return  # the verdict has the share
     a, b = (float("inf") if one is None else one for one in found.off)
+    also = " too" if found.properties or found.differences else ""
     say(
         console,
-        "  the engines differ too. Distance from the equations of the file:"
+        f"  the engines differ{also}. Distance from the equations of the file:"
         f" {a:.1e} in A, {b:.1e} in B",
     )
     for one in found.impossible:

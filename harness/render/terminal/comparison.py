@@ -10,6 +10,7 @@ from rich.console import Console
 
 from physics_crosscheck.harness.records.comparison import (
     Compared,
+    ComparedModel,
     ComparedProperty,
     Comparison,
     FileDifference,
@@ -23,8 +24,10 @@ from physics_crosscheck.harness.render.terminal.compared_properties import (
     minor_line,
     print_properties,
 )
-from physics_crosscheck.harness.render.terminal.styles import STYLES
+from physics_crosscheck.harness.render.terminal.console import print_wrapped
+from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.render.terminal.versions import say
+from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import counted
 
 MOST_TOLD = 20
@@ -40,31 +43,27 @@ MOST_EXPLAINED = 0.5
 FEW = 6
 """So many differences without an effect are listed beside those with one."""
 
-WORDS = {
-    Outcome.AGREES: "ok", Outcome.DIFFERS: "FAIL", Outcome.UNRESOLVED: "UNRESOLVED",
-    Outcome.FAILED: "ERROR", Outcome.REFUSED: "REFUSED", Outcome.ABSENT: "skipped",
-}  # fmt: skip
-
 VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in B(.*)")
 """Of the sentence about a property: the subject, what of it, its value in A and in B."""
 
 
 def print_comparison(console: Console, comparison: Comparison) -> None:
     """Print the verdict with its cause and remedy, other differences, then what was compared."""
-    if comparison.found is None:
-        _print_failure(console, comparison)
-        return
     found = comparison.found
-    _print_outcome(console, comparison, found)
-    edit = _edit_that_explains(found)
-    print_properties(console, comparison.outcome, found, is_named=edit is None)
-    _print_terms(console, comparison.outcome, found)
-    _print_differences(console, comparison.outcome, found)
-    _print_models(console, comparison, found)
+    if found is None:
+        _print_failure(console, comparison)
+    else:
+        _print_outcome(console, comparison, found)
+        edit = _edit_that_explains(found)
+        print_properties(console, comparison.outcome, found, is_named=edit is None)
+        _print_terms(console, comparison.outcome, found)
+        _print_differences(console, comparison.outcome, found)
+        _print_models(console, comparison, found)
 
 
 def _print_failure(console: Console, comparison: Comparison) -> None:
-    say(console, f"{WORDS[Outcome.FAILED]}  {comparison.reason}", STYLES[Outcome.FAILED])
+    text = with_code(comparison.code, comparison.reason)
+    print_wrapped(console, text, lead=f"{WORDS[Outcome.FAILED]}  ", style=STYLES[Outcome.FAILED])
     for line in comparison.stdout.splitlines()[-6:]:
         say(console, f"  | {line}")
 
@@ -86,11 +85,24 @@ def _print_models(console: Console, comparison: Comparison, found: Compared) -> 
     if found.left_out:
         names = ", ".join(found.left_out)
         say(console, f"   without a partner in {found.states_of}: {names}", "dim")
-    for note in (*found.notes, *found.map):
+    for note in (*_folded(found.notes, comparison.models), *found.map):
         if not note.startswith(NOT_COMPARED):
             say(console, f"   {note}", "dim")
     if line := _not_compared(found):
         say(console, line, "yellow")
+
+
+def _folded(notes: Sequence[str], models: Sequence[ComparedModel]) -> list[str]:
+    """Return notes, of those about both files in the same words the first alone."""
+    a, b = (Path(model.model).name for model in models)
+    repeated = {note.replace(a, b) for note in notes if a in note}
+    shown = []
+    for note in notes:
+        if note in repeated and a not in note:
+            continue
+        both = a in note and a != b and note.replace(a, b) in notes
+        shown.append(f"{note} (the same for {b})" if both else note)
+    return shown
 
 
 def _not_compared(found: Compared) -> str:
@@ -106,20 +118,22 @@ def _not_compared(found: Compared) -> str:
 
 def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:
     """Print the verdict, with the first cause and what to do, and by how much motions differ."""
-    outcome, word = comparison.outcome, WORDS[comparison.outcome]
+    outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
     size = f"{_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}"
     names = [Path(model.model).name for model in comparison.models]
     if outcome is Outcome.AGREES:
-        say(
-            console, f"{word}  {' and '.join(names)} move alike: difference {size}", STYLES[outcome]
-        )
+        engines = " and ".join(dict.fromkeys(model.engine for model in comparison.models))
+        both = " and ".join(dict.fromkeys(names))
+        move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
+        text = f"{move}: difference {size}"
+        print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
+    cause, remedy = _cause(found, names) if outcome is Outcome.DIFFERS else ("", "")
+    text = with_code(comparison.code, cause or comparison.reason)
+    print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
     if outcome is not Outcome.DIFFERS:
-        say(console, f"{word}  {comparison.reason}", STYLES[outcome])
         say(console, f"  difference {size}, on {found.component}")
         return
-    cause, remedy = _cause(found, names)
-    say(console, f"{word}  {cause or comparison.reason}", STYLES[outcome])
     if remedy:
         say(console, f"Fix: {remedy}")
     say(console, f"  motions differ by {size}, on {found.component}")
@@ -139,7 +153,18 @@ def _cause(found: Compared, names: Sequence[str]) -> tuple[str, str]:
     moving = [one for one in found.properties if one.moves]
     if moving:
         return _property_cause(moving[0], len(moving), found, names)
-    return (found.terms[0].message, "") if found.terms else ("", "")
+    return (found.terms[0].message, "") if _is_cause_a_term(found) else ("", "")
+
+
+def _is_cause_a_term(compared: Compared) -> bool:
+    """Return whether a measured term is the best cause that is known."""
+    if (
+        compared.turned
+        or _edit_that_explains(compared)
+        or any(one.moves for one in compared.properties)
+    ):
+        return False
+    return bool(compared.terms)
 
 
 def _edit_that_explains(found: Compared) -> FileDifference | None:
@@ -199,12 +224,17 @@ def _rounded(size: float) -> float:
 
 
 def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
-    if found.terms:
-        console.print("\nmeasured terms that differ, largest effect first")
-        for term in found.terms[:MOST_TERMS]:
+    is_named = outcome is Outcome.DIFFERS and _is_cause_a_term(found)
+    shown = found.terms[1:] if is_named else found.terms  # the verdict names the first
+    if shown:
+        title = f"{'other ' if is_named else ''}measured terms that differ, largest effect first"
+        console.print(f"\n{title}")
+        for term in shown[:MOST_TERMS]:
             say(console, f"  {term.message}")
-        if len(found.terms) > MOST_TERMS:
-            console.print(f"  and {len(found.terms) - MOST_TERMS} more, see --json")
+        if len(shown) > MOST_TERMS:
+            console.print(f"  and {len(shown) - MOST_TERMS} more, see --json")
+    elif found.terms:
+        return
     elif outcome is Outcome.DIFFERS and not found.turned and not is_explained(found):
         console.print("\nno single measured term differs beyond its uncertainty")
 

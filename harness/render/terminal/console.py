@@ -5,18 +5,21 @@ from __future__ import annotations
 import os
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.text import Text
 
-from physics_crosscheck.harness.results.visible import visible_lines
+from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.results.visible import visible, visible_lines
 
 LOG_COLUMNS = 100
 """Columns of a log or a pipe, which have no width of their own."""
 
 MIN_COLUMNS = 40
 """A narrower terminal gets lines of this width."""
+
+_WORD_STYLES = {word: STYLES[outcome] for outcome, word in WORDS.items()}
 
 
 def terminal() -> Console:
@@ -25,6 +28,23 @@ def terminal() -> Console:
     return Console(
         soft_wrap=False, highlight=False, emoji=False, width=None if known else LOG_COLUMNS
     )
+
+
+def print_status_lines(console: Console, lines: Iterable[str]) -> None:
+    """Print lines as they are, with the status word that begins some of them in its colour."""
+    for line in lines:
+        text = Text(visible(line))
+        word, _, _ = line.strip().partition(" ")
+        if style := _WORD_STYLES.get(word.rstrip(":")):
+            begin = line.index(word)
+            text.stylize(style, begin, begin + len(word))
+        console.print(text, soft_wrap=True)
+
+
+def print_hint(console: Console, hint: str) -> None:
+    """Print how to look a code up, if there is one, in a line that does not stand out."""
+    if hint:
+        console.print(hint, style="dim", soft_wrap=True)
 
 
 def print_wrapped(

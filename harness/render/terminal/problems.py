@@ -12,6 +12,7 @@ from rich.console import Console
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, Verdict
 from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -25,6 +26,7 @@ from physics_crosscheck.harness.results.issues import (
     troubles,
     untold_failures,
 )
+from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
 from physics_crosscheck.harness.results.places import placed, shown_line
 from physics_crosscheck.harness.results.status import counted, percent
@@ -54,6 +56,7 @@ class Problem:
 
     Attributes:
         outcome: whose word and colour it has.
+        code: the message code of the cause, or else of what was observed.
         name: the model file or the engines that it concerns.
         headline: what was observed.
         notes: cause, place and fix.
@@ -61,14 +64,15 @@ class Problem:
     """
 
     outcome: Outcome
+    code: str
     name: str
     headline: str
     notes: tuple[Note, ...] = ()
     output: tuple[str, ...] = ()
 
 
-def print_problems(console: Console, results: Results, *, details: bool = False) -> None:
-    """Print every problem of a run, the worst first.
+def print_problems(console: Console, results: Results, *, details: bool = False) -> list[str]:
+    """Print every problem of a run, the worst first, and return the codes of failures.
 
     Args:
         console: to print on.
@@ -82,6 +86,7 @@ def print_problems(console: Console, results: Results, *, details: bool = False)
     if len(known) > MAX_PROBLEMS:
         left = counted(len(known) - MAX_PROBLEMS, "more problem")
         print_wrapped(console, f"  {left}: see the report")
+    return [one.code for one in known if one.outcome is not Outcome.ABSENT]
 
 
 def problems(results: Results, *, details: bool = False) -> list[Problem]:
@@ -91,8 +96,9 @@ def problems(results: Results, *, details: bool = False) -> list[Problem]:
     found += [
         Problem(
             outcome=Outcome.FAILED,
+            code=part_code(),
             name=model.engine if short else str(model.id),
-            headline=f"the {what} failed: {why}",
+            headline=with_code(part_code(), f"the {what} failed: {why}"),
         )
         for model, what, why in untold_failures(results)
     ]
@@ -126,14 +132,17 @@ def _of_trouble(trouble: Trouble, results: Results, short: bool, details: bool) 
     case, cases = trouble.worst, (trouble.worst, *trouble.others)
     if case.outcome is Outcome.DIFFERS:
         return _difference(cases, results, short, details)
+    headline = with_code(case.code, case.reason)
     if case.outcome is Outcome.ABSENT:
-        return Problem(outcome=case.outcome, name=counted(len(cases), "case"), headline=case.reason)
+        name = counted(len(cases), "case")
+        return Problem(outcome=case.outcome, code=case.code, name=name, headline=headline)
     name = _engine_name(cases) if short else str(case.id)
     notes = () if short or not trouble.others else (("", _others(cases, details)),)
     return Problem(
         outcome=case.outcome,
+        code=case.code,
         name=name,
-        headline=case.reason,
+        headline=headline,
         notes=notes,
         output=tuple(case.stdout.splitlines()[-OUTPUT_LINES:]),
     )
@@ -166,13 +175,25 @@ def _difference(cases: Sequence[Case], results: Results, short: bool, details: b
     engines = list(dict.fromkeys(case.engine for case in cases))
     name = ", ".join(engines) if short else f"{worst.system}/{worst.model} [{', '.join(engines)}]"
     place = [one for one in results.cases if (one.folder, one.model) == (worst.folder, worst.model)]
-    headline = difference(worst)
+    codes = [code for alike in groups for code in _explaining_codes(alike[0])]
+    headline = difference(worst) if codes else with_code(worst.code, difference(worst))
     if len(place) > len({one.engine for one in place}):
         verb = "differs" if len(cases) == 1 else "differ"
         headline += f" ({worst.scenario}); {len(cases)} of {len(place)} cases {verb}"
     if details:
         notes.append(("cases", ", ".join(str(case.id) for case in cases)))
-    return Problem(outcome=worst.outcome, name=name, headline=headline, notes=tuple(notes))
+    code = codes[0] if codes else worst.code
+    return Problem(
+        outcome=worst.outcome, code=code, name=name, headline=headline, notes=tuple(notes)
+    )
+
+
+def _explaining_codes(model: Model) -> list[str]:
+    """Return the codes of the causes of a difference, or of the findings that replace them."""
+    diagnosis = model.diagnosis
+    if diagnosis is None or not diagnosis.explained:
+        return [one.code for one in model.unexplained_findings]
+    return [cause.code for cause in diagnosis.explanations[0].causes]
 
 
 def difference(case: Case) -> str:
@@ -211,8 +232,10 @@ def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
         text = BEGIN_WITH_AUDIT if found else f"none found; closest: {cause_sentences(best)[0]}"
         return [*found, (f"cause{engines}", text), *_fixes(model, model.unexplained_findings)]
     if details:
-        sentences = cause_sentences(best)
-        notes = [(f"cause{engines}", sentences[0]), *(("", one) for one in sentences[1:])]
+        *sentences, tail = cause_sentences(best)
+        coded = zip((cause.code for cause in best.causes), sentences, strict=True)
+        notes = [(f"cause{engines}", with_code(*one)) for one in coded]
+        notes.append(("", tail))
         return [*notes, *_cause_fixes(model, best.causes)]
     notes = [note for cause in best.causes for note in _brief_notes(cause, model, engines)]
     return [*notes, *_cause_fixes(model, best.causes)]
@@ -222,12 +245,12 @@ def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
     massless = _massless(cause, model)
     if massless:
         places = _places([(one.location, one.subject[0]) for one in massless], model.folder)
-        return [(f"cause{engines}", f"{model.engine} drops the inertia of massless links"),
-                ("", places)]  # fmt: skip
+        text = f"{model.engine} drops the inertia of massless links"
+        return [(f"cause{engines}", with_code(cause.code, text)), ("", places)]
     text = brief_cause(cause)
     if cause.kind == "dropped":
         text = f"{model.engine} drops {cause}"
-    notes = [(f"cause{engines}", text)]
+    notes = [(f"cause{engines}", with_code(cause.code, text))]
     if cause.locations and not cause.replacement:  # a fix names them otherwise
         notes.append(("", _places([(one, "") for one in cause.locations], "")))
     return notes
@@ -286,7 +309,7 @@ def _of_file(model: Model, findings: Iterable[AuditFinding]) -> list[AuditFindin
 
 def _finding_note(one: AuditFinding) -> Note:
     where = "" if one.location is None else f"{one.location}: "
-    return "found", f"{where}{one.message}"
+    return "found", with_code(one.code, f"{where}{one.message}")
 
 
 def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
@@ -324,6 +347,7 @@ def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | Non
     name = f"{models[0].system}/{models[0].model} [{', '.join(engines)}]"
     return Problem(
         outcome=Outcome.DIFFERS,
+        code=shown[0][0].code,
         name=models[0].model if short else name,
         headline=f"the audit finds {counted(len(wanted), 'fault')} in the file",
         notes=tuple(notes),

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.render.terminal.console import print_wrapped
+from physics_crosscheck.harness.render.terminal.console import print_hint, print_wrapped
 from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
 from physics_crosscheck.harness.render.terminal.models_table import is_chaotic, known, print_models
 from physics_crosscheck.harness.render.terminal.problems import (
@@ -26,6 +26,7 @@ from physics_crosscheck.harness.render.terminal.problems import (
 from physics_crosscheck.harness.render.terminal.stepping import stepping_lines
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
+from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.harness.results.visible import visible
@@ -59,7 +60,7 @@ def print_results(
     """
     if not quiet:
         _print_header(console, results)
-    print_problems(console, results, details=details)
+    codes = print_problems(console, results, details=details)
     if not quiet:
         _print_models(console, results, details)
         if details:
@@ -67,7 +68,12 @@ def print_results(
         _print_notes(console, results, details)
     if results.baseline is not None:
         _print_changes(console, results.baseline)
+        codes += [
+            one.code for one in results.baseline.changes if one.kind in ("regression", "missing")
+        ]
     _print_last(console, summary(results), report)
+    if not quiet:
+        print_hint(console, explain_hint(codes))
 
 
 def summary(results: Results) -> str:
@@ -315,7 +321,10 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
     """Print what changed since it was accepted; cases never accepted are in the report alone."""
     changes = [one for one in baseline.changes if one.kind != "new"]
-    lines = [f"{one.kind:<12}{one.id}: {one.message}" for one in changes[:MAX_PROBLEMS]]
+    lines = [
+        with_code(one.code, f"{one.kind:<12}{one.id}: {one.message}")
+        for one in changes[:MAX_PROBLEMS]
+    ]
     if (left := len(changes) - MAX_PROBLEMS) > 0:
         lines.append(f"{counted(left, 'more change')}: see the report")
     _print_list(console, f"changes since {baseline.name}", lines)

@@ -36,14 +36,17 @@ def add(command: argparse.ArgumentParser) -> None:
     )
     group(command, "Selection").add_argument(
         "--folder",
-        action="append",
+        action=arguments.AppendAction,
         default=[],
         dest="folders",
         metavar="FOLDER",
-        help="System folder; repeatable [all in the baseline]",
+        help="System folder; repeatable [those of the baseline]",
     )
     arguments.engine(command)
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.baseline(command)
+    group(command, "Output").add_argument(
+        "-v", "--verbose", action="store_true", help="Print a line for each accepted case"
+    )

@@ -56,9 +56,9 @@ def add(command: argparse.ArgumentParser) -> None:
         help="Start state, e.g. j=1,j_dot=0; repeatable [drawn within joint limits]",
     )
     comparison.add_argument(
-        "--as-shipped",
+        "--include-constraints",
         action="store_true",
-        help="Include contacts, limits, dry friction and couplings",
+        help="Include contacts, joint limits, dry friction and couplings",
     )
     arguments.floating(command)
     arguments.resolution_of(command)

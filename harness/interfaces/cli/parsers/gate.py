@@ -25,8 +25,8 @@ ABOUT = CommandHelp(
 
 
 def add_selection(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments that `gate`, `review` and `accept` read with `meant`."""
-    arguments.folders(command, required=False, default="those in the baseline and beside them")
+    """Declare the arguments that select cases, for `gate` and `review`."""
+    arguments.folders(command, required=False, default="those of the baseline")
     arguments.engine(command)
     arguments.resolution_of(command)
     arguments.limits(command)

@@ -27,7 +27,7 @@ ABOUT = CommandHelp(
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.targets(command, required=False)
+    arguments.targets(command, required=False, default=arguments.BELOW)
     arguments.engine(command)
     arguments.words(command)
     group(command, "Selection").add_argument(
