@@ -1,8 +1,8 @@
-"""What became of a case since it was accepted, and why: one case at a time, numbers alone.
+"""Changes of one case since it was accepted, from numbers alone.
 
 Limits are compared on the accepted snapshot, within the uncertainties of both: the model's motion
-and the equations' motion from the same states under the same inputs. So a model that moved,
-equations that moved, and both, are told apart; and what the step costs is a matter of its own.
+and the equations' motion from the same states under the same inputs. So the gate distinguishes a
+changed model, changed equations, and both; the error of the time step is separate.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class Status(StrEnum):
-    """What the gate says of a case; the value is what a person reads. Worst first."""
+    """Status of a case in the gate, worst first; the value is what the gate prints."""
 
     NOT_RUN = "could not run"
     CHANGED = "changed"
@@ -40,15 +40,15 @@ class Status(StrEnum):
 
     @property
     def passes(self) -> bool:
-        """Whether the gate lets it through."""
+        """Return whether the gate passes such a case."""
         return self not in (Status.NOT_RUN, Status.CHANGED, Status.GONE, Status.NEW)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A case as it is against what was accepted of it; see `classify.Change`.
+    """A case compared with its accepted result; see `classify.Change`.
 
-    `causes` are sentences on what else is another: the engine's version, this package's numerics.
+    `causes` are sentences on other changes: the engine's version, this package's numerics.
     """
 
     status: Status
@@ -60,7 +60,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class _Motion:
-    """How the model and the equations moved on the accepted snapshot, if that is `comparable`."""
+    """Changes of both motions on the accepted snapshot, if that is `comparable`."""
 
     model: Movement
     equations: Movement
@@ -68,20 +68,20 @@ class _Motion:
 
     @property
     def settled(self) -> bool:
-        """Whether neither moved."""
+        """Return whether neither motion changed."""
         return self.comparable and not (self.model or self.equations)
 
 
 def compare(
     then: AcceptedCase, now: AcceptedCase, snapshot: Snapshot, measured: Measurement
 ) -> Difference:
-    """Say what became of a case that was run and measured, and why.
+    """Compare a case that was run and measured with its accepted result.
 
     Args:
-        then: what was accepted.
-        now: what would be accepted.
-        snapshot: that of `then`.
-        measured: what the model does now, on that snapshot too.
+        then: the accepted result.
+        now: the result that would be accepted.
+        snapshot: the snapshot of `then`.
+        measured: measurement of the model, on that snapshot too.
     """
     causes = _causes(then, now)
     motion = _motion(then, snapshot, measured)
@@ -95,7 +95,7 @@ def compare(
     status = _status(parts, then, causes)
     if status in (Status.WITHIN, Status.KNOWN) and not kinds:
         kinds = tuple(dict.fromkeys(_harmless(cause) for cause in causes))
-    messages = [f"{now.outcome}; was {then.outcome}"] if now.outcome != then.outcome else []
+    messages = [f"{now.outcome}, accepted as {then.outcome}"] if now.outcome != then.outcome else []
     messages += [message for part in parts for message in part.messages]
     messages += constants_moved(then.constants, now.constants)
     return Difference(
@@ -110,21 +110,21 @@ def compare(
 def why_not_known(
     then: AcceptedCase, size: Sized, snapshot: Snapshot, measured: Measurement
 ) -> str:
-    """Why a case of the same outcome is not the difference that was accepted; "" where it is."""
+    """Return how a case of the same outcome differs from the accepted one; "" if it does not."""
     motion = _motion(then, snapshot, measured)
     if not motion.comparable:
-        return "the coordinates or inputs of the system have changed"
+        return "the coordinates or inputs of the system changed"
     if motion.model:
-        return f"the model's motion moved by {motion.model}"
+        return f"the model's motion changed by {motion.model}"
     if motion.equations:
-        return "the equations' motion moved"
+        return f"the equations' motion changed by {motion.equations}"
     if discrepancy_moved(then, size):
-        return f"its discrepancy was {in_words(then)}"
+        return f"its discrepancy was {in_words(then)} then"
     return ""
 
 
 def _causes(then: AcceptedCase, now: AcceptedCase) -> dict[str, str]:
-    """What differs of all that the case depends on: kind -> sentence."""
+    """Return the changed dependencies of a case: kind -> sentence."""
     changed = changed_names(then.files, now.files)
     causes = {}
     models = [name for name in changed if name != "system.py"]
@@ -142,12 +142,12 @@ def _causes(then: AcceptedCase, now: AcceptedCase) -> dict[str, str]:
 
 
 def _harmless(cause: str) -> str:
-    """The kind of a change that moved nothing."""
+    """Return the kind of a change that left the motion as it was."""
     return cause if cause in ("engine", "tool") else "text"
 
 
 def _blamed(causes: Mapping[str, str]) -> tuple[str, ...]:
-    """What may have moved a limit, of all that changed."""
+    """Return the changes that may have changed a motion."""
     if not causes:
         return ("unexplained",)
     blamed = tuple(kind for kind in ("model", "engine", "tool") if kind in causes)
@@ -165,31 +165,30 @@ def _motion(then: AcceptedCase, snapshot: Snapshot, measured: Measurement) -> _M
 def _model_part(
     then: AcceptedCase, now: AcceptedCase, motion: _Motion, causes: Mapping[str, str]
 ) -> Part:
-    """What is told of the model's motion."""
+    """Return the change of the model's motion."""
     if not motion.model:
         return Part()
     mended = then.outcome is not Outcome.AGREES and now.outcome is Outcome.AGREES
     better = mended and not motion.equations
-    message = f"the model's motion moved by {motion.model}"
+    message = f"the model's motion changed by {motion.model}"
     return Part(kinds=_blamed(causes), messages=(message,), worse=not better, better=better)
 
 
 def _equations_part(now: AcceptedCase, motion: _Motion) -> Part:
-    """What is told of the equations' motion."""
+    """Return the change of the equations' motion."""
     if not motion.comparable:
-        message = "the coordinates or inputs of the system have changed; nothing can be compared"
+        message = "the coordinates or inputs of the system changed, so no motion can be compared"
         return Part(kinds=("equations",), messages=(message,), worse=True)
     if not motion.equations:
         return Part()
-    moved = motion.equations
-    messages = [f"the equations' motion moved by {moved.size:.1e} of {moved.component}"]
+    messages = [f"the equations' motion changed by {motion.equations}"]
     if motion.model and now.outcome is Outcome.AGREES:
-        messages.append("model and equations changed in the same way, and agree")
+        messages.append("model and equations changed alike, and agree")
     return Part(kinds=("equations",), messages=tuple(messages), worse=True)
 
 
 def _scenario_part(was: Snapshot, now: Snapshot) -> Part:
-    """How the scenario is another one, where the present snapshot is not the accepted one."""
+    """Return how the present snapshot's scenario differs from the accepted one."""
     if was == now:
         return Part()
     told = []
@@ -199,8 +198,8 @@ def _scenario_part(was: Snapshot, now: Snapshot) -> Part:
     told += [f"input {old} -> {new}" for old, new in changed if old != new]
     if was.components != now.components:
         told.append(f"components {', '.join(was.components)} -> {', '.join(now.components)}")
-    told = told or ["its start, or the motions of the system's other scenarios, have changed"]
-    message = f"the scenario has changed: {'; '.join(told)}"
+    told = told or ["its initial state, or a motion of the system's other scenarios"]
+    message = f"the scenario changed: {'; '.join(told)}"
     return Part(kinds=("scenario",), messages=(message,), worse=True)
 
 
@@ -211,7 +210,7 @@ def _outcome_part(
     causes: Mapping[str, str],
     kinds: tuple[str, ...],
 ) -> Part:
-    """What is told of an outcome, or a known difference's size, that changed and nothing moved."""
+    """Return a change of the outcome or of a known difference where no motion changed."""
     if not motion.settled:
         return Part()
     if now.outcome != then.outcome:
@@ -222,7 +221,7 @@ def _outcome_part(
         )
     if now.outcome is Outcome.AGREES or not discrepancy_moved(then, now):
         return Part()
-    message = f"the discrepancy is {in_words(now)}; {in_words(then)} was accepted"
+    message = f"the discrepancy is {in_words(now)}, accepted as {in_words(then)}"
     return Part(kinds=_blamed(causes), messages=(message,), worse=True)
 
 

@@ -1,4 +1,4 @@
-"""What became of a case that was run, for the gate and for a run that knows a baseline alike."""
+"""Changes of cases that were run, for the gate and for a run with a baseline."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A case against what was accepted of it.
+    """A case compared with its accepted result.
 
     Attributes:
         id: the case, its system called as in the baseline.
         status: see `Status`.
         kinds: what changed: `model`, `numbers`, `engine`, `equations`, `scenario`, `tool`, `text`
             (files alone), `outcome`, `unexplained`.
-        messages: sentences, the most telling first.
-        size: how far a limit moved at most, relative to its movement over a segment; 0 otherwise.
-        case, measured: of this run, where there is one.
-        entry: what was accepted, where there is something.
-        now: what would be accepted, where the case was judged and measured.
-        files: hashes of what the case depends on now.
-        findings: what the audit of its model finds wrong, and was not accepted.
+        messages: sentences, most important first.
+        size: largest change of the motion, relative to its displacement over a segment.
+        case, measured: of this run, if it ran.
+        entry: the accepted result, if there is one.
+        now: the result to accept, if the case was judged and measured.
+        files: hashes of the files that the case depends on.
+        findings: findings of the audit that were not accepted.
     """
 
     id: CaseId
@@ -52,8 +52,8 @@ class Change:
 
 
 def unaccepted(case: Case) -> str:
-    """What is said of a case that the baseline does not know."""
-    return f"{case.outcome}; not accepted yet"
+    """Return the message about a case that the baseline does not have."""
+    return f"{case.outcome}, not in the baseline yet"
 
 
 def classify(
@@ -66,14 +66,14 @@ def classify(
     resolution: float,
     stale: bool = False,
 ) -> Change:
-    """Hold a case against what was accepted of it.
+    """Compare a case with its accepted result.
 
     Args:
-        system: its name, which the case may not know where its declaration can't be loaded.
+        system: its name; the case lacks it if its declaration could not be loaded.
         case: its record.
-        measured: what its model does, or why that is not known.
-        scan: the files that it was run from.
-        one: what was accepted of the system.
+        measured: measurement of its model, or why there is none.
+        scan: the files of the run.
+        one: the baseline of the system.
         versions: of the engines.
         resolution: of the run.
         stale: whether the files have changed since they were hashed.
@@ -129,7 +129,5 @@ def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool
         return f"{case.outcome}: {case.reason}"
     if stale:
         return "its files changed during the run; run it again"
-    reason = "it was not measured"
-    if measured is not None and not isinstance(measured, Measurement):
-        reason = measured.reason
-    return f"its motion could not be measured: {reason}"
+    why = f": {measured.reason}" if isinstance(measured, Failure) else ""
+    return f"its motion could not be measured{why}"

@@ -146,7 +146,7 @@ def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted)
     changed = _why_changed(case, measured, entry, one.snapshot(case.id))
     if not changed:
         return msgspec.structs.replace(case, accepted=entry.reason)
-    note = f"a known difference was accepted here ({entry.reason}), but {changed}"
+    note = f"a difference was accepted here ({entry.reason}), but {changed}"
     return msgspec.structs.replace(case, reason=f"{case.reason}; {note}")
 
 
@@ -155,7 +155,7 @@ def _why_changed(
 ) -> str:
     """Why a case is not the difference that was accepted; "" where it is."""
     if case.outcome != entry.outcome:
-        return f"it is {case.outcome}; {entry.outcome} was accepted"
+        return f"the outcome is {case.outcome}, accepted as {entry.outcome}"
     if isinstance(measured, Failure):
         return measured.reason
     assert case.verdict is not None  # what was measured was judged
@@ -170,7 +170,7 @@ def changes_since(
         return None
     changes = [change for case in cases if (change := _change(case, measured, found))]
     changes += [
-        _told(case, "missing", "it was accepted, but the case no longer exists")
+        _told(case, "missing", "accepted, but the case no longer exists")
         for case in _missing(cases, found)
     ]
     changes.sort(key=lambda change: _ORDER.index(change.kind))
@@ -207,8 +207,8 @@ def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
 def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange | None:
     """What became of one case; None where it is as it was accepted."""
     if barred := _stands_for(case, found):
-        accepted = f"{counted(len(barred), 'case')} {'was' if len(barred) == 1 else 'were'}"
-        return _told(case.id, "regression", f"{case.outcome}; {accepted} accepted for it")
+        message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"
+        return _told(case.id, "regression", message)
     one = found.systems.get(case.system)
     if one is None or case.id not in one.cases:
         return _told(case.id, "new", unaccepted(case))
@@ -217,7 +217,7 @@ def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange |
         return None
     scan = found.folders[case.folder][0] if case.folder in found.folders else None
     if scan is None:
-        return _told(case.id, "regression", "its folder has a file that can't be read")
+        return _told(case.id, "regression", "its folder has an unreadable file")
     change = classify(case.system, case, this, scan, one, found.versions, found.resolution)
     if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
         return None

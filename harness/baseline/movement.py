@@ -1,4 +1,4 @@
-"""How far the ends of accepted segments are from where they were, beyond what is uncertain."""
+"""Changes of the ends of accepted segments that exceed their uncertainties."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Protocol
 from physics_crosscheck.harness.records.base import Number, Numbers, Rows
 from physics_crosscheck.harness.records.baseline import AcceptedCase, OnAccepted, Snapshot
 from physics_crosscheck.harness.records.case import starts_at
+from physics_crosscheck.harness.results.status import percent
 
 EQUATIONS = 1e-11
 """Relative movement of a segment's end, by the equations, that is none: ten times what the two
@@ -18,7 +19,7 @@ ROUNDING = 1e-15
 
 
 class Sized(Protocol):
-    """What has a discrepancy and an uncertainty: a verdict, and what was accepted of one."""
+    """A discrepancy with its uncertainty, as a verdict and an accepted case have."""
 
     @property
     def discrepancy(self) -> Number:
@@ -31,7 +32,7 @@ class Sized(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Movement:
-    """How far segments' ends are apart, beyond the uncertainties; all zero where they are not.
+    """The largest change of a segment's end; all zero where uncertainties cover it.
 
     Attributes:
         size, uncertainty: relative to the component's movement over a segment.
@@ -48,26 +49,26 @@ class Movement:
         return self.size > 0.0
 
     def __str__(self) -> str:
-        return (
-            f"{self.size:.1e} ± {self.uncertainty:.0e} of its displacement, in "
-            f"{self.component} near {self.place}"
-        )
+        size = percent(self.size)
+        if "%" not in size:  # close to what rounding does
+            size += f" ± {self.uncertainty:.0e}"
+        return f"{size} of its displacement, in {self.component} near {self.place}"
 
 
 def of_model(entry: AcceptedCase, snapshot: Snapshot, now: OnAccepted) -> Movement:
-    """How far the model moved since it was accepted."""
+    """Return the change of the model's motion since it was accepted."""
     was = _Ends(entry.end, entry.end_uncertainty)
     return _movement(was, _Ends(now.end, now.uncertainty), snapshot)
 
 
 def apart(entry: AcceptedCase, snapshot: Snapshot, now: OnAccepted) -> Movement:
-    """How far the model's ends are from the accepted ones at most, be it within what is known."""
+    """Return the largest change of the model's ends, even one that uncertainties cover."""
     was = _Ends(entry.end, entry.end_uncertainty)
     return _movement(was, _Ends(now.end, now.uncertainty), snapshot, beyond=False)
 
 
 def of_equations(snapshot: Snapshot, now: OnAccepted) -> Movement:
-    """How far the equations moved since then."""
+    """Return the change of the equations' motion since it was accepted."""
     nothing = (tuple(EQUATIONS * s for s in snapshot.scale),) * len(snapshot.end)
     return _movement(_Ends(snapshot.end, nothing), _Ends(now.equations, nothing), snapshot)
 
@@ -106,7 +107,7 @@ def _movement(was: _Ends, now: _Ends, snapshot: Snapshot, *, beyond: bool = True
 
 
 def discrepancy_moved(was: Sized, now: Sized) -> bool:
-    """Whether a discrepancy is another one, beyond both uncertainties."""
+    """Return whether a discrepancy changed by more than both uncertainties."""
     bounds = was.uncertainty, now.uncertainty
     if None in bounds:
         # No digit is claimed of a case whose uncertainty is infinite, before and after alike.
@@ -118,6 +119,6 @@ def discrepancy_moved(was: Sized, now: Sized) -> bool:
 
 
 def in_words(sized: Sized) -> str:
-    """A discrepancy with its uncertainty, either of which may have no finite value."""
+    """Format a discrepancy with its uncertainty; either may have no finite value."""
     size, bound = sized.discrepancy, sized.uncertainty
     return " ± ".join("unknown" if x is None else f"{x:.3e}" for x in (size, bound))

@@ -37,7 +37,7 @@ from physics_crosscheck.harness.run import Options, Run, Selection, run
 Progress = Callable[[int, int, Case | None], None]
 """Called with (cases done, cases known, the case just done or None)."""
 
-_GONE = "accepted earlier, but the case no longer exists"
+_GONE = "accepted, but the case no longer exists"
 
 
 def gate(folders: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.records.codes import gate_code, part_code
 from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
 from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.harness.results.issues import explained_alike, named_models
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible_lines
@@ -61,7 +62,7 @@ def gate_lines(found: GateResult, width: int = 80, given: Sequence[str] = ()) ->
     if len(groups) > MAX_GROUPS:
         more = counted(len(groups) - MAX_GROUPS, "model")
         lines.append(f"  and {more} more, listed in gate.json")
-    return [*lines, *wrapped(f"{verdict(found)}: {total(found)}", width)]
+    return [*lines, *wrapped(total(found), width)]
 
 
 def verdict(found: GateResult) -> str:
@@ -78,7 +79,7 @@ def _headline(found: GateResult, width: int) -> list[str]:
     if not found.changes:
         return wrapped(f"{word}  no cases found. Name a system folder: crosscheck gate DIR", width)
     if word == "ok":
-        return wrapped(f"ok: {total(found)}", width)
+        return wrapped(f"ok  {total(found)}", width)
     bad = [change for change in found.changes if not change.status.passes]
     what = f"{len(bad)} of {counted(len(found.changes), 'case')}"
     status = _one({change.status for change in bad})
@@ -99,7 +100,7 @@ def _headline(found: GateResult, width: int) -> list[str]:
         verb = f"{_be(bad)} {status}" if status is Status.GONE else f"{status}"
         return wrapped(f"{word}  {what} {verb}", width)
     counts = Counter(change.status for change in bad)
-    parts = [f"{counts[one]} {one}" for one in Status if counts[one]]
+    parts = [_counted(one, counts[one]) for one in Status if counts[one]]
     return wrapped(f"{word}  {what}: {', '.join(parts)}", width)
 
 
@@ -306,10 +307,17 @@ def total(found: GateResult) -> str:
     ran = sum(change.case is not None for change in found.changes)
     cost = f"({ran} run, {found.seconds:.1f} s)"
     cases = counted(len(found.changes), "case")
-    if len(counts) == 1:
-        return f"{cases} {next(iter(counts))} {cost}"
-    parts = [f"{counts[status]} {status}" for status in Status if counts[status]]
+    parts = [_counted(status, counts[status]) for status in Status if counts[status]]
+    if len(parts) == 1:
+        return f"{cases} {parts[0].partition(' ')[2]} {cost}"
     return f"{cases}: {', '.join(parts)} {cost}"
+
+
+def _counted(status: Status, number: int) -> str:
+    """Return how many cases have a status, as in `3 changed` or `2 known differences`."""
+    if status is Status.KNOWN:
+        return counted(number, status.value)
+    return f"{number} with {status}" if status is Status.WITHIN else f"{number} {status}"
 
 
 def summary(found: GateResult) -> str:
@@ -348,13 +356,13 @@ def sentences(change: Change) -> Sequence[str]:
 def _causes(found: GateResult) -> list[str]:
     """Return the causes that the diagnosis found in models that differ."""
     lines: list[str] = []
-    for model in found.results.models if found.results else ():
-        diagnosis = model.diagnosis
+    for alike in explained_alike(found.results.models if found.results else ()):
+        diagnosis = alike[0].diagnosis
         if diagnosis and diagnosis.explained and diagnosis.explanations:
             best = diagnosis.explanations[0]
             *texts, tail = cause_sentences(best)
             coded = zip((cause.code for cause in best.causes), texts, strict=True)
-            lines.append(f"cause in {model.id}")
+            lines.append(f"cause in {named_models(alike)}")
             lines += [f"  {text}" for text in (*(with_code(*one) for one in coded), tail)]
     return lines
 

@@ -1077,7 +1077,7 @@ _GATE = (
         cause="""The baseline has a case that the folders no longer have. A model, a scenario or
         an engine was renamed or removed.""",
         example="""
-  drum_pendulum/mujoco.xml/free [mujoco] was accepted, and there is no such case now
+  accepted, but the case no longer exists
 """,
         remedy="""Restore the case, or accept its removal with `crosscheck accept`.""",
     ),
@@ -1088,7 +1088,7 @@ _GATE = (
         kinds="gate:new:, baseline:new",
         cause="""The folders have a model, a scenario or an engine that was never accepted.""",
         example="""
-  AGREES; nothing was accepted of it yet
+  AGREES, not in the baseline yet
 """,
         remedy="""Review the result and accept it: `crosscheck accept`.""",
     ),
@@ -1100,7 +1100,7 @@ _GATE = (
         cause="""A known difference disappeared, or the error of a full run fell. The gate
         passes.""",
         example="""
-  AGREES where it was DIFFERS
+  AGREES, accepted as DIFFERS
 """,
         remedy="""Accept the better result, so that the gate protects it.""",
     ),
@@ -1148,7 +1148,7 @@ _GATE = (
         cause="""A run compared itself with the baseline. The case no longer agrees, could not
         be run, or has a larger error.""",
         example="""
-  DIFFERS where it was AGREES
+  DIFFERS, accepted as AGREES
 """,
         remedy="""Run `crosscheck gate`: it names what changed, by file and line.""",
     ),
@@ -1160,7 +1160,7 @@ _GATE = (
         cause="""A run compared itself with the baseline. Model and equations, or the scenario,
         changed together.""",
         example="""
-  model and equations changed alike: they agree
+  model and equations changed alike, and agree
 """,
         remedy="""Run `crosscheck gate`, and accept the change if it is intended.""",
     ),
@@ -1171,7 +1171,7 @@ _GATE = (
         kinds="gate:changed:engine",
         cause="""No file changed, but the engine's version did, and the motion moved.""",
         example="""
-  another engine: MuJoCo 4.0.0 where it was MuJoCo 3.3.2
+  engine version mujoco 3.3.2 -> mujoco 4.0.0
 """,
         remedy="""Compare both versions with `crosscheck versions`. Pin the version, or accept
         the new result.""",
@@ -1183,7 +1183,7 @@ _GATE = (
         kinds="gate:changed:tool",
         cause="""The numerics of this package changed between the two runs, and no file did.""",
         example="""
-  crosscheck's own numerics are version 5 where they were 4
+  version of crosscheck's numerics 4 -> 5
 """,
         remedy="""Read the changelog, and accept the cases again.""",
     ),
@@ -1194,7 +1194,7 @@ _GATE = (
         kinds="gate:changed:equations",
         cause="""`system.py` declares other physics, or other coordinates or inputs.""",
         example="""
-  the equations' motion moved by 2.1e-02 of theta
+  the equations' motion changed by 2.1 % of its displacement, in theta near t = 0.5 s
 """,
         remedy="""If the change is intended, accept all cases of the system.""",
     ),
@@ -1206,7 +1206,7 @@ _GATE = (
         cause="""The duration, an input or the initial state differs, so the motions are
         not comparable as a whole.""",
         example="""
-  duration 4 s -> 6 s
+  the scenario changed: duration 4 s -> 6 s
 """,
         remedy="""If the change is intended, accept the case.""",
     ),
@@ -1218,7 +1218,7 @@ _GATE = (
         cause="""The model's limit is the same, but a run at the file's own time step has
         another error or order.""",
         example="""
-  step 0.002 s -> 0.01 s; global error 0.12 % -> 3.1 %
+  step 0.002 s -> 0.01 s; error at dt 0.12 % -> 3.1 %
 """,
         remedy="""Restore the step, or accept the larger error.""",
     ),
@@ -1230,7 +1230,7 @@ _GATE = (
         cause="""Files, engine and tool are those of the baseline. Another machine, compiler or
         number of threads may compute differently.""",
         example="""
-  the model's motion moved by 4.2e-09 of theta
+  the model's motion changed by 4.2e-09 ± 2e-12 of its displacement, in theta near t = 0 s
 """,
         remedy="""Run it again. If it persists, compare the two machines.""",
     ),
@@ -1242,7 +1242,7 @@ _GATE = (
         cause="""The result is near the border between two outcomes, or the time-stepping method
         differs.""",
         example="""
-  UNRESOLVED where it was AGREES
+  UNRESOLVED, accepted as AGREES
 """,
         remedy="""Read the reason of the case. Accept it if the method change is intended.""",
     ),

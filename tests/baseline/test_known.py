@@ -81,21 +81,21 @@ def test_a_known_difference_has_the_reason_it_was_accepted_with() -> None:
 
 
 @pytest.mark.parametrize(("this", "value", "why"), [
-    (DIFFERS, measurement(move=1e-6), "the model's motion moved by 1.0e-06 ± 8e-13 of its"),
-    (DIFFERS, measurement(equations=1e-6), "the equations' motion moved"),
+    (DIFFERS, measurement(move=1e-6), "the model's motion changed by 1.0e-06 ± 8e-13 of its"),
+    (DIFFERS, measurement(equations=1e-6), "the equations' motion changed"),
     (DIFFERS, Failure("it blew up", ""), "it blew up"),
     (DIFFERS, msgspec.structs.replace(measurement(), on_accepted=None),
-     "the coordinates or inputs of the system have changed"),
+     "the coordinates or inputs of the system changed"),
     (case(Outcome.DIFFERS, discrepancy=2e-3, reason="it is off"), measurement(),
      "its discrepancy was 1.000e-03 ± 1.000e-12"),
     (case(Outcome.UNRESOLVED, reason="it is off"), measurement(),
-     "it is UNRESOLVED; DIFFERS was accepted"),
+     "the outcome is UNRESOLVED, accepted as DIFFERS"),
 ])  # fmt: skip
 def test_one_that_changed_is_told_so_and_does_not_pass(
     this: Case, value: Measurement | Failure, why: str
 ) -> None:
     found = marked(this, value)
-    note = "it is off; a known difference was accepted here (the engine's own limit), but "
+    note = "it is off; a difference was accepted here (the engine's own limit), but "
     assert found.reason.startswith(f"{note}{why}")
     assert not found.accepted
 
@@ -125,7 +125,7 @@ def test_what_changed_since_is_told_worst_first() -> None:
         ("new", "new.xml"),
     ]
     assert found.changes[0].message == "error at dt 0.5 % -> 5 %"
-    assert found.changes[1].message == "it was accepted, but the case no longer exists"
+    assert found.changes[1].message == "accepted, but the case no longer exists"
 
 
 def test_nothing_is_told_of_what_is_as_it_was_or_was_not_measured() -> None:
@@ -150,7 +150,7 @@ def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
     found = changes_since((failed,), {}, accepted(ENTRY))
     assert found is not None
     (change,) = found.changes
-    assert (change.kind, change.message) == ("regression", "FAILED; 1 case was accepted for it")
+    assert (change.kind, change.message) == ("regression", "FAILED; the baseline has 1 case of it")
 
 
 def test_a_folder_that_ran_out_of_time_is_not_said_to_be_new_whatever_it_is_called() -> None:
@@ -161,7 +161,7 @@ def test_a_folder_that_ran_out_of_time_is_not_said_to_be_new_whatever_it_is_call
     found = changes_since((failed,), {}, before)
     assert found is not None
     (change,) = found.changes
-    assert (change.kind, change.message) == ("regression", "FAILED; 2 cases were accepted for it")
+    assert (change.kind, change.message) == ("regression", "FAILED; the baseline has 2 cases of it")
     unread = changes_since((failed,), {}, dataclasses.replace(before, folders={}))
     assert unread is not None
     assert [change.kind for change in unread.changes] == ["new"]  # nothing tells what it is
@@ -172,8 +172,8 @@ def test_a_model_that_can_t_be_read_stands_for_its_own_accepted_cases_alone() ->
     found = changes_since((failed,), {}, accepted(ENTRY, entry(model="gone.xml")))
     assert found is not None
     assert [(change.kind, change.id.model, change.message) for change in found.changes] == [
-        ("regression", "m.xml", "FAILED; 1 case was accepted for it"),
-        ("missing", "gone.xml", "it was accepted, but the case no longer exists"),
+        ("regression", "m.xml", "FAILED; the baseline has 1 case of it"),
+        ("missing", "gone.xml", "accepted, but the case no longer exists"),
     ]
 
 
@@ -192,5 +192,5 @@ def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accep
     told = changes_since((this,), {}, found)
     assert told is not None
     assert [(c.kind, c.message) for c in told.changes] == [
-        ("regression", "its folder has a file that can't be read")
+        ("regression", "its folder has an unreadable file")
     ]

@@ -147,7 +147,7 @@ def test_a_known_difference_passes_until_it_changes(repository: Repository) -> N
     changed = run_pymunk(repository)
     assert not any(case.accepted for case in changed.cases)
     assert (
-        "was accepted here (the real damper), but the model's motion moved by"
+        "was accepted here (the real damper), but the model's motion changed by"
         in changed.cases[0].reason
     )
     assert exit_code(changed, False) == DIFFER
@@ -202,7 +202,7 @@ def test_accept_and_gate_work_from_the_command_line(
     assert cli.main(["accept", "--reason", "a new damper", "*/space.py/*"]) == AGREE
     assert capsys.readouterr().out.startswith(f"Accepted 3 cases of {SYSTEM}\n")
     assert cli.main(["gate"]) == AGREE
-    assert "ok: 12 cases: 3 known difference, 9 as accepted (0 run" in capsys.readouterr().out
+    assert "ok  12 cases: 3 known differences, 9 as accepted (0 run" in capsys.readouterr().out
     assert cli.main(["accept", "--reason", "x", "nothing/*"]) == USAGE
     repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
     assert cli.main(["accept", "--reason", "all"]) == FAIL
@@ -217,13 +217,13 @@ def test_the_first_lines_name_the_edit_and_the_remedy(repository: Repository, wi
     assert "Fix: set it back to 0.9, or accept the change:" in top
     assert f"crosscheck accept --reason \"WHY\" '{SYSTEM}/space.py/*'" in top
     assert all(len(line) <= width or " " not in line.strip() for line in lines)
-    assert lines[-1].startswith("FAIL: 3 cases changed (3 run, ")
+    assert lines[-1].startswith("3 cases changed (3 run, ")
     assert sum("0.91" in line for line in lines) <= 4  # once an edit, once a case at most
 
 
 def test_what_passes_is_a_line(repository: Repository) -> None:
     (line,) = gate_lines(repository.gate("pymunk"))
-    assert re.fullmatch(r"ok: 3 cases as accepted \(0 run, \d+\.\d s\)", line)
+    assert re.fullmatch(r"ok  3 cases as accepted \(0 run, \d+\.\d s\)", line)
 
 
 @pytest.mark.parametrize(("old", "new", "edit"), [

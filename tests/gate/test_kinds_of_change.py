@@ -77,10 +77,10 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     ("a constant by 1 % in a URDF", "robot.urdf", 'mass value="1.3"', 'mass value="1.313"',
      CHANGED, {"model"}, "the motion implies m 1.3 -> 1.313"),
     ("a constant by 1e-6 in Python", "space.py", "DAMPING = 0.9 ", "DAMPING = 0.9000009 ",
-     CHANGED, {"model"}, "DIFFERS; was AGREES"),
+     CHANGED, {"model"}, "DIFFERS, accepted as AGREES"),
     ("a tilted axis", "mujoco.xml", 'axis="1 0 0"', 'axis="1 0 0.01"', CHANGED, {"model"}, ""),
     ("an armature", "mujoco.xml", 'springref="0"', 'springref="0" armature="0.1"',
-     CHANGED, {"model"}, "the model's motion moved"),
+     CHANGED, {"model"}, "the model's motion changed"),
     ("a rest position", "mujoco.xml", 'springref="0"', 'springref="0.01"', CHANGED, {"model"}, ""),
     # What no motion shows, and the audit does.
     ("a bound literal without effect", "mujoco.xml", 'diaginertia="0.0195', 'diaginertia="0.02',
@@ -188,10 +188,10 @@ def test_line_ends_are_no_change(repository: Repository) -> None:
 SYSTEM_CHANGES: list[tuple[str, str, str, Status, set[str], str]] = [
     ("a comment", '"spring stiffness"', '"stiffness of the spring"', WITHIN, {"text"}, ""),
     ("a constant by 1e-6", '"k", 47.0', '"k", 47.000047', CHANGED, {"equations"},
-     "DIFFERS; was AGREES"),
+     "DIFFERS, accepted as AGREES"),
     ("an equation", "D=c * x.v**2 / 2", "D=c * x.v**2 * Rational(501, 1000)", CHANGED,
-     {"equations"}, "the equations' motion moved"),
-    ("a start", "q={x: 0.25}", "q={x: 0.3}", CHANGED, {"scenario"}, "the scenario has changed"),
+     {"equations"}, "the equations' motion changed"),
+    ("a start", "q={x: 0.25}", "q={x: 0.3}", CHANGED, {"scenario"}, "the scenario changed"),
     ("a duration", "duration=4", "duration=5", CHANGED, {"scenario"},
      "duration 4 s -> 5 s"),
     ("an input", "1.5 * sin(5.9 * t)", "1.4 * sin(5.9 * t)", CHANGED, {"scenario"},
@@ -231,7 +231,7 @@ def test_model_and_equations_changed_alike_are_both_told_and_agree(repository: R
     found = repository.gate("pymunk")
     _, kinds, told = seen(found, "space.py")
     assert kinds == {"model", "equations"}
-    assert "model and equations changed in the same way, and agree" in told
+    assert "model and equations changed alike, and agree" in told
     assert "the motion implies k 47 -> 48" in told
     assert "DIFFERS" not in told
     assert {c.status for c in found.changes} == {CHANGED}

@@ -103,4 +103,5 @@ def test_what_is_gone_is_told(repository: Told) -> None:
 def test_the_terminal_lists_what_changed(repository: Told) -> None:
     text = repository.text
     assert "since " in text
-    assert "regression  mass_spring_damper/robot.urdf/free [mujoco]: step 0.002 s" in text
+    assert "regression  XC508 mass_spring_damper/robot.urdf  free [mujoco]" in text
+    assert ": step 0.002 s" in text

@@ -60,7 +60,7 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(
     does(f"{commit} wrong", 1)
     does("crosscheck accept --reason 'weighed again'")
     does(f"git add . && {commit} right")
-    assert "ok: " in does("crosscheck gate", CI="1", GITHUB_ACTIONS="true")
+    assert "ok  " in does("crosscheck gate", CI="1", GITHUB_ACTIONS="true")
     job = run_job(steps_of(WORKFLOW, "gate"), installed, place, tmp_path / "tools")
     assert job.passes
     assert "Report of everything, where the gate failed" not in job.ran

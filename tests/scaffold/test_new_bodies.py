@@ -315,7 +315,7 @@ def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
     done = crosscheck(tmp_path, "gate", "--jobs", "1")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "arm.urdf:154 value 3 -> 3.001 changed 2 of 2 cases" in done.stdout
-    assert "the model's motion moved by" in done.stdout
+    assert "the model's motion changed by" in done.stdout
     assert "arm.urdf:154" in done.stdout
     declared = tmp_path / "m" / "arm" / "system.py"
     declared.write_text(declared.read_text().replace("mass=3.0,", "mass=3.001,"))

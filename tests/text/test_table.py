@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
-from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
 from physics_crosscheck.harness.render.terminal.table import case_line, print_results, summary
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
@@ -137,7 +137,7 @@ def test_many_problems_and_changes_are_counted() -> None:
     change = BaselineChange(
         system="disc", model="m", scenario="s", engine="e", kind="missing", message="it is gone"
     )
-    many = (change,) * (MAX_PROBLEMS + 1)
+    many = tuple(replace(change, scenario=f"s{i}") for i in range(MAX_PROBLEMS + 1))
     new = replace(change, kind="new")  # never accepted: no change
     text = printed(
         results(
@@ -147,7 +147,9 @@ def test_many_problems_and_changes_are_counted() -> None:
     )
     assert "2 more problems: see the report" in text
     assert "changes since reports/baseline" in text
-    assert text.count("  XC502 missing     disc/m/s [e]: it is gone") == MAX_PROBLEMS
+    assert text.count("  missing  XC502 disc/m  s0 [e], s1 [e], ") == 1
+    assert f"s{MAX_PROBLEMS - 1} [e]: it is gone" in text
+    assert f"s{MAX_PROBLEMS} [e]" not in text
     assert "1 more change: see the report" in text
 
 
@@ -228,3 +230,12 @@ def test_shares_are_percentages_of_two_digits(share: float, text: str) -> None:
 )  # fmt: skip
 def test_times_have_units_not_powers_of_ten(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_no_percentage_is_divided() -> None:
+    for width in range(20, 60):
+        lines = wrapped("the motion changed by 0.72 % of its displacement", width)
+        assert not any(line.strip().startswith("%") for line in lines)
+        assert " ".join(line.strip() for line in lines) == (
+            "the motion changed by 0.72 % of its displacement"
+        )

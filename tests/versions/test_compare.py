@@ -50,7 +50,7 @@ def test_a_limit_that_moves_by_more_is_told_though_both_agree() -> None:
     after = run("2.0", does=measurement(move=1e-10))
     one = only(between(V1, after))
     assert one.kinds == ("limit",)
-    assert one.messages[0].startswith("the model's motion moved by 1.0e-10 ± ")
+    assert one.messages[0].startswith("the model's motion changed by 1.0e-10 ± ")
     assert one.apart == pytest.approx(1e-10, rel=1e-3)
     assert exit_code(V1, after) == 1
 
@@ -61,7 +61,7 @@ def test_a_verdict_that_changes_comes_before_a_limit_that_moves() -> None:
     after = run("2.0", case(), differs, does=measurement(move=1e-3))
     found = between(before, after)
     assert [one.kinds for one in found.cases] == [("verdict", "limit"), ("limit",)]
-    assert found.cases[0].messages[0] == "DIFFERS; was AGREES"
+    assert found.cases[0].messages[0] == "DIFFERS, accepted as AGREES"
 
 
 def test_a_known_difference_that_stays_is_no_change_and_one_that_is_mended_is() -> None:
@@ -77,7 +77,7 @@ def test_a_known_difference_that_stays_is_no_change_and_one_that_is_mended_is() 
 def test_equations_of_a_file_that_is_compiled_otherwise_are_told() -> None:
     one = only(between(V1, run("2.0", does=measurement(move=1e-5, equations=1e-5))))
     assert one.kinds == ("limit", "equations")
-    assert "model and equations changed in the same way, and agree" in one.messages
+    assert "model and equations changed alike, and agree" in one.messages
 
 
 def test_states_that_are_chosen_anew_are_no_change_where_the_old_ones_are_repeated() -> None:

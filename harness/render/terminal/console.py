@@ -62,15 +62,8 @@ def print_wrapped(
     width = max(console.width, MIN_COLUMNS)
     for number, line in enumerate(visible_lines(text) or [""]):
         before = lead if number == 0 else " " * indent
-        wrapped = textwrap.wrap(
-            line,
-            width,
-            initial_indent=" " * len(before),
-            subsequent_indent=" " * indent,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-        for row, part in enumerate(wrapped or [""]):
+        parts = _wrap(line, width, " " * len(before), " " * indent)
+        for row, part in enumerate(parts or [""]):
             shown = Text(before, style) + Text(part[len(before) :]) if row == 0 else Text(part)
             console.print(shown, soft_wrap=True)
 
@@ -85,14 +78,20 @@ def wrapped(text: str, width: int) -> list[str]:
         width: columns.
     """
     begin = " " * (len(text) - len(text.lstrip()))
-    return textwrap.wrap(
-        text.strip(),
+    return _wrap(text.strip(), width, begin, f"{begin}  ") or [""]
+
+
+def _wrap(text: str, width: int, first: str, rest: str) -> list[str]:
+    """Return lines that begin with `first` and `rest`; no word, and no percentage, is divided."""
+    lines = textwrap.wrap(
+        text.replace(" %", "\u00a0%"),
         width,
-        initial_indent=begin,
-        subsequent_indent=f"{begin}  ",
+        initial_indent=first,
+        subsequent_indent=rest,
         break_long_words=False,
         break_on_hyphens=False,
-    ) or [""]
+    )
+    return [line.replace("\u00a0%", " %") for line in lines]
 
 
 def wrapped_command(words: Sequence[str], width: int) -> list[str]:

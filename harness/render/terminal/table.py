@@ -14,7 +14,7 @@ from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
 from physics_crosscheck.harness.render.terminal.console import print_hint, print_wrapped
 from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
 from physics_crosscheck.harness.render.terminal.models_table import is_chaotic, known, print_models
@@ -321,9 +321,13 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
     """Print what changed since it was accepted; cases never accepted are in the report alone."""
     changes = [one for one in baseline.changes if one.kind != "new"]
+    alike: dict[tuple[str, str], list[BaselineChange]] = {}
+    for change in changes[:MAX_PROBLEMS]:
+        begin = f"{change.kind}  {with_code(change.code, f'{change.system}/{change.model}')}"
+        alike.setdefault((begin, change.message), []).append(change)
     lines = [
-        with_code(one.code, f"{one.kind:<12}{one.id}: {one.message}")
-        for one in changes[:MAX_PROBLEMS]
+        f"{begin}  {', '.join(f'{one.scenario} [{one.engine}]' for one in group)}: {message}"
+        for (begin, message), group in alike.items()
     ]
     if (left := len(changes) - MAX_PROBLEMS) > 0:
         lines.append(f"{counted(left, 'more change')}: see the report")
