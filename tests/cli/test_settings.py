@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.interfaces.cli.parsers import gate, list, run
+from physics_crosscheck.harness.interfaces.cli.gate import meant
+from physics_crosscheck.harness.interfaces.cli.parsers import accept, gate, list, run
 from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
 
 __all__ = ["place"]
 
-COMMANDS = {"run": run, "list": list, "gate": gate}
+COMMANDS = {"run": run, "list": list, "gate": gate, "accept": accept}
 
 
 def settings(folder: Path, text: str) -> None:
@@ -43,7 +44,7 @@ def test_settings_are_defaults_and_arguments_go_before_them(
     assert (found.out, found.baseline) == (Path("found"), Path("kept"))
     told = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
     assert (told.engine, told.jobs) == (["three", "four"], 1)
-    # A gate writes elsewhere, and asks the folders of its baseline.
+    # A gate writes elsewhere.
     other = parsed("gate")
     assert (other.out, other.baseline) == (Path("reports/gate"), Path("kept"))
 
@@ -158,3 +159,21 @@ def test_the_command_line_takes_settings_and_tells_a_wrong_one(place: Path) -> N
     done = crosscheck(place, "run")
     assert (done.returncode, "Traceback" in done.stderr) == (2, False)
     assert "pyproject.toml: cannot be read: " in done.stderr
+
+
+def test_a_gate_without_a_baseline_takes_the_targets_of_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("models/arm", "others/leg"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "system.py").touch()
+    monkeypatch.chdir(tmp_path)
+
+    def folders(name: str, *given: str) -> list[str]:
+        return [path.as_posix() for path in meant(parsed(name, *given))[0]]
+
+    reason = ("--reason", "right")
+    assert folders("gate") == folders("accept", *reason) == ["models/arm", "others/leg"]
+    settings(tmp_path, "[tool.crosscheck]\nfolders = ['others']\n")
+    assert folders("gate") == folders("accept", *reason) == ["others/leg"]
+    assert folders("accept", *reason, "--folder", "models") == ["models/arm"]

@@ -144,8 +144,13 @@ def _of_trouble(trouble: Trouble, results: Results, short: bool, details: bool) 
         name=name,
         headline=headline,
         notes=notes,
-        output=tuple(case.stdout.splitlines()[-OUTPUT_LINES:]),
+        output=tuple(_printed(case)[-OUTPUT_LINES:]),
     )
+
+
+def _printed(case: Case) -> list[str]:
+    """Return the lines that a case printed, without those that an engine always prints."""
+    return [one for one in case.stdout.splitlines() if not one.startswith("pybullet build time")]
 
 
 def _engine_name(cases: Sequence[Case]) -> str:
