@@ -1,9 +1,9 @@
-"""What `crosscheck run` prints, as a picture: RESULTS WIDTH OUT.svg.
+"""The output of `crosscheck run` as a picture: RESULTS WIDTH OUT.svg.
 
     crosscheck run my_folder --out found
     python -m campaigns.terminal_picture found/results.json 80 docs/terminal.svg
 
-`--light` has dark letters on white. The documentation's picture is made so.
+`--light` has dark letters on white. The documentation uses it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("width", type=int)
     parser.add_argument("out", type=Path)
     parser.add_argument("--light", action="store_true")
-    parser.add_argument("--command", default="run", help="what was typed [run]")
+    parser.add_argument(
+        "--command", default="run", help="arguments of crosscheck in the picture [run]"
+    )
     parser.add_argument("--report", type=Path, default=Path("reports/index.html"))
     options = parser.parse_args(arguments)
     results = read_results(options.results)

@@ -10,7 +10,7 @@ import numpy as np
 from physics_crosscheck.harness.compare.mechanics import SPEEDS, Mechanics
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.accelerations import Estimate
-from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.results.status import counted
 
 EPSILON = float(np.finfo(float).eps)
 

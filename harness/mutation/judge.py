@@ -24,6 +24,7 @@ from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from physics_crosscheck.harness.results.status import percent
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 RESOLUTION = 1e-9
@@ -209,5 +210,5 @@ def _global_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
         t, states = follow(model, coordinates, motion, model.step)
         off = np.abs(states - motion.at(t))[:, :n]
         error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))
-        errors.append(f"{error:.2%}" if error > 1e-4 else f"{error:.1e}")
-    return f"global error {errors[0]} -> {errors[1]}"
+        errors.append(percent(error))
+    return f"error at dt {errors[0]} -> {errors[1]}"

@@ -116,7 +116,7 @@ class SweepSummary(Record, frozen=True, kw_only=True):
         outcomes: Number of cases by outcome, worst first.
         digits: Number of agreeing cases by whole digits.
         groups: Cases by system, engine and integrator.
-        worst: Cases to look at first.
+        worst: Worst cases.
         sampled: Evenly sampled rows for plots.
         steps: Number of engine steps.
         engine_seconds: Processor time of the engines' stepping.

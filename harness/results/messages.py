@@ -81,6 +81,18 @@ def code_lines(one: Code, width: int) -> Iterator[str]:
         yield from (f"  {line}" for line in lines)
 
 
+def list_lines(width: int) -> Iterator[str]:
+    """Yield all codes with their titles, by group, for a terminal of so many columns."""
+    for prefix, title in GROUPS.items():
+        yield f"{title} ({prefix}xx)"
+        for one in CODES.values():
+            if one.code.startswith(prefix):
+                yield from textwrap.wrap(
+                    f"{one.code}  {one.title}", max(width, 40), initial_indent="  ",
+                    subsequent_indent=" " * 9,
+                )  # fmt: skip
+
+
 def main(folder: Path) -> None:
     """Write every page into a folder, and remove those of codes that no longer exist."""
     folder.mkdir(parents=True, exist_ok=True)

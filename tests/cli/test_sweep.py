@@ -15,6 +15,7 @@ from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
 from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.render.html.sweep import render_sweep
+from physics_crosscheck.harness.results.status import percent
 from tests.sweep.made import swept_folder
 
 
@@ -57,7 +58,7 @@ def test_a_row_has_the_command_that_runs_it_alone(
     told = capsys.readouterr().out
     assert f"ok  #{row.index} {row.name}, {row.integrator}" in told
     assert f"k = {row.constants['k']:.6g}" in told
-    assert f"error at dt {row.global_error:.1e}" in told
+    assert f"error at dt {percent(row.global_error)}" in told
 
 
 def test_the_summary_is_told_again_of_the_rows_alone(
@@ -67,7 +68,7 @@ def test_the_summary_is_told_again_of_the_rows_alone(
     page = (out / "index.html").read_text()
     (out / "index.html").unlink()
     assert main(["sweep", "--summary", str(out)]) == 0
-    assert "8 cases: 8 ok" in capsys.readouterr().out
+    assert "ok  8 cases agree\n" in capsys.readouterr().out
     assert (out / "index.html").read_text() == page
 
 

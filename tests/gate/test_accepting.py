@@ -199,8 +199,10 @@ def test_accept_and_gate_work_from_the_command_line(
     assert cli.main(["gate"]) == DIFFER
     out = capsys.readouterr().out
     assert "space.py:7 DAMPING 0.9 -> 0.91 changed 3 of 12 cases" in " ".join(out.split())
-    assert cli.main(["accept", "--reason", "a new damper", "*/space.py/*"]) == AGREE
-    assert capsys.readouterr().out.startswith(f"Accepted 3 cases of {SYSTEM}\n")
+    assert cli.main(["accept", "-v", "--reason", "a new damper", "*/space.py/*"]) == AGREE
+    told = capsys.readouterr().out
+    assert told.startswith(f"Accepted 3 cases of {SYSTEM}\n")
+    assert told.count(f"  {SYSTEM}/") == 3
     assert cli.main(["gate"]) == AGREE
     assert "ok  12 cases: 3 known differences, 9 as accepted (0 run" in capsys.readouterr().out
     assert cli.main(["accept", "--reason", "x", "nothing/*"]) == USAGE

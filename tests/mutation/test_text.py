@@ -52,7 +52,7 @@ ROWS = (
     row(MISTAKE, "gravity off", UNSEEN, "option@gravity[2]", first=None),
     row(MISTAKE, "friction left in", MISSED, "x"),
     row(MISTAKE, "motors", REFUSED, "settings.motors", "it won't"),
-    row(NONE, "another time step", AGREES, "step 0.004 s", "global error 1% -> 2%"),
+    row(NONE, "another time step", AGREES, "step 0.004 s", "error at dt 1.0 % -> 2.0 %"),
 )
 
 
@@ -69,7 +69,7 @@ def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake() -> None:
     lines = mutation_lines(ROWS)
     stiffness = next(line for line in lines if "joint[x]@stiffness" in line)
     assert stiffness.split() == ["joint[x]@stiffness", "1e-09", *["named"] * len(FAULTS)]
-    assert "  another time step, step 0.004 s: agrees, global error 1% -> 2%" in lines
+    assert "  another time step, step 0.004 s: agrees, error at dt 1.0 % -> 2.0 %" in lines
     flipped = next(line for line in lines if line.startswith("axis flipped"))
     assert flipped.split() == ["axis", "flipped", "2", "1", "1", ".", ".", ".", "1e-09"]
     assert lines[0].startswith("small faults: 3 of 3 caught")

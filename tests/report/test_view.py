@@ -291,7 +291,7 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
     assert view.sentence in {trouble.sentence for trouble in seen.troubles}
     page = render(found)
     section = page[page.index(f'id="{view.id}"') :]
-    assert section.index("Findings of the audit") < section.index("Hypotheses from the motions")
+    assert section.index("Audit findings") < section.index("Possible causes")
 
 
 def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> None:

@@ -57,4 +57,5 @@ def test_explain_hints_at_the_code_that_was_meant(capsys: pytest.CaptureFixture[
 
 def test_explain_without_a_code_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(CODES)
+    words = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert [word for word in words if word in CODES] == list(CODES)

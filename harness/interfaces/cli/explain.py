@@ -7,18 +7,21 @@ import shutil
 import sys
 
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, USAGE
-from physics_crosscheck.harness.records.codes import CODES
-from physics_crosscheck.harness.results.messages import code_lines, find_code, similar_codes
+from physics_crosscheck.harness.results.messages import (
+    code_lines,
+    find_code,
+    list_lines,
+    similar_codes,
+)
 from physics_crosscheck.harness.results.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print the page of each code; all codes in a line each where none is given."""
-    if not options.codes:
-        for one in CODES.values():
-            print(f"{one.code}  {one.name:<24}  {one.title}")
-        return AGREE
+    """Print the page of each code; without a code, list all of them."""
     width = min(shutil.get_terminal_size().columns, 100)
+    if not options.codes:
+        print("\n".join(list_lines(width)))
+        return AGREE
     wanted = {word: find_code(word) for word in options.codes}
     unknown = [word for word, found in wanted.items() if found is None]
     known = [found for found in wanted.values() if found is not None]
@@ -26,7 +29,9 @@ def main(options: argparse.Namespace) -> int:
     for word in unknown:
         similar = similar_codes(word)
         hint = (
-            f"did you mean {' or '.join(similar)}?" if similar else "`crosscheck explain` lists all"
+            f"did you mean {' or '.join(similar[:2])}?"
+            if similar
+            else "`crosscheck explain` lists all"
         )
         print(f"crosscheck: no message has the code {visible(word)}; {hint}", file=sys.stderr)
     return USAGE if unknown else AGREE

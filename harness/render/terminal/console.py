@@ -64,7 +64,9 @@ def print_wrapped(
         before = lead if number == 0 else " " * indent
         parts = _wrap(line, width, " " * len(before), " " * indent)
         for row, part in enumerate(parts or [""]):
-            shown = Text(before, style) + Text(part[len(before) :]) if row == 0 else Text(part)
+            shown = Text(before + part[len(before) :] if row == 0 else part)
+            if row == number == 0:
+                shown.stylize(style, 0, len(before))
             console.print(shown, soft_wrap=True)
 
 

@@ -11,15 +11,14 @@ from rich.table import Table
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
-from physics_crosscheck.harness.render.terminal.comparison import WORDS
-from physics_crosscheck.harness.render.terminal.console import wrapped
+from physics_crosscheck.harness.render.terminal.console import print_status_lines, wrapped
 from physics_crosscheck.harness.render.terminal.markup import escape
-from physics_crosscheck.harness.render.terminal.styles import STYLES
-from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.harness.results.visible import visible
 
-MOST = 12
-"""Cases that are listed."""
+MAX_ROWS = 12
+"""Cases without agreement that are listed."""
 
 
 def print_sweep(console: Console, found: SweepSummary) -> None:
@@ -32,8 +31,8 @@ def print_sweep(console: Console, found: SweepSummary) -> None:
         "integrator",
         "cases",
         "outcomes",
-        "fewest digits",
-        "largest error at dt",
+        "digits",
+        "error at dt",
     ):
         table.add_column(title)
     for one in found.groups:
@@ -44,14 +43,15 @@ def print_sweep(console: Console, found: SweepSummary) -> None:
             str(sum(one.outcomes.values())),
             _coloured(one.outcomes),
             "–" if one.least_digits is None else f"{one.least_digits:.1f}",
-            _sci(one.worst_error),
+            _percent(one.worst_error),
         )
     wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
     if wide <= console.width:
         console.print(table)
     else:
         _print_groups(console, found)
-    for row in found.worst[:MOST]:
+    bad = [row for row in found.worst if row.outcome is not Outcome.AGREES]
+    for row in bad[:MAX_ROWS]:
         for line in row_lines(row):
             _say(console, line)
     if cost := cost_line(found):
@@ -61,38 +61,40 @@ def print_sweep(console: Console, found: SweepSummary) -> None:
 def _print_groups(console: Console, found: SweepSummary) -> None:
     """Print the outcomes as a list, where a table of them is wider than the console."""
     for one in found.groups:
-        digits = "" if one.least_digits is None else f", {one.least_digits:.1f} digits at least"
-        console.print(
-            f"  {escape(f'{one.system} [{one.engine}], {one.integrator}')}:"
-            f" {_coloured(one.outcomes)}{digits}, largest error at dt {_sci(one.worst_error)}"
+        digits = "" if one.least_digits is None else f", {one.least_digits:.1f} digits"
+        counts = ", ".join(_counts(one.outcomes))
+        _say(
+            console,
+            f"  {one.system} [{one.engine}], {one.integrator}: {counts}{digits},"
+            f" error at dt up to {_percent(one.worst_error)}",
         )
 
 
 def verdict_line(found: SweepSummary) -> str:
     """Return the verdict, how many cases ended in which way, and how many are left."""
-    counts = ", ".join(
-        f"{number} {WORDS[Outcome(name)]}" for name, number in found.outcomes.items()
-    )
+    counts = ", ".join(_counts(found.outcomes))
     left = found.plan.cases - found.done
     more = f"; {left} not run yet" if left else ""
     broken = not found.outcomes or found.outcomes.keys() & {Outcome.FAILED, Outcome.REFUSED}
     differ = found.outcomes.keys() - {Outcome.AGREES.value}
     word = "ERROR" if broken else "FAIL" if differ else "ok"
+    if word == "ok":
+        agree = f"{counted(found.done, 'case')} {'agrees' if found.done == 1 else 'agree'}"
+        return f"ok  {agree}{more}"
     return f"{word}  {counted(found.done, 'case')}: {counts or 'none'}{more}"
 
 
 def cost_line(found: SweepSummary) -> str:
-    """What the cases took; empty where none was stepped."""
+    """Return the cost of all engine steps; empty where no case ran."""
     if found.overhead is None:
         return ""
-    return (
-        f"{found.steps:.3g} engine steps in {found.engine_seconds:.1f} s of processor time;"
-        f" the sweep took {found.overhead:.2f} times that"
-    )
+    seconds = f"{found.engine_seconds:.1f} s of processor time"
+    steps = f"{found.steps:.3g} engine steps took {seconds}"
+    return f"{steps}; the whole sweep {found.overhead:.2f} times as much"
 
 
 def row_lines(row: SweepRow) -> Iterator[str]:
-    """A case: its name and verdict, why, and the command that runs it alone."""
+    """Yield the verdict of a case, its numbers, and the command that runs it alone."""
     drawn = ", ".join(f"{name} = {value:.6g}" for name, value in row.constants.items())
     step = "" if row.step is None else f", {row.step:g} s"
     yield visible(
@@ -101,17 +103,16 @@ def row_lines(row: SweepRow) -> Iterator[str]:
     )
     judged = (
         f"difference {_sci(row.discrepancy)}, uncertainty {_sci(row.uncertainty)}, error at dt"
-        f" {_sci(row.global_error)}"
+        f" {_percent(row.global_error)}"
     )
     yield visible(f"  {judged}{'; ' if row.reason else ''}{row.reason}")
     yield visible(f"  {row.command}")
 
 
 def _say(console: Console, line: str) -> None:
-    """Print a line as it is, wrapped, but for a command: a range 10:100:log has no emoji."""
+    """Print a line, wrapped unless it is a command, with its status word in colour."""
     lines = [line] if line.startswith("  crosscheck ") else wrapped(line, console.width)
-    for part in lines:
-        console.print(part, soft_wrap=True, markup=False, emoji=False)
+    print_status_lines(console, lines)
 
 
 def _coloured(outcomes: dict[str, int]) -> str:
@@ -121,6 +122,14 @@ def _coloured(outcomes: dict[str, int]) -> str:
             style = STYLES[outcome]
             parts.append(f"[{style}]{count} {WORDS[outcome]}[/]")
     return ", ".join(parts)
+
+
+def _counts(outcomes: dict[str, int]) -> list[str]:
+    return [f"{number} {WORDS[Outcome(name)]}" for name, number in outcomes.items()]
+
+
+def _percent(value: Number) -> str:
+    return "–" if value is None else percent(value)
 
 
 def _sci(value: Number) -> str:
