@@ -77,9 +77,7 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
         "--crosscheck", "models", "-k", "free or step or audit", "--junitxml=j.xml", "-v"
     )
     done.assert_outcomes(failed=3, deselected=1)
-    cause = (
-        f"cause: joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047; the motion implies 47 ± *"
-    )
+    cause = f"cause: XC201 joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047; the motion implies 47 ± *"
     done.stdout.fnmatch_lines(
         [
             "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",
@@ -103,7 +101,7 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     named = [one.func for one in asked if isinstance(one, partial)]
     assert named.count(tasks.diagnosis) == 1
     cases = ET.parse(project.path / "j.xml").getroot().iter("testcase")
-    assert [properties(one)["code"] for one in cases] == ["XC301", "XC301", "XC123"]
+    assert [properties(one)["code"] for one in cases] == ["XC201", "XC201", "XC123"]
     failure = junit(project, "failure")
     assert "joint[x]@stiffness" in failure.get("message", "")
     assert failure.text is not None
@@ -118,7 +116,7 @@ def test_what_failed_is_run_again_by_lf_and_by_its_id(project: Project, answers:
     project.run("--crosscheck", "models", "--lf").assert_outcomes(failed=1)
     done = project.run("--crosscheck", "models", f"{MSD}/mujoco.xml/step")
     done.assert_outcomes(failed=1)
-    done.stdout.fnmatch_lines(["DIFFERS: x is off", "no cause found: untold"])
+    done.stdout.fnmatch_lines(["XC301 DIFFERS: x is off", "no cause found: untold"])
 
 
 def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> None:
@@ -212,7 +210,7 @@ def test_what_was_accepted_passes_until_it_changes(
     project.edit(path, 'stiffness="47.01"', 'stiffness="47.02"')
     done = project.run(*arguments)
     done.assert_outcomes(failed=1, deselected=3)
-    done.stdout.fnmatch_lines(["DIFFERS: *a difference was accepted here (a worn spring)*"])
+    done.stdout.fnmatch_lines(["XC301 DIFFERS: *a difference was accepted here (a worn spring)*"])
     entry = next((project.path / "reports/baseline").glob("*.json"))
     entry.write_text(entry.read_text().replace("a worn spring", "nothing"))
     assert project.run(*arguments).ret == pytest.ExitCode.USAGE_ERROR
