@@ -77,7 +77,8 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
         "--crosscheck", "models", "-k", "free or step or audit", "--junitxml=j.xml", "-v"
     )
     done.assert_outcomes(failed=3, deselected=1)
-    cause = f"cause: XC201 joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047; the motion implies 47 ± *"
+    number = f"cause: XC201 joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047"
+    cause = f"{number}; the motion implies 47 ± *"
     done.stdout.fnmatch_lines(
         [
             "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",
@@ -130,7 +131,7 @@ def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> N
     done = project.run("--crosscheck", "models", "-k", "free")
     done.assert_outcomes(passed=1, failed=1, deselected=6)
     done.stdout.fnmatch_lines(
-        ["FAILED: */space.py:*: the process died (SIGSEGV)*", "  | about to crash"]
+        ["XC604 FAILED: */space.py:*: the process died (SIGSEGV)*", "  | about to crash"]
     )
 
 
@@ -142,7 +143,7 @@ def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> No
     done.assert_outcomes(failed=1, deselected=3)
     # Enough to import all that comes before the model's own line, on a slow machine too.
     spent = "it used up its limit of 6 processor seconds; --crosscheck-limit raises it"
-    done.stdout.fnmatch_lines([f"FAILED: */space.py:*: {spent}"])
+    done.stdout.fnmatch_lines([f"XC604 FAILED: */space.py:*: {spent}"])
 
 
 @pytest.mark.slow
