@@ -39,22 +39,24 @@ def bounds(
     segments: Segments,
     *,
     exact: bool,
+    flow: Array | None = None,
 ) -> Bounds:
-    """The bounds of solved segments.
+    """Return the bounds of solved segments.
 
     Args:
         segments: with the bound of the solution itself.
         exact: whether they were solved with more digits than double has, the inputs' values too.
+        flow: transition matrices of the segments, (K, 2n, 2n), if they are known.
     """
     flows, turned, rates = [], [], []
     for rows, span, piece in each(spans, signals):
         field = field_of(equations, piece)
         at, starts = segments.t[rows], segments.start[rows]
-        flow = transitions(field, at, starts, span.length)
+        own = transitions(field, at, starts, span.length) if flow is None else flow[rows]
         nodes = segments.nodes[rows]
-        flows.append(flow)
+        flows.append(own)
         turned.append(
-            rounded_away(equations, piece, at, nodes, span.length, flow=flow, rounded=not exact)
+            rounded_away(equations, piece, at, nodes, span.length, flow=own, rounded=not exact)
         )
         rates.append(field(at + span.length, segments.end[rows]))
     bound = segments.bound + np.max(np.concatenate(turned), axis=0)
@@ -62,9 +64,9 @@ def bounds(
     slopes = np.concatenate(rates)
     if exact:
         return Bounds(bound=bound, global_bound=_rounded(segments, times, slopes))
-    flow = np.concatenate(flows)
+    turns = np.concatenate(flows)
     lengths = np.concatenate([np.full(span.count, span.length) for span in spans])
-    chain = _chained(segments, times, lengths, flow, slopes, bound)
+    chain = _chained(segments, times, lengths, turns, slopes, bound)
     return Bounds(bound=bound, global_bound=chain)
 
 

@@ -1,10 +1,7 @@
 """A system's equations with its constants as arguments: derived and compiled once, for any values.
 
 A motion at other constants costs no derivation, no compilation and no symbol: `Family.at` puts
-numbers in. The reference motion is found by multiple shooting: a rough motion, Gauss collocation of
-all segments at once, and Newton's method for where they start (Deuflhard and Bornemann 2002,
-Scientific Computing with Ordinary Differential Equations, section 8.1). Each segment is checked by
-a second integration, as in `reference.solving.integrate`.
+numbers in. The reference motion is found by multiple shooting (`solving.shooting`).
 """
 
 from __future__ import annotations
@@ -22,16 +19,10 @@ from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, about, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.signal import Piece, numeric_inputs, pieces
-from physics_crosscheck.reference.solving.bounds import each, rounded_away, transitions
-from physics_crosscheck.reference.solving.collocation import CONVERGED, collocate
-from physics_crosscheck.reference.solving.integrate import (
-    ReferenceError,
-    by_runge_kutta,
-    field_of,
-    held_together,
-    trajectory,
-)
-from physics_crosscheck.reference.solving.motion import Motion, Span
+from physics_crosscheck.reference.solving.bounds import each, rounded_away
+from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
+from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.shooting import ROUGH, ROUGH_ACCURACY, shoot
 from physics_crosscheck.reference.solving.solve import (
     check_duration,
     check_motion,
@@ -39,24 +30,6 @@ from physics_crosscheck.reference.solving.solve import (
     start_of,
     tile,
 )
-
-SHOTS = 8
-"""Newton iterations at most; two are the rule."""
-
-JOINED = 1e-12
-"""Of the motion's size: by so much starts may still move where the shooting ends."""
-
-SETTLED = 1e-9
-"""Where they move by less, and by hardly less than before, rounding is what moves them."""
-
-FAR = 0.1
-"""Of the motion's size: where starts are to be moved by more, Newton's method is not begun."""
-
-ROUGHLY = 1e-8
-"""Change of rates that ends the iterations of the first shot, see `collocate`."""
-
-ROUGH = 400
-"""Samples of the rough motion, as in `solving.solve`: Newton's method squares what it is off."""
 
 
 @dataclass(frozen=True)
@@ -193,112 +166,39 @@ def solve_drawn(equations: DrawnEquations, scenario: Scenario) -> Motion:
 
 
 def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
-    import scipy.interpolate  # takes a part of a second, in every command
-
     system = equations.system
     signals = equations.family.signals(system, scenario)
     start, duration = start_of(system, scenario), float(scenario.duration)
     fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
     check_duration(fastest, duration, place)
     rough = np.linspace(0.0, duration, ROUGH)
-    states = trajectory(equations, start, signals, rough, rtol=1e-6)
+    states = trajectory(equations, start, signals, rough, rtol=ROUGH_ACCURACY)
     if not equations.linear:
         fastest = fastest_rate(equations, signals, rough, states)
         check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
-    times = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
-    guess = scipy.interpolate.CubicSpline(rough, states)(times)
-    guess[0] = start
-    solved = equations, signals, spans, times
-    try:
-        with np.errstate(all="ignore"):
-            starts, (end, nodes, flow) = _joined(*solved, guess)
-    except ReferenceError:
-        # A motion that multiplies differences: Newton's method begins too far from it.
-        starts = trajectory(equations, start, signals, times)
-        starts[0] = start
-        end, nodes, flow = _segments(*solved, starts, CONVERGED)
-    checks, rounded = [], []
-    for rows, span, piece in each(spans, signals):
-        at, field = times[rows], field_of(equations, piece)
-        checks.append(by_runge_kutta(field, at, starts[rows], span.length))
-        given = equations, piece, at, nodes[rows], span.length
-        rounded.append(rounded_away(*given, flow=flow[rows], rounded=True))
-    bound = held_together(end, np.concatenate(checks))
+    segments, flow = shoot(equations, signals, spans, rough, states)
+    rounded = [
+        rounded_away(
+            equations,
+            piece,
+            segments.t[rows],
+            segments.nodes[rows],
+            span.length,
+            flow=flow[rows],
+            rounded=True,
+        )
+        for rows, span, piece in each(spans, signals)
+    ]
     return Motion(
-        t=times,
-        start=starts,
-        end=end,
-        bound=bound + np.max(np.concatenate(rounded), axis=0),
-        global_bound=np.full((len(times) + 1, starts.shape[1]), np.inf),
-        nodes=nodes,
+        t=segments.t,
+        start=segments.start,
+        end=segments.end,
+        bound=segments.bound + np.max(np.concatenate(rounded), axis=0),
+        global_bound=np.full((len(segments.t) + 1, len(start)), np.inf),
+        nodes=segments.nodes,
         spans=spans,
         inputs=numeric_inputs(signals),
         fastest=fastest,
-        method="multiple shooting by Gauss collocation, checked by DOP853",
+        method=segments.method,
     )
-
-
-def _segments(
-    equations: DrawnEquations,
-    signals: Sequence[Piece],
-    spans: Sequence[Span],
-    times: Array,
-    starts: Array,
-    converged: float,
-) -> tuple[Array, Array, Array]:
-    """Ends, nodes and transitions of segments.
-
-    Raises:
-        ReferenceError: where the collocation does not converge.
-    """
-    ends, inner, flows = [], [], []
-    for rows, span, piece in each(spans, signals):
-        given = field_of(equations, piece), times[rows], starts[rows], span.length
-        end, nodes = collocate(*given, converged=converged)
-        ends.append(end)
-        inner.append(nodes)
-        flows.append(transitions(*given))
-    return np.concatenate(ends), np.concatenate(inner), np.concatenate(flows)
-
-
-def _joined(
-    equations: DrawnEquations,
-    signals: Sequence[Piece],
-    spans: Sequence[Span],
-    times: Array,
-    starts: Array,
-) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Starts of segments that follow from each other, and `_segments` from there.
-
-    Raises:
-        ReferenceError: where Newton's method does not join them.
-    """
-    size = np.maximum(np.max(np.abs(starts), axis=0), 1e-300)
-    worst = np.inf
-    for shot in range(SHOTS):
-        # What Newton's method will mend anyway need not be known to the last digit.
-        converged = ROUGHLY if shot == 0 else CONVERGED
-        found = _segments(equations, signals, spans, times, starts, converged)
-        end, _, flow = found
-        moved = _moves(flow, end[:-1] - starts[1:])
-        worst, before = float(np.max(np.abs(moved) / size, initial=0.0)), worst
-        # Where it falls no more, rounding along the chain is all that is left of it.
-        joined = worst <= JOINED or (worst < SETTLED and worst > before / 4)
-        if joined and shot > 0:
-            return starts, found
-        if not worst <= FAR:
-            break
-        starts = np.concatenate([starts[:1], starts[1:] + moved])
-    raise ReferenceError("the segments of the motion can't be joined because it grows too fast")
-
-
-def _moves(flow: Array, jumps: Array) -> Array:
-    """By how much each start but the first is to be moved, (K - 1, 2n): Newton's step."""
-    moved = np.empty_like(jumps)
-    carried = np.zeros(flow.shape[1])
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k, (turn, jump) in enumerate(zip(flow, jumps, strict=False)):
-            carried = turn @ carried + jump
-            moved[k] = carried
-    return moved

@@ -27,6 +27,7 @@ from physics_crosscheck.reference.solving.integrate import (
     trajectory,
 )
 from physics_crosscheck.reference.solving.motion import Motion, Span
+from physics_crosscheck.reference.solving.shooting import ROUGH, ROUGH_ACCURACY, shoot
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200
@@ -78,19 +79,23 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
     duration = float(scenario.duration)
     fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
     check_duration(fastest, duration, place)
+    times = np.linspace(0.0, duration, ROUGH)
+    states = start[None]
     if not equations.linear:
-        times = np.linspace(0.0, duration, 400)
-        states = trajectory(equations, start, signals, times, rtol=1e-6)
+        states = trajectory(equations, start, signals, times, rtol=ROUGH_ACCURACY)
         fastest = fastest_rate(equations, signals, times, states)
         check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
+    flow = None
     exact = equations.linear and all(piece.generators is not None for piece in signals)
     if exact and isinstance(equations, Equations):
         at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
         segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
-    else:
+    elif isinstance(equations, Equations):
         segments = solve_numerically(equations, start, signals, spans)
-    found = bounds(equations, signals, spans, segments, exact=exact)
+    else:  # a recursion costs as much for one state as for many
+        segments, flow = shoot(equations, signals, spans, times, states)
+    found = bounds(equations, signals, spans, segments, exact=exact, flow=flow)
     return Motion(
         t=segments.t,
         start=segments.start,
