@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import Prepared, derived
-from physics_crosscheck.harness.checks.robot_case import SCENARIO, STATES, tree_states
+from physics_crosscheck.harness.checks.robot_case import (
+    SCENARIO,
+    STATES,
+    motion_from_rest,
+    tree_states,
+)
 from physics_crosscheck.harness.checks.robot_record import robot_findings, told, tree_record
 from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.modelfiles.code_reads import recorded
@@ -26,6 +31,7 @@ from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.samples import Samples
 
 
@@ -39,6 +45,7 @@ class PreparedTree:
         samples: states of the tree, and where its equations take them.
         record: the system's entry in results.json.
         reads: states of what `system.py` has read, by name relative to the folder.
+        motion: from rest; why it can't be solved; None if none is wanted.
     """
 
     folder: Path
@@ -46,6 +53,7 @@ class PreparedTree:
     samples: Samples
     record: SystemRecord
     reads: Mapping[str, str]
+    motion: Motion | str | None = None
 
     def id(self, sidecar: Sidecar, engine: str) -> CaseId:
         """The one case of a model in an engine."""
@@ -55,7 +63,8 @@ class PreparedTree:
 
     def task(self, sidecar: Sidecar, engine: str, resolution: float) -> RobotTask:
         """That case, to run it."""
-        return case_of(self.system, self.samples, self.folder, sidecar, engine, resolution)
+        task = case_of(self.system, self.samples, self.folder, sidecar, engine, resolution)
+        return replace(task, motion=self.motion)
 
 
 def case_of(
@@ -84,10 +93,15 @@ def case_of(
     )
 
 
-def prepare_folder(folder: Path, described: bool = True) -> Prepared | PreparedTree:
+def prepare_folder(
+    folder: Path, described: bool = True, motion: float = 0.0
+) -> Prepared | PreparedTree:
     """Load `folder/system.py`, and solve what it declares: energies, or bodies.
 
-    Without `described` the record has no derivation, as in `prepare`.
+    Args:
+        folder: of the system.
+        described: whether the record has a derivation, as in `prepare`.
+        motion: duration of a motion from rest of declared bodies, seconds; 0 for none.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.
@@ -97,23 +111,25 @@ def prepare_folder(folder: Path, described: bool = True) -> Prepared | PreparedT
         declared = load_declaration(folder)
     if isinstance(declared, System):
         return derived(folder, declared, reads.states(), began, described=described)
-    return _prepared_tree(folder, declared, reads.states(), began)
+    return _prepared_tree(folder, declared, reads.states(), began, motion)
 
 
 def _prepared_tree(
-    folder: Path, declared: MultibodySystem, reads: Mapping[str, str], began: float
+    folder: Path, declared: MultibodySystem, reads: Mapping[str, str], began: float, motion: float
 ) -> PreparedTree:
     try:
         drawn = states_of(declared, STATES)
     except ReferenceError as error:
         raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
+    solved = motion_from_rest(declared.tree_system, drawn, motion) if motion else None
     seconds = time.perf_counter() - began
     return PreparedTree(
         folder=folder,
         system=declared,
         samples=drawn,
-        record=tree_record(str(folder), declared.tree_system, drawn, SCENARIO, seconds),
+        record=tree_record(str(folder), declared.tree_system, drawn, SCENARIO, seconds, motion),
         reads=reads,
+        motion=solved,
     )
 
 

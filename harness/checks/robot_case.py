@@ -12,10 +12,12 @@ import numpy as np
 from physics_crosscheck.harness.checks.accelerations import with_dynamics
 from physics_crosscheck.harness.checks.case_record import (
     dynamics_record,
+    full_run_record,
     stepping_record,
     verdict_record,
 )
 from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.full_run_check import with_full_runs
 from physics_crosscheck.harness.checks.robot_record import (
     robot_findings,
     settings_of,
@@ -23,7 +25,13 @@ from physics_crosscheck.harness.checks.robot_record import (
     told,
     tree_record,
 )
-from physics_crosscheck.harness.checks.robot_task import RefusedError, RobotTask, load_robot, placed
+from physics_crosscheck.harness.checks.robot_task import (
+    RefusedError,
+    RobotTask,
+    load_robot,
+    order_of,
+    placed,
+)
 from physics_crosscheck.harness.checks.verdict import Verdict, filled, judged
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
@@ -38,19 +46,24 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
     forward_dynamics,
     mixed,
 )
+from physics_crosscheck.harness.numerics.full_run import why_no_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
+from physics_crosscheck.harness.numerics.step_study import study_step
 from physics_crosscheck.harness.numerics.stepping import step_engine
-from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.case import Case, CaseKind, FullRun, Stepping
 from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
 from physics_crosscheck.harness.records.system import System
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.couplings import Coupled
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.next_state import SteppedBodies
 from physics_crosscheck.reference.solving.samples import Samples, samples
+from physics_crosscheck.reference.solving.solve import solve
 
 SCENARIO = "states"
 """What stands for the scenario of a file that declares none."""
@@ -78,6 +91,7 @@ class PreparedRobot:
         settings: with which engines run it.
         left_out: what the file says beyond the equations.
         findings: inertias that no body can have.
+        motion: from rest; why it can't be solved, in a sentence; None if none is wanted.
     """
 
     file: Path
@@ -89,6 +103,7 @@ class PreparedRobot:
     settings: Mapping[str, object]
     left_out: tuple[str, ...]
     findings: tuple[AuditFinding, ...]
+    motion: Motion | str | None = None
 
     @property
     def scenario(self) -> str:
@@ -110,16 +125,20 @@ class PreparedRobot:
             samples=self.samples,
             settings={**own, **self.settings},
             resolution=resolution,
+            motion=self.motion,
         )
 
 
-def prepare_robot(file: Path, *, floating: bool = False, model: str = "") -> PreparedRobot:
+def prepare_robot(
+    file: Path, *, floating: bool = False, model: str = "", motion: float = 0.0
+) -> PreparedRobot:
     """Read a robot's file, draw states, and solve.
 
     Args:
         file: the model file.
         floating: whether the root link of a URDF moves freely.
         model: which of several models of an SDFormat file; empty: the only one that moves.
+        motion: duration of a motion from rest, seconds; 0 for none.
 
     Raises:
         RobotError, ReferenceError: naming file, line and remedy.
@@ -131,6 +150,7 @@ def prepare_robot(file: Path, *, floating: bool = False, model: str = "") -> Pre
         drawn = tree_states(system, robot.limits, STATES)
     except ReferenceError as error:
         raise RobotError(f"{file}: {error}") from None
+    solved = motion_from_rest(system, drawn, motion) if motion else None
     return PreparedRobot(
         file=file,
         names=tuple(c.name for c in system.coordinates),
@@ -143,11 +163,33 @@ def prepare_robot(file: Path, *, floating: bool = False, model: str = "") -> Pre
             drawn,
             FLOATING if robot.floats else SCENARIO,
             time.perf_counter() - began,
+            motion,
         ),
         settings=settings_of(robot),
         left_out=(*(told(one) for one in robot.left_out), *sidecar_beside(file)),
         findings=robot_findings(robot),
+        motion=solved,
     )
+
+
+def motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Motion | str:
+    """Solve the motion from rest at the first of the drawn positions.
+
+    Returns:
+        The motion, or why it can't be solved.
+    """
+    scenario = Scenario(
+        "motion",
+        "from rest, under gravity and the mechanism's own forces",
+        q={c: float(q) for c, q in zip(system.coordinates, drawn.start[0], strict=False)},
+        v=dict.fromkeys(system.coordinates, 0.0),
+        inputs={},
+        duration=seconds,
+    )
+    try:
+        return solve(TreeEquations(system), scenario)
+    except (DeclarationError, ReferenceError) as error:
+        return str(error)
 
 
 def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> Samples:
@@ -255,17 +297,20 @@ def run_robot(task: RobotTask) -> Case:
             raise
         return _refused(task, failure_of(error))
     stepping = _stepping(task, way)  # as the file itself has the engine step
+    shipped = way
     way, verdict, dynamics = _decided(task, way, verdict)
+    outcome, reason, kind, full_run = _with_motion(task, shipped, verdict)
     return Case(
         system=task.robot,
         model=task.file.name,
         scenario=task.scenario,
         engine=task.engine,
         folder=task.folder,
-        outcome=verdict.outcome,
-        reason="; ".join(filter(None, (verdict.reason, *way.model.reservations))),
-        kind=verdict.kind,
+        outcome=outcome,
+        reason="; ".join(filter(None, (reason, *way.model.reservations))),
+        kind=kind,
         verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
+        full_run=full_run,
         stepping=stepping,
         forward_dynamics=dynamics_record(dynamics, tuple(way.model.coordinates)),
         seconds=time.perf_counter() - began,
@@ -341,6 +386,40 @@ def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Follow
             told = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
             return other, replace(found, reason="; ".join(filter(None, [found.reason, told])))
     return way, verdict
+
+
+def _with_motion(
+    task: RobotTask, way: Followed, verdict: Verdict
+) -> tuple[Outcome, str, CaseKind, FullRun | None]:
+    """Run the motion from rest at the file's own time step, and compare it with the verdict.
+
+    Returns:
+        The outcome, its reason, the kind of the reason, and the full run; without a motion those of
+        the verdict.
+    """
+    motion, model = task.motion, way.model
+    known = verdict.outcome, verdict.reason, verdict.kind
+    if motion is None:
+        return *known, None
+    why = motion if isinstance(motion, str) else why_no_run(motion.duration, model.step)
+    if isinstance(motion, str) or why:
+        reason = "; ".join(filter(None, (verdict.reason, f"no motion from rest: {why}")))
+        return verdict.outcome, reason, verdict.kind, None
+    n, claimed = len(task.names), model.exponents(False)[0]
+    size = np.repeat([motion.amplitude[:n].max(), motion.amplitude[n:].max()], n)
+    study = study_step(
+        model,
+        task.followers.map(order_of(task, model), task.names),
+        motion,
+        power=TreeEquations(
+            tree_system(name=task.robot, title="", source="", tree=task.tree)
+        ).numeric_power,
+        amplitude=filled(np.maximum(motion.amplitude, FLOOR * size)),
+        claimed=claimed,
+        agrees=verdict.outcome is Outcome.AGREES,
+    )
+    full_run = full_run_record(study, model.step, model.integrator)
+    return *with_full_runs(verdict, study, motion, claimed), full_run
 
 
 def _stepping(task: RobotTask, way: Followed) -> Stepping | None:

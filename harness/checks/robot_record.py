@@ -160,9 +160,23 @@ def told(one: LeftOut) -> str:
 
 
 def tree_record(
-    folder: str, system: TreeSystem, drawn: Samples, scenario: str, seconds: float
+    folder: str,
+    system: TreeSystem,
+    drawn: Samples,
+    scenario: str,
+    seconds: float,
+    motion: float = 0.0,
 ) -> System:
-    """What is written of a tree: its joints, and the states at which it is checked."""
+    """Return the record of a tree: its joints, the states of its check, and its motion.
+
+    Args:
+        folder: of the system, or its file.
+        system: the tree.
+        drawn: the states.
+        scenario: name of these.
+        seconds: spent on it.
+        motion: duration of a motion from rest, seconds; 0 for none.
+    """
     count = len(drawn.start)
     return System(
         name=system.name,
@@ -177,7 +191,8 @@ def tree_record(
         scenarios=(
             Scenario(
                 name=scenario,
-                description=f"{counted(count, 'state')}, each under its own forces",
+                description=f"{counted(count, 'state')}, each under its own forces"
+                + (f"; and a motion of {motion:g} s from rest" if motion else ""),
                 duration=drawn.length,
                 inputs={},
                 segments=count,

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError, Model, Mode
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
 from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.samples import Samples
 
 
@@ -37,6 +38,7 @@ class RobotTask:
         settings: with which the engine runs it.
         resolution: that is asked.
         springs: of its sidecar.
+        motion: from rest; why it can't be solved; None if none is wanted.
     """
 
     file: Path
@@ -51,6 +53,7 @@ class RobotTask:
     settings: Mapping[str, object]
     resolution: float
     springs: tuple[Spring, ...] = ()
+    motion: Motion | str | None = None
 
 
 def load_robot(task: RobotTask) -> Model:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.dynamics.equations import VectorFunction
+from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.motion import Motion
 
 
@@ -33,9 +34,7 @@ class EnergyBalance:
         return float(np.max(np.abs(imbalance))) / self.scale if self.scale else 0.0
 
 
-def energy_balance(
-    t: Array, states: Array, motion: Motion, power: NumericFunction
-) -> EnergyBalance:
+def energy_balance(t: Array, states: Array, motion: Motion, power: VectorFunction) -> EnergyBalance:
     """Balance the energy of a sampled run.
 
     Args:

@@ -12,7 +12,8 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.energy import EnergyBalance, energy_balance
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.dynamics.equations import VectorFunction
+from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import Inputs
 from physics_crosscheck.reference.solving.motion import Motion
 
@@ -124,7 +125,7 @@ def full_run(
     model: Model,
     coordinates: CoordinateMap,
     motion: Motion,
-    power: NumericFunction,
+    power: VectorFunction,
     h: float,
     every: int = 0,
 ) -> FullRun:

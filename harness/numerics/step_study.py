@@ -29,7 +29,8 @@ from physics_crosscheck.harness.numerics.full_run import (
     follows,
     full_run,
 )
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.dynamics.equations import VectorFunction
+from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.motion import Motion
 
 TARGETS = (0.01, 0.001, 0.0001)
@@ -86,7 +87,7 @@ def study_step(
     coordinates: CoordinateMap,
     motion: Motion,
     *,
-    power: NumericFunction,
+    power: VectorFunction,
     amplitude: Array,
     claimed: int,
     agrees: bool = True,

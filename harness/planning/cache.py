@@ -173,19 +173,19 @@ def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
     return states_now(folder, reads) == dict(reads)
 
 
-def piece_of_folder(folder: Path, *, described: bool) -> Piece:
+def piece_of_folder(folder: Path, *, described: bool, motion: float = 0.0) -> Piece:
     """The preparation of a folder; without `described` it has no derivation."""
     try:
-        known = f"{folder_files(folder).system} {described} {_surroundings()}"
+        known = f"{folder_files(folder).system} {described} {motion!r} {_surroundings()}"
     except OSError:
         known = ""
     return Piece(kind="folder", folder=str(folder), inputs=known and digest_of(known.encode()))
 
 
-def models_inputs(known: Mapping[ModelKey, str]) -> dict[ModelKey, str]:
+def models_inputs(known: Mapping[ModelKey, str], motion: float = 0.0) -> dict[ModelKey, str]:
     """The hashes of models in engines, as `harness.baseline.inputs` has them, for all runs."""
     return {
-        key: digest_of(f"{one} {_surroundings()} {_adapter(key[-1])}".encode())
+        key: digest_of(f"{one} {motion!r} {_surroundings()} {_adapter(key[-1])}".encode())
         for key, one in known.items()
     }
 

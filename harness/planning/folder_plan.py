@@ -35,13 +35,17 @@ class FolderWork(PlaceWork[FolderFacts]):
         found: Collected,
     ) -> None:
         cache = options.cache
-        piece = piece_of_folder(folder, described=options.described) if cache else None
+        piece = (
+            piece_of_folder(folder, described=options.described, motion=options.motion)
+            if cache
+            else None
+        )
         super().__init__(folder, options, found, piece)
         self._snapshots = snapshots
         # As it is before anything of it is run: what changes meanwhile is another folder's.
         wanted = found.keeps or cache
         known = inputs(folder, options.resolution, options.baseline) if wanted else {}
-        self._known = models_inputs(known) if wanted else {}
+        self._known = models_inputs(known, options.motion) if wanted else {}
 
     @property
     def stand_in(self) -> CaseId:
@@ -57,11 +61,14 @@ class FolderWork(PlaceWork[FolderFacts]):
         """Those with a derivation serve as well where none is asked for."""
         known = super()._known_facts()
         if known is None and self.options.cache and not self.options.described:
-            known = self._had(piece_of_folder(self.place, described=True))
+            whole = piece_of_folder(self.place, described=True, motion=self.options.motion)
+            known = self._had(whole)
         return known
 
     def _preparing(self) -> Task[Any, Any]:
-        return Task(task_function("folder", described=self.options.described), self.place)
+        options = self.options
+        prepare = task_function("folder", described=options.described, motion=options.motion)
+        return Task(prepare, self.place)
 
     def _inputs(self, key: ModelKey) -> str:
         return self._known.get(key, "")

@@ -129,6 +129,7 @@ class Options:
         baseline: the folder with accepted differences.
         floating: whether the root link of a standalone URDF moves.
         model: the model to read from an SDFormat file that has several.
+        motion: duration of the motion from rest of a standalone file, seconds; 0 for none.
         choice: the cases to run.
         scheduler: address of a cluster's scheduler; empty for processes of this machine.
         cache: results of earlier runs, reused where their inputs have not changed.
@@ -142,6 +143,7 @@ class Options:
     selection: Selection | None = None
     floating: bool = False
     model: str = ""
+    motion: float = 0.0
     choice: Choice = field(default_factory=Choice)
     scheduler: str = ""
     cache: Cache | None = None

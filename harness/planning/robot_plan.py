@@ -45,7 +45,7 @@ class RobotWork(PlaceWork[RobotFacts]):
 
     def __init__(self, file: Path, options: Options, found: Collected) -> None:
         wanted = found.keeps or options.cache
-        own = {"floating": options.floating, "model": options.model}
+        own = {"floating": options.floating, "model": options.model, "motion": options.motion}
         known = piece_of_robot(file, own) if wanted else None
         super().__init__(file, options, found, known)
 
@@ -61,7 +61,9 @@ class RobotWork(PlaceWork[RobotFacts]):
 
     def _preparing(self) -> Task[Any, Any]:
         options = self.options
-        prepare = task_function("robot", floating=options.floating, model=options.model)
+        prepare = task_function(
+            "robot", floating=options.floating, model=options.model, motion=options.motion
+        )
         return Task(prepare, self.place)
 
     def _inputs(self, key: ModelKey) -> str:

@@ -21,7 +21,11 @@ from physics_crosscheck.harness.checks.case import (
 )
 from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder, survey_file
 from physics_crosscheck.harness.checks.prepare import Prepared
-from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
+from physics_crosscheck.harness.checks.robot_case import (
+    PreparedRobot,
+    prepare_robot,
+    run_robot,
+)
 from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.coverage import count_numbers
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
@@ -44,13 +48,13 @@ from physics_crosscheck.harness.records.survey import Audit, FileSurvey
 Solved = Prepared | PreparedTree | PreparedRobot
 
 
-def folder(place: Path, *, described: bool) -> Preparation:
+def folder(place: Path, *, described: bool, motion: float = 0.0) -> Preparation:
     """Derive and solve the equations of a system folder.
 
     Raises:
         DeclarationError, ReferenceError: naming the mistake and its place.
     """
-    solved = prepare_folder(place, described=described)
+    solved = prepare_folder(place, described=described, motion=motion)
     facts = FolderFacts(
         record=solved.record,
         bodies=isinstance(solved, PreparedTree),
@@ -59,13 +63,13 @@ def folder(place: Path, *, described: bool) -> Preparation:
     return Preparation(facts, solved)
 
 
-def robot(place: Path, *, floating: bool, model: str) -> Preparation:
+def robot(place: Path, *, floating: bool, model: str, motion: float) -> Preparation:
     """Read a robot's file, and solve its equations.
 
     Raises:
         FileError, ReferenceError: naming the mistake and its place.
     """
-    solved = prepare_robot(place, floating=floating, model=model)
+    solved = prepare_robot(place, floating=floating, model=model, motion=motion)
     facts = RobotFacts(record=solved.record, left_out=solved.left_out, findings=solved.findings)
     return Preparation(facts, solved)
 

@@ -7,6 +7,8 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pybullet_data
 import pytest
 
@@ -23,6 +25,7 @@ from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.reference.solving.motion import Motion
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())
@@ -499,3 +502,44 @@ def test_negative_damping_is_stepped_as_mujoco_does(tmp_path: Path) -> None:
     assert case.outcome is Outcome.AGREES
     assert case.stepping is not None
     assert case.stepping.outcome is Outcome.AGREES
+
+
+def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
+    prepared = prepare_robot(DATA / "cartpole.urdf", motion=0.5)
+    assert isinstance(prepared.motion, Motion)
+    case = run_robot(prepared.task("mujoco", 1e-9))
+    model = mujoco.MjModel.from_xml_path(str(DATA / "cartpole.urdf"))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    names = [model.joint(i).name for i in range(model.njnt)]
+    start = dict(zip(prepared.names, prepared.samples.start[0], strict=False))
+    data.qpos[:] = [start[name] for name in names]
+    worst = 0.0
+    order = [prepared.names.index(name) for name in names]
+    sizes = prepared.motion.amplitude[order]
+    sizes = np.maximum(sizes, 0.01 * sizes.max())
+    for step in range(1, 251):
+        mujoco.mj_step(model, data)
+        exact = prepared.motion.at(np.array([step * model.opt.timestep]))[0, order]
+        worst = max(worst, float(np.max(np.abs(data.qpos - exact) / sizes)))
+    assert case.full_run is not None
+    assert case.outcome is Outcome.AGREES
+    assert case.full_run.global_error == pytest.approx(worst, rel=1e-6)
+    assert case.full_run.order == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_time_step_too_long_for_the_motion_is_a_reservation() -> None:
+    prepared = prepare_robot(DATA / "cartpole.urdf", motion=0.003)
+    case = run_robot(prepared.task("mujoco", 1e-9))
+    assert (case.outcome, case.full_run) == (Outcome.AGREES, None)
+    assert "no motion from rest: dt = 0.002 s is too long for a motion of 0.003 s" in case.reason
+
+
+def test_the_command_line_reports_the_error_of_a_motion(tmp_path: Path) -> None:
+    file = str(DATA / "cartpole.urdf")
+    refused = crosscheck(tmp_path, file, "--motion", "0")
+    assert refused.returncode == 2
+    assert "must be a number of seconds above 0" in refused.stderr
+    done = crosscheck(tmp_path, file, "--motion", "0.5", "--engine", "mujoco", "--details")
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"error at dt +dt +order", done.stdout)

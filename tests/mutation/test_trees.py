@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
+from physics_crosscheck.harness.checks.robot_case import run_robot
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.mutation.mutate import mutate
@@ -69,3 +70,17 @@ def test_a_folder_that_is_not_sound_is_told(folder: Path) -> None:
     (folder / "m.xml").write_text(MODEL.replace('mass="2.0"', 'mass="2.1"'))
     with pytest.raises(MutationError, match=r"m\.xml: it does not agree with its equations"):
         mutate([folder], lambda *_: None, workers=1)
+
+
+def test_a_folder_of_bodies_has_the_error_of_a_motion(folder: Path) -> None:
+    prepared = prepare_folder(folder, motion=1.0)
+    assert isinstance(prepared, PreparedTree)
+    sidecar = read_sidecar(folder / "m.xml.toml")
+    coarse = run_robot(prepared.task(sidecar, "mujoco", 1e-9)).full_run
+    (folder / "m.xml").write_text(MODEL.replace("0.002", "0.001"))
+    fine = run_robot(prepared.task(sidecar, "mujoco", 1e-9)).full_run
+    assert coarse is not None
+    assert fine is not None
+    assert (coarse.time_step, fine.time_step) == (0.002, 0.001)
+    # MuJoCo's Euler steps have order 1.
+    assert coarse.global_error == pytest.approx(2 * (fine.global_error or 0), rel=0.02)

@@ -139,6 +139,17 @@ def floating(command: argparse.ArgumentParser) -> None:
     )
 
 
+def motion(command: argparse.ArgumentParser) -> None:
+    """Add --motion SECONDS."""
+    group(command, "Robot files").add_argument(
+        "--motion",
+        type=seconds,
+        default=0.0,
+        metavar="SECONDS",
+        help="Also run a motion from rest: its error at dt [no motion]",
+    )
+
+
 def chosen_model(command: argparse.ArgumentParser) -> None:
     """Add --model."""
     group(command, "Robot files").add_argument(

@@ -71,6 +71,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         limits=arguments.limits_of(options),
         baseline=options.baseline,
         floating=options.floating,
+        motion=options.motion,
         model=options.chosen_model,
         choice=wanted.choice,
         scheduler=options.scheduler,

@@ -40,5 +40,6 @@ def add(command: argparse.ArgumentParser) -> None:
         history=False,
         strict=False,
         floating=False,
+        motion=0.0,
         chosen_model="",
     )

@@ -37,6 +37,7 @@ def add(command: argparse.ArgumentParser) -> None:
     )
     arguments.standalone(command)
     arguments.floating(command)
+    arguments.motion(command)
     arguments.chosen_model(command)
     arguments.resolution_of(command)
     arguments.strict(command)
