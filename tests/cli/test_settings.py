@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.gate import meant
-from physics_crosscheck.harness.interfaces.cli.parsers import accept, gate, list, run
+from physics_crosscheck.harness.interfaces.cli.parsers import accept, gate, run
 from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
 
 __all__ = ["place"]
 
-COMMANDS = {"run": run, "list": list, "gate": gate, "accept": accept}
+COMMANDS = {"run": run, "list": listing, "gate": gate, "accept": accept}
 
 
 def settings(folder: Path, text: str) -> None:

@@ -58,6 +58,7 @@ def test_a_row_has_the_command_that_runs_it_alone(
     told = capsys.readouterr().out
     assert f"ok  #{row.index} {row.name}, {row.integrator}" in told
     assert f"k = {row.constants['k']:.6g}" in told
+    assert row.global_error is not None
     assert f"error at dt {percent(row.global_error)}" in told
 
 

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.codes import CODES
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal import sarif as sarif_module
+from physics_crosscheck.harness.results import sarif as sarif_module
 from physics_crosscheck.harness.results.github import run_notes
 from physics_crosscheck.harness.results.sarif import sarif
 from tests.records.made import case, finding, model, results
