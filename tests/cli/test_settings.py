@@ -10,6 +10,7 @@ import pytest
 
 from physics_crosscheck.harness.interfaces.cli.gate import meant
 from physics_crosscheck.harness.interfaces.cli.parsers import accept, gate, run
+from physics_crosscheck.harness.interfaces.cli.parsers import list as listing
 from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
 
