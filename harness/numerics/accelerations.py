@@ -18,6 +18,7 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.batch import floored
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import RUNGS, weights
+from physics_crosscheck.harness.numerics.residual import FINEST
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -56,11 +57,14 @@ class Velocities:
         speed: what counts as one, (C,), nowhere zero.
         rounding_scale: how far one unit of relative rounding moves each position, and velocity, of
             which they are, (2C,).
+        vanishing: whether the equations' accelerations are zero. Rounding alone then has no limit,
+            and the finest rungs bound what is left (`numerics.residual`).
     """
 
     of: Callable[[Array, Array, Array], Array]
     speed: Array
     rounding_scale: Array
+    vanishing: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +105,7 @@ class Accelerations:
             of=lambda z, w, near: self._residual(z, w, near)[:, nz:],
             speed=floored(np.max(np.abs(w), axis=0)),
             rounding_scale=self.coordinates.residual_rounding_scale(z, w),
+            vanishing=True,
         )
         found = self._resolved(left, states, inputs, np.zeros((len(states), len(self.speed))))
         return found, left.speed * self.fastest
@@ -171,7 +176,8 @@ class Accelerations:
             return Estimate(value=bad, uncertainty=np.full_like(bad, np.inf))
         each = np.tensordot(weights(LADDER, (1, 1)), np.stack(by_step), axes=1)
         carried = np.max(np.abs(each - each[-1]), axis=0)
-        return Estimate(value=limit.value, uncertainty=limit.uncertainty + 2 * carried)
+        found = Estimate(value=limit.value, uncertainty=limit.uncertainty + 2 * carried)
+        return _bounded_by_finest(found, np.stack(by_step)) if of.vanishing else found
 
     def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
         """Mass matrices (B, n, n) and generalized forces (B, n) of the engine at states (B, 2n).
@@ -207,6 +213,21 @@ class Accelerations:
             Estimate(value=mass, uncertainty=mass_error),
             Estimate(value=force, uncertainty=_known(force_error)),
         )
+
+
+def _bounded_by_finest(found: Estimate, rungs: Array) -> Estimate:
+    """Return an estimate near zero, with the finest rungs' own values as its largest uncertainty.
+
+    Args:
+        found: values (B, C).
+        rungs: accelerations by rung and step, (R, S, B, C).
+    """
+    finest = np.max(np.abs(rungs[-FINEST:]), axis=(0, 1))
+    closer = finest < found.uncertainty
+    return Estimate(
+        value=np.where(closer, rungs[-1, -1], found.value),
+        uncertainty=np.where(closer, finest, found.uncertainty),
+    )
 
 
 def _known(uncertainty: Array) -> Array:
