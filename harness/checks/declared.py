@@ -7,7 +7,9 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.robot_case import SCENARIO
+from physics_crosscheck.harness.checks.robot_case import SCENARIO, scenario_of
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
@@ -36,15 +38,22 @@ class Declared:
     warned: tuple[Told, ...]
 
 
-def declared(folder: Path) -> Declared:
-    """Load a declaration; in a worker, since it is a program and may do what programs do.
+def declared(target: Path, *, floating: bool = False, model: str = "") -> Declared:
+    """Load a declaration, or read a robot file; in a worker, since a declaration is a program.
+
+    Args:
+        target: the system folder, or the file.
+        floating, model: how the file is read, as in `read_robot`.
 
     Raises:
-        DeclarationError: naming the file, the line and the remedy.
+        DeclarationError, RobotError: naming the file, the line and the remedy.
     """
+    if target.is_file():
+        robot = read_robot(target, floating=floating, model=model)
+        return Declared(robot_system(robot).name, (scenario_of(robot),), ())
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("default")
-        system = load_declaration(folder)
+        system = load_declaration(target)
     if isinstance(system, MultibodySystem):
         scenarios: tuple[str, ...] = (SCENARIO,)
     else:

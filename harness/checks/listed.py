@@ -1,9 +1,10 @@
-"""The cases that a folder has, by their names: nothing is derived, and no engine is asked."""
+"""The cases that targets have, by their names: nothing is derived, and no motion is run."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.declared import Declared, declared
@@ -14,6 +15,7 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     chosen_engines,
     model_files,
 )
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import CaseId
 
 
@@ -25,42 +27,45 @@ class Listed:
     faults: tuple[str, ...]
 
 
-def listed(folders: Sequence[Path], only: Sequence[str]) -> Listed:
-    """The cases of system folders, as they would be run.
+def listed(
+    targets: Sequence[Path], only: Sequence[str], *, floating: bool = False, model: str = ""
+) -> Listed:
+    """The cases of system folders and robot files, as they would be run.
 
     Args:
-        folders: each with its `system.py`, which is run in a worker.
-        only: engines; none: all that the sidecars name.
+        targets: folders, each with its `system.py`, which is run in a worker; and files.
+        only: engines; none: all that the sidecars name, or that read the file.
+        floating, model: how files are read, as in `read_robot`.
     """
     found = dict[Path, Declared | Failure]()
 
-    def job(folder: Path) -> Job[Declared]:
+    def job(target: Path) -> Job[Declared]:
         def done(value: Declared | Failure) -> tuple[()]:
-            found[folder] = value
+            found[target] = value
             return ()
 
-        return Job(task=Task(declared, folder), done=done, failed=done)
+        glance = partial(declared, floating=floating, model=model)
+        return Job(task=Task(glance, target), done=done, failed=done)
 
     with Workers(1) as workers:
-        work(map(job, folders), workers)
+        work(map(job, targets), workers)
     cases, faults = list[tuple[str, CaseId]](), list[str]()
-    for folder in folders:
-        system = found[folder]
+    for target in targets:
+        system = found[target]
         if isinstance(system, Failure):
-            faults.append(system.reason)
+            faults.append(system.about(target) if target.is_file() else system.reason)
             continue
-        for one in model_files(folder):
+        for one in [target] if target.is_file() else model_files(target):
             if isinstance(one, UnreadModel):
                 faults.append(one.reason)
                 continue
+            file = one.model if isinstance(one, Sidecar) else one
             cases += [
-                (str(folder), case)
+                (
+                    str(target),
+                    CaseId(system=system.name, model=file.name, scenario=scenario, engine=engine),
+                )
                 for engine in chosen_engines(one, only)
                 for scenario in system.scenarios
-                for case in [
-                    CaseId(
-                        system=system.name, model=one.model.name, scenario=scenario, engine=engine
-                    )
-                ]
             ]
     return Listed(tuple(cases), tuple(faults))

@@ -37,7 +37,7 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import home_of
+from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.numerics.batch import Batch, held
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -161,7 +161,7 @@ def prepare_robot(
             str(robot.file),
             system,
             drawn,
-            FLOATING if robot.floats else SCENARIO,
+            scenario_of(robot),
             time.perf_counter() - began,
             motion,
         ),
@@ -190,6 +190,11 @@ def motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Moti
         return solve(TreeEquations(system), scenario)
     except (DeclarationError, ReferenceError) as error:
         return str(error)
+
+
+def scenario_of(robot: Robot) -> str:
+    """Return the name of a robot's states."""
+    return FLOATING if robot.floats else SCENARIO
 
 
 def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> Samples:

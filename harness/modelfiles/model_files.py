@@ -13,6 +13,8 @@ from physics_crosscheck.harness.engines.registry import (
     absent_extras,
     engines,
     model_formats,
+    readers,
+    runners,
     standing,
 )
 from physics_crosscheck.harness.modelfiles.locations import line_of
@@ -114,6 +116,15 @@ def check_springs(sidecar: Sidecar, engine: Engine) -> None:
         )
 
 
-def chosen_engines(sidecar: Sidecar, only: Sequence[str]) -> list[str]:
-    """The engines that a sidecar names, of those that are wanted; `only` empty: all."""
-    return [name for name in sidecar.engines if not only or name in only]
+def chosen_engines(model: Sidecar | Path, only: Sequence[str]) -> list[str]:
+    """Return the engines of a model that are wanted.
+
+    Args:
+        model: its sidecar, which names engines; or a robot file, which all its readers run.
+        only: wanted engines; empty: all, without those that run a robot file on request only.
+    """
+    if isinstance(model, Sidecar):
+        names: Sequence[str] = model.engines
+    else:
+        names = [one.name for one in (readers if only else runners)(model.suffix)]
+    return [name for name in names if not only or name in only]

@@ -1,27 +1,36 @@
-"""Which names of a command line are robots' files."""
+"""Robot files among the names of a command line, and below a folder."""
 
 from __future__ import annotations
 
+import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.folders import FORMATS, FolderError
 from physics_crosscheck.harness.results.visible import odd_name, visible
+
+MAX_DEPTH = 4
+"""Folders below a folder that are searched."""
+
+SKIPPED = frozenset({"__pycache__", "build", "dist", "node_modules", "site-packages", "venv"})
+"""Names of folders that hold no models of the user; hidden ones are skipped too."""
+
+HEAD_BYTES = 4096
+"""Bytes of an XML file that contain its first element."""
 
 _TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
 
 
 @dataclass(frozen=True)
 class NamedRobots:
-    """What names of a command line mean.
+    """The meaning of the names of a command line.
 
     Attributes:
-        files: robots' files, each once.
-        others: names that are none.
-        faults: names of files that are not there, or that can't be checked alone -> what is said of
-            each.
+        files: robot files, each once.
+        others: names of other targets.
+        faults: message about each file that is missing or can't be checked alone, by its name.
     """
 
     files: list[Path]
@@ -30,7 +39,7 @@ class NamedRobots:
 
 
 def robot_files(names: Sequence[str]) -> NamedRobots:
-    """Those that are files, or would be by their endings, and the other names."""
+    """Separate robot files, also missing ones, from the other names."""
     files, others, faults = list[Path](), list[str](), dict[str, str]()
     for name in names:
         path = Path(name)
@@ -61,3 +70,68 @@ def xacro_remedy(file: Path) -> str:
         "it is source for xacro, which no engine reads; expand it with"
         f" `xacro {source} > {target}`, and give {target}"
     )
+
+
+def models_below(here: Path) -> list[str]:
+    """Return the system folders below a folder; without any, its model files.
+
+    Raises:
+        FolderError: for a folder with neither.
+    """
+    folders, files = _below(here)
+    if not (folders or files):
+        raise FolderError(
+            "no models below this directory; name a file such as robot.urdf or a system folder,"
+            " set folders in [tool.crosscheck] of pyproject.toml, or try `crosscheck demo`"
+        )
+    return sorted(map(str, folders or files))
+
+
+def robots_below(folder: Path) -> list[Path]:
+    """Return the robot files below a folder, sorted; none where a system folder is below it."""
+    folders, files = _below(folder)
+    return [] if folders else sorted(files)
+
+
+def expand_folders(names: Sequence[str]) -> list[str]:
+    """Return the names, each folder of robot files replaced by these files."""
+    return [
+        file
+        for name in names
+        for file in ([str(one) for one in robots_below(Path(name))] if name else []) or [name]
+    ]
+
+
+def _below(here: Path) -> tuple[list[Path], list[Path]]:
+    """Return the system folders and the robot files below a folder."""
+    folders, files = list[Path](), list[Path]()
+    for base, names in _walk(here):
+        if "system.py" in names:
+            folders.append(base)
+        files += [base / name for name in names if is_robot(base / name)]
+    return folders, files
+
+
+def _walk(here: Path) -> Iterator[tuple[Path, list[str]]]:
+    """Yield folders and the names of their files, none below a system folder."""
+    for base, folders, names in os.walk(here):
+        depth = len(Path(base).relative_to(here).parts)
+        deeper = depth < MAX_DEPTH and "system.py" not in names
+        folders[:] = sorted(
+            name for name in folders if deeper and not name.startswith(".") and name not in SKIPPED
+        )
+        yield Path(base), names
+
+
+def is_robot(file: Path) -> bool:
+    """Return whether a file is a robot's: by its ending, and MJCF by its first element."""
+    if file.suffix not in FORMATS or file.name.startswith("."):
+        return False
+    if file.suffix != ".xml":
+        return True
+    try:
+        with file.open("rb") as opened:
+            head = opened.read(HEAD_BYTES)
+    except OSError:
+        return False
+    return b"<mujoco" in head and b"<mujocoinclude" not in head

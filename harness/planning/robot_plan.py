@@ -11,11 +11,11 @@ from typing import Any
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.not_run import absent, barred_case, failed_case
-from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.engines.registry import readers, runners
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.modelfiles.model_files import chosen_engines
 from physics_crosscheck.harness.planning.cache import piece_of_robot, robot_inputs
 from physics_crosscheck.harness.planning.model_plan import text_of
 from physics_crosscheck.harness.planning.options import Options
@@ -102,12 +102,9 @@ class RobotPlan:
         """The file in every engine that reads its format, or in those that are wanted."""
         file, facts = work.place, work.facts
         self._found.systems.append(facts.record)
-        wanted = [
-            engine
-            for engine in (readers if self._options.engines else runners)(file.suffix)
-            if not self._options.engines or engine.name in self._options.engines
-        ]
-        found = [(engine, _id(work, engine)) for engine in wanted]
+        adapters = engines()
+        wanted = chosen_engines(file, self._options.engines)
+        found = [(adapters[name], _id(work, name)) for name in wanted]
         choice = self._options.choice
         chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
         self._found.left.pop((str(file), work.stand_in), None)
@@ -117,7 +114,7 @@ class RobotPlan:
             if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue
-            model = _model(work, engine)
+            model = _model(work, engine.name)
             self._found.models[model.key] = model
             begun.append(model.key)
             yield from self._case(work, model.key, case)
@@ -170,22 +167,22 @@ def _stand_in(file: Path) -> CaseId:
     return CaseId(system=file.stem, model=file.name, scenario="-", engine="-")
 
 
-def _id(work: RobotWork, engine: Engine) -> CaseId:
+def _id(work: RobotWork, engine: str) -> CaseId:
     record = work.facts.record
     return CaseId(
         system=record.name,
         model=work.place.name,
         scenario=record.scenarios[0].name,
-        engine=engine.name,
+        engine=engine,
     )
 
 
-def _model(work: RobotWork, engine: Engine) -> Model:
+def _model(work: RobotWork, engine: str) -> Model:
     file, facts = work.place, work.facts
     return Model(
         system=facts.record.name,
         model=file.name,
-        engine=engine.name,
+        engine=engine,
         folder=str(file),
         text=text_of(file),
         sidecar="",

@@ -121,6 +121,13 @@ def scheduler(command: argparse.ArgumentParser) -> None:
     )
 
 
+def robot_options(command: argparse.ArgumentParser) -> None:
+    """Add --standalone, --floating and --model: how robot files are read."""
+    standalone(command)
+    floating(command)
+    chosen_model(command)
+
+
 def standalone(command: argparse.ArgumentParser) -> None:
     """Add --standalone."""
     group(command, "Robot files").add_argument(

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.below import models_below
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
 from physics_crosscheck.harness.records.case import Case

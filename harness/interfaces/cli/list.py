@@ -5,25 +5,29 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.listed import listed
-from physics_crosscheck.harness.interfaces.cli.below import models_below
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, USAGE
-from physics_crosscheck.harness.modelfiles.choice import Choice, chosen_models, matching
-from physics_crosscheck.harness.modelfiles.folders import check_engines, named_folders
+from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
+from physics_crosscheck.harness.modelfiles.choice import matching
+from physics_crosscheck.harness.modelfiles.folders import check_engines
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print a name a line; returns 2 where a folder can't be listed."""
+    """Print a name a line; returns 2 where a target can't be listed."""
     check_engines(options.engine)
     matching(options.words)
-    names, models = chosen_models(options.folders or models_below(Path.cwd()))
-    choice = Choice(models=models, words=options.words)
-    named = named_folders(names)
-    found = listed(named.folders, options.engine)
+    names = options.folders or models_below(Path())
+    targets = resolve_targets(names, standalone=options.standalone)
+    choice = replace(targets.choice, words=options.words)
+    found = listed(
+        targets.paths, options.engine, floating=options.floating, model=options.chosen_model
+    )
     cases = [(folder, case) for folder, case in found.cases if choice.includes(folder, case)]
     if options.format == "json":
         rows = [
@@ -41,7 +45,7 @@ def main(options: argparse.Namespace) -> int:
         for _, case in cases:
             print(visible(str(case)))
         print(counted(len(cases), "case"), file=sys.stderr)
-    faults = (*named.faults.values(), *found.faults)
+    faults = (*targets.named.faults.values(), *found.faults)
     for fault in faults:
         print(f"crosscheck: {fault}", file=sys.stderr)
     return USAGE if faults or not cases else AGREE

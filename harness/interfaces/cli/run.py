@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.below import models_below
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page, keep_history
 from physics_crosscheck.harness.interfaces.cli.targets import (
@@ -23,6 +22,7 @@ from physics_crosscheck.harness.interfaces.cli.watch import Ran, watch
 from physics_crosscheck.harness.jobs.stop import asking
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.model_files import absent_lines
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.journal import Journal, journal
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -48,7 +48,7 @@ def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the verdict."""
     check_engines(options.engine)
     if not (options.folders or options.last_failed):
-        options.folders = models_below(Path.cwd())
+        options.folders = models_below(Path())
     wanted = select_targets(options)
     if not (wanted.folders or wanted.robots):
         return AGREE

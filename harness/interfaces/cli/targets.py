@@ -11,7 +11,7 @@ from pathlib import Path
 from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
 from physics_crosscheck.harness.modelfiles.choice import Choice, NamedModel, chosen_models, matching
 from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFolders, named_folders
-from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
+from physics_crosscheck.harness.modelfiles.robot_targets import expand_folders, robot_files
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.results.visible import visible
 
@@ -34,6 +34,11 @@ class Targets:
     def folders(self) -> Sequence[Path]:
         """System folders."""
         return self.named.folders
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """System folders, then robot files."""
+        return (*self.named.folders, *self.robots)
 
 
 def select_targets(options: argparse.Namespace) -> Targets:
@@ -68,7 +73,7 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     models: dict[str, tuple[NamedModel, ...]] = {}
     if not standalone:
         names, models = chosen_models(names)
-    robots = robot_files(names)
+    robots = robot_files(expand_folders(names))
     has_files = bool(robots.files or robots.faults)
     if robots.others or not has_files:
         named = named_folders(robots.others, beside=has_files)

@@ -11,7 +11,7 @@ ABOUT = CommandHelp(
     description="List the cases that `crosscheck run` would check.\n"
     "Each case has a name: SYSTEM/MODEL/SCENARIO [ENGINE]. Nothing runs.",
     examples={
-        "List all cases of a folder": "crosscheck list my_arm",
+        "List the cases of a folder and of a robot file": "crosscheck list my_arm robot.urdf",
         "List the driven cases in MuJoCo": "crosscheck list -k driven --engine mujoco",
     },
     exit_codes={
@@ -27,4 +27,5 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.targets(command, required=False, kinds=arguments.MODELS, default=arguments.BELOW)
     arguments.engine(command)
     arguments.words(command)
+    arguments.robot_options(command)
     arguments.output_format(command, "text", "json")

@@ -35,10 +35,8 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="Run only cases that did not pass in the last run",
     )
-    arguments.standalone(command)
-    arguments.floating(command)
+    arguments.robot_options(command)
     arguments.motion(command)
-    arguments.chosen_model(command)
     arguments.resolution_of(command)
     arguments.strict(command)
     engines_required(command)

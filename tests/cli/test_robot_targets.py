@@ -1,0 +1,74 @@
+"""Commands that take robot files as they take system folders."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.engines.registry import runners
+from tests.commands import crosscheck
+from tests.robots.files import joint, link
+
+ARM = "\n".join([
+    '<robot name="swing">', link("ground"), link("rod"),
+    joint("hinge", "ground", "rod", '<axis xyz="0 1 0"/>'), "</robot>",
+])  # fmt: skip
+"""A rod of 2 kg on a hinge, with its center 0.5 m from it."""
+
+LAMP = """<mujoco model="lamp"><worldbody><body name="rod">
+<joint name="hinge" axis="0 1 0"/><inertial mass="2" pos="0 0 -0.5" diaginertia="0.3 0.3 0.1"/>
+</body></worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """A working folder with two robots in `robots`."""
+    (tmp_path / "robots" / "deep").mkdir(parents=True)
+    (tmp_path / "robots" / "arm.urdf").write_text(ARM)
+    (tmp_path / "robots" / "deep" / "lamp.xml").write_text(LAMP)
+    return tmp_path
+
+
+def names(suffix: str) -> list[str]:
+    return [engine.name for engine in runners(suffix)]
+
+
+@pytest.mark.parametrize("words", [(), (".",), ("robots",), ("robots/arm.urdf", "robots/deep")])
+def test_list_has_a_case_for_each_engine_of_each_file(place: Path, words: tuple[str, ...]) -> None:
+    done = crosscheck("list", *words, cwd=place)
+    assert (done.returncode, done.stdout.splitlines()) == (0, [
+        *(f"swing/arm.urdf/states [{name}]" for name in names(".urdf")),
+        *(f"lamp/lamp.xml/states [{name}]" for name in names(".xml")),
+    ]), done.stderr  # fmt: skip
+
+
+def test_list_selects_cases_of_files_as_run_does(place: Path) -> None:
+    words = ("robots", "--engine", "mujoco", "-k", "swing", "--floating", "--format", "json")
+    done = crosscheck("list", *words, cwd=place)
+    assert json.loads(done.stdout) == [{
+        "folder": "robots/arm.urdf", "system": "swing", "model": "arm.urdf",
+        "scenario": "floating states", "engine": "mujoco",
+    }]  # fmt: skip
+
+
+def test_a_file_that_can_t_be_read_is_reported_beside_the_others(place: Path) -> None:
+    (place / "robots" / "broken.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
+    done = crosscheck("list", "robots", cwd=place)
+    assert done.returncode == 2
+    assert "swing/arm.urdf/states [mujoco]" in done.stdout
+    assert "robots/broken.urdf:3: " in done.stderr
+
+
+def test_a_folder_of_robots_runs_and_one_with_systems_below_it_does_not_list_its_files(
+    place: Path,
+) -> None:
+    done = crosscheck("run", "robots", "--engine", "mujoco", cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "2 systems, 2 models" in done.stdout
+    (place / "robots" / "deep" / "system.py").write_text("oops\n")
+    done = crosscheck("list", "robots", cwd=place)
+    assert "arm.urdf" not in done.stdout
+    assert f"{Path('deep') / 'system.py'}:1: NameError" in done.stderr
