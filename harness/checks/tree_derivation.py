@@ -1,6 +1,8 @@
-"""What `crosscheck derive` prints of declared bodies: formulas of few joints, numbers of all."""
+"""Equations that `crosscheck derive` prints of bodies: formulas of few joints, numbers of all."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import sympy as sp
@@ -24,16 +26,24 @@ ROUNDING = 1e-11
 leave of zeros."""
 
 
-def tree_derivation(declared: MultibodySystem) -> DerivedTree:
-    """Return what is derived of declared bodies."""
+def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> DerivedTree:
+    """Return the equations of bodies.
+
+    Args:
+        declared: the bodies of a declaration, or of a robot file.
+        omitted: statements of the file beyond them.
+    """
     system, whole = declared.tree_system, declared.assembled
     home = home_of(whole.tree, whole.limits)[Coupled(whole.tree).kept]
     found = formulas(whole.tree, system.q, system.v)
     n = len(home)
     still = np.zeros((1, n))
-    mass = TreeEquations(system).numeric_mass(
+    equations = TreeEquations(system)
+    mass = equations.numeric_mass(
         home[None], still, np.zeros((1, 0)), np.zeros((1, 1))
     ).reshape(n, n)  # fmt: skip
+    force = -equations.forces_for(home[None], still, still)[0]
+    force = np.where(np.abs(force) > ROUNDING * np.max(np.abs(force)), force, 0.0)
     size = np.sqrt(np.outer(mass.diagonal(), mass.diagonal()))
     mass = np.where(np.abs(mass) > ROUNDING * size, mass, 0.0)
     return DerivedTree(
@@ -48,10 +58,12 @@ def tree_derivation(declared: MultibodySystem) -> DerivedTree:
         gravity=declared.gravity,
         pulls=[one.name for one in declared.pulls],
         couplings=[one.follower for one in declared.couplings],
+        omitted=omitted,
         motion=_motion(found, system.a) if isinstance(found, Formulas) else [],
         left_out="" if isinstance(found, Formulas) else found,
         home=home.tolist(),
         mass=Matrix(name="M", symbolic=None, numbers=mass.tolist()),
+        force=Matrix(name="f", symbolic=None, numbers=force[:, None].tolist()),
     )
 
 

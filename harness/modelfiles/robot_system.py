@@ -6,7 +6,11 @@ from physics_crosscheck.harness.modelfiles.robot import Obstacle, Robot
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
+from physics_crosscheck.reference.mechanism.multibody import (
+    MultibodySystem,
+    TreeSystem,
+    tree_system,
+)
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 
@@ -36,6 +40,26 @@ def robot_system(robot: Robot) -> TreeSystem:
         raise RobotError(f"{robot.file}: it has no joint that moves, so there is nothing to check")
     return tree_system(
         name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
+    )
+
+
+def robot_bodies(robot: Robot) -> MultibodySystem:
+    """Return the bodies of a robot, as a declaration has them.
+
+    Raises:
+        RobotError: as `robot_system`.
+    """
+    system, read = robot_system(robot), robot.told
+    assert read is not None  # it has a tree
+    return MultibodySystem(
+        name=system.name,
+        title=system.title,
+        source=system.source,
+        gravity=read.gravity,
+        bodies=read.bodies,
+        pulls=read.pulls,
+        couplings=read.couplings,
+        medium=read.medium,
     )
 
 

@@ -97,7 +97,7 @@ def test_what_means_nothing_is_wrong_usage(
 @pytest.mark.parametrize(
     "words",
     [
-        ("gate",), ("accept", "--reason", "right"), ("derive",), ("mutate",),
+        ("gate",), ("accept", "--reason", "right"), ("mutate",),
         ("audit",),
     ],
 )  # fmt: skip

@@ -72,3 +72,37 @@ def test_a_folder_of_robots_runs_and_one_with_systems_below_it_does_not_list_its
     done = crosscheck("list", "robots", cwd=place)
     assert "arm.urdf" not in done.stdout
     assert f"{Path('deep') / 'system.py'}:1: NameError" in done.stderr
+
+
+SDF = """<sdf version="1.9"><model name="swing"><link name="rod"><inertial>
+<pose>0 0 -0.5 0 0 0</pose><mass>2</mass>
+<inertia><ixx>0.3</ixx><iyy>0.3</iyy><izz>0.1</izz></inertia></inertial>
+</link>
+<joint name="hinge" type="revolute"><parent>world</parent><child>rod</child><axis><xyz>0 1 0</xyz>
+<dynamics><friction>0.1</friction></dynamics></axis></joint></model></sdf>
+"""
+
+
+def test_derive_prints_the_same_equation_of_a_robot_in_each_format(place: Path) -> None:
+    (place / "robots" / "swing.sdf").write_text(SDF)
+    for file in ("arm.urdf", "deep/lamp.xml", "swing.sdf"):
+        done = crosscheck("derive", f"robots/{file}", cwd=place)
+        assert done.returncode == 0, done.stderr
+        assert "  0.8*hinge'' = -9.81*sin(hinge)\n" in done.stdout
+        assert "M = [ 0.8 ]" in done.stdout
+        assert ("Not in the equations: dry friction." in done.stdout) is (file == "swing.sdf")
+
+
+def test_derive_prints_numbers_of_what_is_too_long_for_formulas(place: Path) -> None:
+    done = crosscheck("derive", "robots/arm.urdf", "--floating", cwd=place)
+    assert "Degrees of freedom: 7." in done.stdout
+    assert "is a free joint" in done.stdout
+    force = [line.strip("f= []") for line in done.stdout.splitlines()[-9:] if "[" in line]
+    assert [float(value) for value in force] == [0, 0, 0, 0, 0, pytest.approx(-4 * 9.81), 0]
+
+
+def test_derive_reports_what_prevents_the_equations_with_its_line(place: Path) -> None:
+    (place / "robots" / "arm.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
+    done = crosscheck("derive", "robots/arm.urdf", cwd=place)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr.startswith("crosscheck: robots/arm.urdf:2: ")

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from physics_crosscheck.harness.checks.derivation import derivation
+from physics_crosscheck.harness.checks.robot_record import told
 from physics_crosscheck.harness.checks.tree_derivation import tree_derivation
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
-from physics_crosscheck.harness.interfaces.cli.targets import warn_unknown, with_unknown
+from physics_crosscheck.harness.interfaces.cli.targets import (
+    resolve_targets,
+    warn_unknown,
+    with_unknown,
+)
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
-from physics_crosscheck.harness.modelfiles.folders import named_folders
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
 from physics_crosscheck.harness.render.terminal.equations import describe
 from physics_crosscheck.reference.load import load_declaration, told_with_file
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
@@ -22,27 +29,43 @@ Form = Literal["latex", "text"]
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print the equations of each system."""
+    """Print the equations of each system folder and each robot file."""
     form: Form = "latex" if options.latex else "text"
-    named = named_folders(options.folders)
-    warn_unknown(named)
+    targets = resolve_targets(options.folders, standalone=options.standalone)
+    warn_unknown(targets.named)
+    describe_robot = partial(
+        describe_file, form=form, floating=options.floating, model=options.chosen_model
+    )
     with Workers(1, arguments.limits_of(options)) as workers:
-        for folder in named.folders:
-            text = workers.outcome(workers.submit(describe_folder, (folder, form)))
+        for path in targets.paths:
+            is_file = path in targets.robots
+            task = describe_robot if is_file else partial(describe_folder, form=form)
+            text = workers.outcome(workers.submit(task, path))
             if isinstance(text, Failure):
-                print(f"crosscheck: {text.about(folder / 'system.py')}", file=sys.stderr)
+                file = path if is_file else path / "system.py"
+                print(f"crosscheck: {text.about(file)}", file=sys.stderr)
                 return FAIL
             print(text)
-    return with_unknown(AGREE, named)
+    return with_unknown(AGREE, targets.named)
 
 
-def describe_folder(task: tuple[Path, Form]) -> str:
+def describe_file(file: Path, *, form: Form, floating: bool, model: str) -> str:
+    """Return the text about a robot's equations; the other arguments are those of `read_robot`.
+
+    Raises:
+        RobotError: naming what is wrong and where.
+    """
+    robot = read_robot(file, floating=floating, model=model)
+    omitted = [told(one) for one in robot.left_out]
+    return describe(tree_derivation(robot_bodies(robot), omitted), form)
+
+
+def describe_folder(folder: Path, *, form: Form) -> str:
     """Return the text about a folder's equations; runs in a worker, since system.py is code.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
-    folder, form = task
     system = load_declaration(folder)
     if isinstance(system, MultibodySystem):
         return describe(tree_derivation(system), form)

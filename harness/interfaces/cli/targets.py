@@ -58,8 +58,6 @@ def select_targets(options: argparse.Namespace) -> Targets:
             return Targets(NamedFolders([], {}), [], Choice(only=only))
         names = names or list(dict.fromkeys(folder for folder, _ in only))
     targets = resolve_targets(names, standalone=options.standalone)
-    if not targets.robots and not targets.folders:
-        raise FolderError("; ".join(targets.named.faults.values()))
     return replace(targets, choice=replace(targets.choice, words=options.words, only=only))
 
 
@@ -69,6 +67,9 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     Args:
         names: of a command line; none: all built-in folders.
         standalone: whether files in a system folder are robot files, too.
+
+    Raises:
+        FolderError: if no name means a target.
     """
     models: dict[str, tuple[NamedModel, ...]] = {}
     if not standalone:
@@ -80,6 +81,8 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     else:
         named = NamedFolders([], {})
     faults = {**robots.faults, **named.faults}
+    if not robots.files and not named.folders:
+        raise FolderError("; ".join(faults.values()))
     return Targets(NamedFolders(named.folders, faults), robots.files, Choice(models=models))
 
 

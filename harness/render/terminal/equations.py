@@ -149,16 +149,18 @@ class ShownJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class DerivedTree:
-    """What is derived from declared bodies.
+    """Everything that is derived from bodies: those of a declaration, or of a robot file.
 
     Attributes:
         q, v, a: symbols of positions, velocities and accelerations.
         pulls: names of tendons and actuators.
         couplings: names of the joints that follow others.
+        omitted: statements of the file beyond the equations; empty for a declaration.
         motion: both sides of each equation of motion; empty where these are left out.
         left_out: why they are; empty where they are not.
         home: position of each coordinate at which the mass matrix is shown.
         mass: that matrix.
+        force: of each coordinate in that position at rest, a column.
     """
 
     title: str
@@ -172,10 +174,12 @@ class DerivedTree:
     gravity: Sequence[float]
     pulls: Sequence[str]
     couplings: Sequence[str]
+    omitted: Sequence[str]
     motion: Sequence[tuple[Terms, Terms]]
     left_out: str
     home: Sequence[float]
     mass: Matrix
+    force: Matrix
 
 
 def describe(derived: DerivedSystem | DerivedTree, style: Literal["text", "latex"] = "text") -> str:
