@@ -26,7 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="PATH",
-        help="test every case of every system folder under PATH; repeatable",
+        help="test the system folders or robot files at or below PATH; repeatable",
     )
     group.addoption(
         "--require-engines",
@@ -85,7 +85,7 @@ class CrosscheckHooks:
 
         Called with the record of each case that agrees, as in results.json; the case fails with
         the sentences that are returned, one or a list. A conftest.py is asked for the system
-        folders below it.
+        folders and robot files below it.
         """
 
 
@@ -108,7 +108,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the rest, if there is something to check.
 
     Raises:
-        pytest.UsageError: for a path without a system folder, or an option out of range.
+        pytest.UsageError: for a path without a target, or an option out of range.
     """
     try:
         if not (config.getoption("crosscheck") or config.getini("crosscheck_paths")):

@@ -14,8 +14,8 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
+    model_path,
 )
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import CaseId
 
 
@@ -59,11 +59,11 @@ def listed(
             if isinstance(one, UnreadModel):
                 faults.append(one.reason)
                 continue
-            file = one.model if isinstance(one, Sidecar) else one
+            name = model_path(one).name
             cases += [
                 (
                     str(target),
-                    CaseId(system=system.name, model=file.name, scenario=scenario, engine=engine),
+                    CaseId(system=system.name, model=name, scenario=scenario, engine=engine),
                 )
                 for engine in chosen_engines(one, only)
                 for scenario in system.scenarios

@@ -25,9 +25,17 @@ class Hurdle:
     kind: CaseKind
 
 
-def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle | None:
-    """Why a model can't be run in an engine; None where it can."""
-    engine = known.get(name)
+def hurdle(known: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hurdle | None:
+    """Return why a model can't run in an engine; None if it can.
+
+    Args:
+        known: all engines.
+        name: of the engine.
+        model: the sidecar, which may name any engine; or a robot file.
+    """
+    if isinstance(model, Path):
+        return absent(known[name])
+    sidecar, engine = model, known.get(name)
     if engine is None:
         names = ", ".join(sorted(known))
         return Hurdle(
@@ -57,8 +65,15 @@ def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
 
 
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
-    """A case, or what stands for the cases of a model or a folder, that could not be run."""
-    reason = failure.about(Path(folder) / one.model)
+    """Return a case, or what stands for the cases of a model or a target, that could not run.
+
+    Args:
+        one: the case.
+        folder: the system folder, or the robot file.
+        failure: the reason.
+    """
+    file = Path(folder) if Path(folder).name == one.model else Path(folder) / one.model
+    reason = failure.about(file)
     case = _case(one, folder, Outcome.FAILED, reason, failure.stdout)
     return replace(case, locations=failure.locations, kind=failure.kind)
 

@@ -116,6 +116,11 @@ def check_springs(sidecar: Sidecar, engine: Engine) -> None:
         )
 
 
+def model_path(model: Sidecar | Path) -> Path:
+    """Return the file of a model: of a system folder by its sidecar, or a robot file."""
+    return model.model if isinstance(model, Sidecar) else model
+
+
 def chosen_engines(model: Sidecar | Path, only: Sequence[str]) -> list[str]:
     """Return the engines of a model that are wanted.
 

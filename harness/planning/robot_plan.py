@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -70,9 +69,6 @@ class RobotWork(PlaceWork[RobotFacts]):
         assert self._piece is not None  # nothing is asked for without a cache or a journal
         return robot_inputs(self._piece, key[-1], self.options.resolution)
 
-    def _told(self, failure: Failure) -> Failure:
-        return replace(failure, reason=failure.about(self.place))
-
 
 class RobotPlan:
     """What is to be done for robots' files; values go to `found`."""
@@ -132,8 +128,7 @@ class RobotPlan:
                 yield from self._diagnosis(work, key)
 
         def failed(failure: Failure) -> Jobs:
-            told = replace(failure, reason=failure.about(work.place))
-            self._found.add(failed_case(case, str(work.place), told))
+            self._found.add(failed_case(case, str(work.place), failure))
             return ()
 
         return work.do("case", key, done, failed, scenario=case.scenario)

@@ -130,14 +130,9 @@ class PlaceWork(ABC, Generic[Facts]):
         return [make() for make in waiting]
 
     def _unprepared(self, failure: Failure) -> Jobs:
-        told = self._told(failure)
         self.found.forget(str(self.place))
-        self.found.add(failed_case(self.stand_in, str(self.place), told))
+        self.found.add(failed_case(self.stand_in, str(self.place), failure))
         return ()
-
-    def _told(self, failure: Failure) -> Failure:
-        """Why it can't be prepared, as it is said."""
-        return failure
 
     def do(
         self,

@@ -30,7 +30,11 @@ class Decision:
 
 
 def status_of(
-    record: Case | Model, *, require_engines: bool, demands: Sequence[str] = ()
+    record: Case | Model,
+    *,
+    require_engines: bool,
+    demands: Sequence[str] = (),
+    judged_by: Sequence[str] = (),
 ) -> Decision:
     """Decide the test of a case, or of a model's audit.
 
@@ -40,6 +44,7 @@ def status_of(
         record: the case, or the model with its audit.
         require_engines: whether an engine that is not installed is a failure.
         demands: what the project asks beyond agreement, and this case does not meet.
+        judged_by: other engines that have a verdict on the robot file that this engine refuses.
     """
     if isinstance(record, Model):
         if record.passes:
@@ -48,6 +53,9 @@ def status_of(
         return Decision(TestStatus.FAIL, failed or counted(len(record.findings), "finding"))
     if record.outcome is Outcome.ABSENT and not require_engines:
         return Decision(TestStatus.SKIP, record.reason)
+    if record.outcome is Outcome.REFUSED and judged_by:
+        names = " and ".join(judged_by)
+        return Decision(TestStatus.SKIP, f"REFUSED, but {names} ran it: {record.reason}")
     if not record.passes:
         return Decision(TestStatus.FAIL, record.reason)
     if demands and not record.accepted:

@@ -27,6 +27,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.reference.solving.motion import Motion
 from tests import commands
+from tests.robots.files import UNLIMITED
 
 DATA = Path(pybullet_data.getDataPath())
 SUITE = (*(engine.name for engine in standing(".urdf")), "pinocchio")
@@ -318,12 +319,6 @@ def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> 
     bare = re.sub(r'type="(revolute|prismatic)"', r'type="continuous"', bare)
     (tmp_path / "arm.urdf").write_text(bare)
     assert crosscheck(tmp_path, *arguments, "--strict").returncode == 0
-
-
-UNLIMITED = """<robot name="unlimited"><link name="ground"/><link name="arm"><inertial>
-<origin xyz="0 0 -0.3"/><mass value="0.7"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0"
-ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="ground"/>
-<child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
 def test_what_one_engine_refuses_is_told_and_fails_where_no_other_judges_it_or_by_strict(

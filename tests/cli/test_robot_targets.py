@@ -9,18 +9,7 @@ import pytest
 
 from physics_crosscheck.harness.engines.registry import runners
 from tests.commands import crosscheck
-from tests.robots.files import joint, link
-
-ARM = "\n".join([
-    '<robot name="swing">', link("ground"), link("rod"),
-    joint("hinge", "ground", "rod", '<axis xyz="0 1 0"/>'), "</robot>",
-])  # fmt: skip
-"""A rod of 2 kg on a hinge, with its center 0.5 m from it."""
-
-LAMP = """<mujoco model="lamp"><worldbody><body name="rod">
-<joint name="hinge" axis="0 1 0"/><inertial mass="2" pos="0 0 -0.5" diaginertia="0.3 0.3 0.1"/>
-</body></worldbody></mujoco>
-"""
+from tests.robots.files import ARM, LAMP
 
 
 @pytest.fixture

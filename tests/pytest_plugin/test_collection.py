@@ -124,7 +124,7 @@ def test_the_plugin_imports_nothing_but_pytest() -> None:
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["--crosscheck", "nowhere"], "--crosscheck nowhere: no such folder; the built-in systems are"),
     (["--crosscheck", ""], "--crosscheck PATH is empty; name a folder"),
-    (["--crosscheck", "empty"], "--crosscheck empty: neither it nor a folder under it has a"),
+    (["--crosscheck", "empty"], "--crosscheck empty: no system.py and no robot file in it or"),
     (["--crosscheck", "models", "--crosscheck-resolution", "0"], "between 1e-13 and 1e-2, not 0"),
     (["--crosscheck", "models", "--crosscheck-limit", "-1"], "must be a number of seconds above 0"),
 ])  # fmt: skip

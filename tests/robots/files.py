@@ -65,3 +65,21 @@ def in_the_way(robot: Robot) -> list[tuple[int, str]]:
     """Lines and sentences."""
     assert (robot.tree is None) == bool(robot.obstacles)
     return [(one.line, one.sentence) for one in robot.obstacles]
+
+
+ARM = "\n".join([
+    '<robot name="swing">', link("ground"), link("rod"),
+    joint("hinge", "ground", "rod", '<axis xyz="0 1 0"/>'), "</robot>",
+])  # fmt: skip
+"""A rod of 2 kg on a hinge, with its center 0.5 m from it."""
+
+LAMP = """<mujoco model="lamp"><worldbody><body name="rod">
+<joint name="hinge" axis="0 1 0"/><inertial mass="2" pos="0 0 -0.5" diaginertia="0.3 0.3 0.1"/>
+</body></worldbody></mujoco>
+"""
+
+UNLIMITED = """<robot name="unlimited"><link name="ground"/><link name="arm"><inertial>
+<origin xyz="0 0 -0.3"/><mass value="0.7"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="ground"/>
+<child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
+"""A revolute joint without `<limit>`, which Pinocchio refuses."""

@@ -42,6 +42,11 @@ class Accepting:
             raise pytest.UsageError(
                 "--crosscheck-accept is empty. State why the results are right."
             )
+        if self._reason is not None and not folders:
+            raise pytest.UsageError(
+                "--crosscheck-accept: the baseline has no robot files. Create a system folder with"
+                " `crosscheck new NAME --from FILE`."
+            )
 
     def accept(self, config: pytest.Config) -> bool | None:
         """Write what passed into the baseline; None where nothing is to be accepted.

@@ -1,7 +1,8 @@
-"""Tests of a system folder: one for each model file, engine and scenario, and one for each audit.
+"""Tests of a target: one for each model file, engine and scenario, and one for each audit.
 
-Their ids are `system.py::drum_pendulum/robot.urdf/free`, after the folder's path. All tests of a
-folder belong to one file, so that xdist's `--dist loadfile` (or `loadscope`) prepares it once.
+Ids are `system.py::drum_pendulum/robot.urdf/free` after a folder's path, and for a robot file
+`arm.urdf::arm/arm.urdf/states`. All tests of a target belong to one file, so that xdist's
+`--dist loadfile` (or `loadscope`) prepares it once.
 """
 
 from __future__ import annotations
@@ -14,10 +15,16 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.checks.not_run import barred_case, failed_case
+from physics_crosscheck.harness.checks.declared import Declared
+from physics_crosscheck.harness.checks.not_run import Hurdle, barred_case, failed_case
 from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+    model_path,
+)
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseId
@@ -38,6 +45,9 @@ from physics_crosscheck.harness.results.visible import visible_lines
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """What -m reads as something else than a marker's name."""
 
+NO_ENGINE = "-"
+"""Engine of a test that needs none."""
+
 MOST_FIXES = 3
 """Numbers to change that a message names."""
 
@@ -52,7 +62,7 @@ class SystemFile(pytest.File):
         folder = self.path.parent
         system = self.config.stash[RUNNER].declared(folder)
         if isinstance(system, Failure):
-            yield self._unread(folder.name, self.path.name, system.reason)
+            yield _unread(self, folder, folder.name, self.path.name, system)
             return
         # What a library or a declaration warns of on import is told at the end of the run: where
         # warnings are errors, that is meant for the project's own tests.
@@ -66,7 +76,8 @@ class SystemFile(pytest.File):
         for one in found:
             if isinstance(one, UnreadModel):
                 name = one.model if one.model != "-" else "no model file"
-                yield self._unread(system.name, name, one.reason)
+                failure = Failure(one.reason, "", kind="sidecar")
+                yield _unread(self, folder, system.name, name, failure)
                 continue
             for engine in one.engines:
                 tail = f"[{engine}]" if len(one.engines) > 1 else ""
@@ -75,16 +86,52 @@ class SystemFile(pytest.File):
                     yield CrosscheckItem.from_parent(
                         self,
                         name=_plain(case) + tail,
+                        target=folder,
                         system=system.name,
-                        sidecar=one,
+                        model=one,
                         engine=engine,
                         scenario=scenario,
                     )
 
-    def _unread(self, system: str, file: str, reason: str) -> UnreadItem:
-        return UnreadItem.from_parent(
-            self, name=_plain(f"{system}/{file}"), system=system, reason=reason
+
+class RobotFile(pytest.File):
+    """A robot file. Collecting reads it; it solves and judges nothing."""
+
+    def collect(self) -> Iterator[CrosscheckItem]:
+        """Yield a test for each engine, and one for the audit, which is the same in each."""
+        file = self.path
+        robot = self.config.stash[RUNNER].declared(file)
+        if isinstance(robot, Failure):
+            yield _unread(self, file, file.stem, file.name, robot)
+            return
+        engines = chosen_engines(file, ())
+        for scenario in robot.scenarios:
+            for engine in engines:
+                tail = f"[{engine}]" if len(engines) > 1 else ""
+                yield self._item(robot, engine, scenario, tail)
+        yield self._item(robot, NO_ENGINE, None, "")
+
+    def _item(
+        self, robot: Declared, engine: str, scenario: str | None, tail: str
+    ) -> CrosscheckItem:
+        case = f"{robot.name}/{self.path.name}/{scenario or 'audit'}"
+        return CrosscheckItem.from_parent(
+            self,
+            name=_plain(case) + tail,
+            target=self.path,
+            system=robot.name,
+            model=self.path,
+            engine=engine,
+            scenario=scenario,
         )
+
+
+def _unread(
+    parent: pytest.File, target: Path, system: str, file: str, failure: Failure
+) -> UnreadItem:
+    return UnreadItem.from_parent(
+        parent, name=_plain(f"{system}/{file}"), target=target, system=system, failure=failure
+    )
 
 
 def _plain(name: str) -> str:
@@ -93,22 +140,30 @@ def _plain(name: str) -> str:
 
 
 class CrosscheckItem(pytest.Item):
-    """A case; or an audit, where `scenario` is None."""
+    """A case; or an audit, if `scenario` is None.
+
+    Attributes:
+        target: the system folder, or the robot file.
+        model: the sidecar, or the robot file; None if it can't be read.
+        file: the model file; of a folder that can't be read, its declaration.
+    """
 
     def __init__(
         self,
         *,
+        target: Path,
         system: str,
-        sidecar: Sidecar | None,
+        model: Sidecar | Path | None,
         engine: str,
         scenario: str | None,
         **rest: Any,
     ) -> None:
         super().__init__(**rest)
-        self.system, self.sidecar, self.engine, self.scenario = system, sidecar, engine, scenario
+        self.target, self.model, self.file = target, model, model_path(model or self.path)
+        self.system, self.engine, self.scenario = system, engine, scenario
         self._brief = ""
         self._where: SourceLine | None = None
-        kind = {"model": sidecar.model.name} if sidecar else {}
+        kind = {"model": self.file.name} if model else {}
         self.add_marker(
             pytest.mark.crosscheck(
                 system=system, engine=engine, scenario=scenario or "audit", **kind
@@ -118,16 +173,20 @@ class CrosscheckItem(pytest.Item):
             _mark(self, name)
 
     def setup(self) -> None:
-        """Prepare the folder, so that its time is not counted as the first case's."""
-        runner = self.config.stash[RUNNER]
-        if self.sidecar and runner.hurdle(self.sidecar, self.engine) is None:
-            runner.prepared(self.path.parent)
+        """Prepare the target, so that its time is not counted as the first case's."""
+        if self.model and self._precondition(self.model) is None:
+            self.config.stash[RUNNER].prepared(self.target)
 
     def runtest(self) -> None:
         """Run, and end as `status_of` says."""
         record = self.record()
         required = self.config.getoption("crosscheck_require_engines")
-        decision = status_of(record, require_engines=required, demands=self._demands(record))
+        decision = status_of(
+            record,
+            require_engines=required,
+            demands=self._demands(record),
+            judged_by=self._judged_by(record),
+        )
         if isinstance(record, Case):
             self.user_properties += [("case", str(record.id)), *properties(record).items()]
         codes = [record.code] if isinstance(record, Case) else [one.code for one in record.findings]
@@ -143,8 +202,8 @@ class CrosscheckItem(pytest.Item):
             self._fail(record, decision)
 
     def _is_accepted(self, record: Case | Model) -> bool:
-        """Whether what was found is what is to be accepted: all but what could not be run."""
-        if not self.config.getoption("crosscheck_accept"):
+        """Whether the result is to be accepted: all but what could not run, and robot files."""
+        if not self.config.getoption("crosscheck_accept") or not isinstance(self.model, Sidecar):
             return False
         if isinstance(record, Model):
             return not record.failures
@@ -158,13 +217,23 @@ class CrosscheckItem(pytest.Item):
                 demands += [sentences] if isinstance(sentences, str) else sentences or ()
         return demands
 
+    def _judged_by(self, record: Case | Model) -> list[str]:
+        """Return the engines that have a verdict on a robot file that this engine refuses."""
+        if not isinstance(record, Case) or record.outcome is not Outcome.REFUSED:
+            return []
+        return self.config.stash[RUNNER].judged_by(record.id, self.target)
+
+    def _precondition(self, model: Sidecar | Path) -> Hurdle | None:
+        """Return why it can't run; the audit of a robot file needs no engine."""
+        if self.engine == NO_ENGINE:
+            return None
+        return self.config.stash[RUNNER].hurdle(model, self.engine)
+
     def _fail(self, record: Case | Model, decision: Decision) -> None:
         """End as a failure that names the cause."""
         diagnosis: Diagnosis | None = None
-        if isinstance(record, Case) and record.outcome is Outcome.DIFFERS and self.sidecar:
-            diagnosis = self.config.stash[RUNNER].diagnosis(
-                self.path.parent, self.sidecar, self.engine
-            )
+        if isinstance(record, Case) and record.outcome is Outcome.DIFFERS and self.model:
+            diagnosis = self.config.stash[RUNNER].diagnosis(self.target, self.model, self.engine)
             self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
             if diagnosis.explained:
                 causes = diagnosis.explanations[0].causes
@@ -185,9 +254,9 @@ class CrosscheckItem(pytest.Item):
         """Return the record of the model, without its texts."""
         return Model(
             system=self.system,
-            model=self.sidecar.model.name if self.sidecar else "-",
+            model=self.file.name if self.model else "-",
             engine=self.engine,
-            folder=str(self.path.parent),
+            folder=str(self.target),
             text="",
             sidecar="",
             **fields,
@@ -207,45 +276,45 @@ class CrosscheckItem(pytest.Item):
 
     def record(self) -> Case | Model:
         """Run the case or the audit; an audit that can't be had is a case that failed."""
-        assert self.sidecar is not None
-        runner, folder = self.config.stash[RUNNER], self.path.parent
+        assert self.model is not None
+        runner, target = self.config.stash[RUNNER], self.target
         one = CaseId(
             system=self.system,
-            model=self.sidecar.model.name,
+            model=self.file.name,
             scenario=self.scenario or "-",
             engine=self.engine,
         )
-        why = runner.hurdle(self.sidecar, self.engine)
+        why = self._precondition(self.model)
         if why is not None:
-            return barred_case(one, str(folder), why)
+            return barred_case(one, str(target), why)
         if self.scenario is not None:
-            return runner.case(one, folder, self.sidecar)
-        found = runner.audit(folder, self.sidecar, self.engine)
+            return runner.case(one, target, self.model)
+        found = runner.audit(target, self.model, self.engine)
         if isinstance(found, Failure):
-            return failed_case(one, str(folder), found)
+            return failed_case(one, str(target), found)
         model = self._model(audit=found.findings, poses=found.poses)
-        return runner.marked(model, folder)
+        return runner.marked(model, target)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Where it is: the model file; and its name as `crosscheck run` has it."""
-        if self.sidecar is None:
+        if self.model is None:
             # Not the id's ending, in which pytest's -v would take a dot for a separator.
             return self.path, 0, self.name.replace("/", ": ", 1)
-        name = f"{self.system}/{self.sidecar.model.name}/{self.scenario or 'audit'}"
-        return self.sidecar.model, 0, f"{name} [{self.engine}]"
+        name = f"{self.system}/{self.file.name}/{self.scenario or 'audit'}"
+        return self.file, 0, name if self.engine == NO_ENGINE else f"{name} [{self.engine}]"
 
 
 class UnreadItem(CrosscheckItem):
-    """A folder or model file that can't be read: a test that fails with the reason."""
+    """A target or model file that can't be read: a test that fails with the reason."""
 
-    def __init__(self, *, reason: str, **rest: Any) -> None:
-        super().__init__(sidecar=None, engine="-", scenario=None, **rest)
-        self._reason = reason
+    def __init__(self, *, failure: Failure, **rest: Any) -> None:
+        super().__init__(model=None, engine=NO_ENGINE, scenario=None, **rest)
+        self._failure = failure
 
     def record(self) -> Case:
-        """What stands for its cases."""
-        one = CaseId(system=self.system, model=self.path.name, scenario="-", engine="-")
-        return failed_case(one, str(self.path.parent), Failure(self._reason, "", kind="sidecar"))
+        """Return the case that stands for its cases."""
+        one = CaseId(system=self.system, model=self.path.name, scenario="-", engine=NO_ENGINE)
+        return failed_case(one, str(self.target), self._failure)
 
 
 def properties(case: Case) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Which system folders are meant, and what pytest is told to collect for them."""
+"""System folders and robot files that are meant, and what pytest collects for them."""
 
 from __future__ import annotations
 
@@ -9,21 +9,28 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import FolderError, system_folders
+from physics_crosscheck.harness.modelfiles.robot_targets import (
+    NamedRobots,
+    is_robot,
+    robot_files,
+)
 
 DECLARATION = "system.py"
 
 
-def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
-    """Every system folder that is `name`, or lies under it at any depth, sorted.
+def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
+    """Return the system folders at or below a path; without any, the robot files.
 
     A bare name that is no path stands for the built-in system, as in `crosscheck run`.
 
     Args:
+        name: of the path; of a robot file it stands for this file.
         unwanted: patterns of folder names that are not entered, pytest's `norecursedirs`.
 
     Raises:
-        FolderError: where there is none.
+        FolderError: for a path with neither.
     """
     if not name:  # an unset variable, which would mean all there is
         raise FolderError("PATH is empty; name a folder, or . for all that lie here")
@@ -33,34 +40,49 @@ def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
     if os.path.lexists(path / DECLARATION):  # a link to nowhere too: reading it says so
         return [path]
     if not path.is_dir():
-        return [Path(os.path.abspath(folder)) for folder in system_folders([name])]
-    found = []
-    for here, inner, files in os.walk(path):
-        if DECLARATION in files:
-            found.append(Path(here))
+        return _named(name)
+    folders, files = list[Path](), list[Path]()
+    for here, inner, names in os.walk(path):
+        if DECLARATION in names:
+            folders.append(Path(here))
             inner.clear()
+        files += [Path(here, file) for file in names if is_robot(Path(here, file))]
         # Sorted and in place: the walk is then the same in every xdist worker.
         inner[:] = sorted(name for name in inner if _enters(name, unwanted))
-    if not found:
-        raise FolderError(f"{name}: neither it nor a folder under it has a {DECLARATION}")
-    return sorted(found)
+    if not (folders or files):
+        raise FolderError(f"{name}: no {DECLARATION} and no robot file in it or below it")
+    return sorted(folders or files)
+
+
+def _named(name: str) -> list[Path]:
+    """Return the robot file that a name means, or the built-in system."""
+    robots = NamedRobots([], [name], {}) if named_model(name) else robot_files([name])
+    if robots.faults:
+        raise FolderError("; ".join(robots.faults.values()))
+    return [Path(os.path.abspath(path)) for path in robots.files or system_folders([name])]
 
 
 def meant(config: pytest.Config) -> dict[str, list[Path]]:
-    """System folders by the path that was named, on the command line or else in the ini file.
+    """Return the targets by the path that was named, on the command line or else in the ini file.
+
+    Robot files among pytest's own arguments are targets too: a shell writes `--crosscheck *.urdf`
+    as one path of --crosscheck and such arguments.
 
     Raises:
-        pytest.UsageError: for a path without a system folder.
+        pytest.UsageError: for a path without a target.
     """
     named = config.getoption("crosscheck") or [str(p) for p in config.getini("crosscheck_paths")]
+    if config.args_source is config.ArgsSource.ARGS:
+        files = [argument.split("::")[0] for argument in config.args]
+        named = [*named, *(file for file in files if is_robot(Path(file)))]
     try:
-        return {name: folders_under(name, _unwanted(config)) for name in named}
+        return {name: targets_under(name, _unwanted(config)) for name in named}
     except FolderError as error:
         raise pytest.UsageError(f"--crosscheck {error}") from None
 
 
-def to_collect(config: pytest.Config, folders: dict[str, list[Path]]) -> list[str]:
-    """What pytest shall collect: the command line's arguments, and the folders' declarations.
+def to_collect(config: pytest.Config, targets: dict[str, list[Path]]) -> list[str]:
+    """Return what pytest collects: the command line's arguments, declarations and robot files.
 
     `--crosscheck PATH` counts as an argument PATH: without others, nothing else is collected. An
     argument inside PATH, such as a test's id, selects from it. The ini file's paths, like
@@ -73,15 +95,15 @@ def to_collect(config: pytest.Config, folders: dict[str, list[Path]]) -> list[st
         return given
     inside = [Path(argument.split("::")[0]).resolve() for argument in given]
     unwanted = _unwanted(config)
-    for name, found in folders.items():
-        roots = [Path(name).resolve(), *(folder.resolve() for folder in found)]
+    for name, found in targets.items():
+        roots = [Path(name).resolve(), *(target.resolve() for target in found)]
         if named and any(path.is_relative_to(root) for path in inside for root in roots):
             continue
         # Not what pytest comes by anyway: pytest 8 loses tests where arguments overlap.
         given += [
-            str(folder / DECLARATION)
-            for folder in found
-            if not any(_reached(folder.resolve(), path, unwanted) for path in inside)
+            str(file)
+            for file in (one / DECLARATION if one.is_dir() else one for one in found)
+            if not any(_reached(file.resolve().parent, path, unwanted) for path in inside)
         ]
     return list(dict.fromkeys(given))
 

@@ -1,6 +1,6 @@
 """Where the tests of one pytest process are run: one worker process, and what is known already.
 
-A system is prepared once and a model diagnosed once, however many tests ask for it.
+A system or robot is prepared once and a model diagnosed once, however many tests ask for it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from msgspec import structs
+
 from physics_crosscheck.harness.baseline.audits import mark_models
 from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known
 from physics_crosscheck.harness.baseline.store import read_baseline
@@ -19,9 +21,15 @@ from physics_crosscheck.harness.checks.not_run import Hurdle, failed_case, hurdl
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
+from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning import tasks
-from physics_crosscheck.harness.planning.prepared import FolderFacts, ModelTask, Preparation
+from physics_crosscheck.harness.planning.prepared import (
+    FolderFacts,
+    ModelTask,
+    Preparation,
+    RobotFacts,
+)
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -45,40 +53,65 @@ class CaseRunner:
         self._workers: Workers | None = None
         self._engines = engines()
         self._prepared: dict[Path, Preparation | Failure] = {}
+        self._robot_cases: dict[tuple[Path, CaseId], Case] = {}
         self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
-    def hurdle(self, sidecar: Sidecar, engine: str) -> Hurdle | None:
-        """Why a model can't be run at all; None where it can."""
-        return hurdle(self._engines, engine, sidecar)
+    def hurdle(self, model: Sidecar | Path, engine: str) -> Hurdle | None:
+        """Return why a model can't run at all; None if it can."""
+        return hurdle(self._engines, engine, model)
 
-    def declared(self, folder: Path) -> Declared | Failure:
-        """What a folder's declaration says at a glance."""
-        return self._ask(declared, folder)
+    def declared(self, target: Path) -> Declared | Failure:
+        """Return the names of a declaration or of a robot file."""
+        return self._ask(declared, target)
 
-    def prepared(self, folder: Path) -> Preparation | Failure:
-        """Prepare a folder, once."""
-        if folder not in self._prepared:
-            prepare = partial(tasks.folder, described=False)
-            self._prepared[folder] = self._ask(prepare, folder)
-        return self._prepared[folder]
+    def prepared(self, target: Path) -> Preparation | Failure:
+        """Prepare a system folder or a robot file, once."""
+        if target not in self._prepared:
+            prepare: Callable[[Path], Preparation] = (
+                partial(tasks.folder, described=False)
+                if target.is_dir()
+                else partial(tasks.robot, floating=False, model="")
+            )
+            self._prepared[target] = self._ask(prepare, target)
+        return self._prepared[target]
 
-    def case(self, one: CaseId, folder: Path, sidecar: Sidecar) -> Case:
-        """Run a case; one that the baseline knows has the reason that it was accepted with."""
-        found = self.prepared(folder)
-        if isinstance(found, Failure):
-            return failed_case(one, str(folder), found)
-        if _has_bodies(found) and (reason := not_of_a_tree(sidecar)):
-            return failed_case(one, str(folder), Failure(reason, "", kind="sidecar"))
-        task = self._task(sidecar, one.engine, one.scenario)
+    def case(self, one: CaseId, target: Path, model: Sidecar | Path) -> Case:
+        """Run a case; one that the baseline knows has the reason that it was accepted with.
+
+        A case of a robot file runs once, however many tests ask for it.
+        """
+        if isinstance(model, Sidecar):
+            return self._run(one, target, model)
+        if (target, one) not in self._robot_cases:
+            self._robot_cases[target, one] = self._run(one, target, model)
+        return self._robot_cases[target, one]
+
+    def judged_by(self, case_id: CaseId, file: Path) -> list[str]:
+        """Return the other engines that have a verdict on a robot file."""
+        others = [
+            structs.replace(case_id, engine=engine)
+            for engine in chosen_engines(file, ())
+            if engine != case_id.engine and self.hurdle(file, engine) is None
+        ]
+        return [case.engine for case in others if self.case(case, file, file).verdict is not None]
+
+    def _run(self, case_id: CaseId, target: Path, model: Sidecar | Path) -> Case:
+        prepared = self.prepared(target)
+        if isinstance(prepared, Failure):
+            return failed_case(case_id, str(target), prepared)
+        if _has_bodies(prepared) and isinstance(model, Sidecar) and (why := not_of_a_tree(model)):
+            return failed_case(case_id, str(target), Failure(why, "", kind="sidecar"))
+        task = self._task(model, case_id.engine, case_id.scenario)
 
         def measured(accepted: Snapshot) -> Measurement | Failure:
             measuring = replace(task, snapshot=accepted)
-            return self._ask(partial(tasks.measurement, task=measuring), found.solved)
+            return self._ask(partial(tasks.measurement, task=measuring), prepared.solved)
 
-        case = self._ask(partial(tasks.case, task=task), found.solved)
-        return self._judged(case, one, folder, measured)
+        case = self._ask(partial(tasks.case, task=task), prepared.solved)
+        return self._judged(case, case_id, target, measured)
 
-    def _task(self, sidecar: Sidecar, engine: str, scenario: str = "") -> ModelTask:
+    def _task(self, model: Sidecar | Path, engine: str, scenario: str = "") -> ModelTask:
+        sidecar = model if isinstance(model, Sidecar) else None
         return ModelTask(
             engine=engine, resolution=self._resolution, sidecar=sidecar, scenario=scenario
         )
@@ -87,38 +120,42 @@ class CaseRunner:
         self,
         case: Case | Failure,
         one: CaseId,
-        folder: Path,
+        target: Path,
         measured: Callable[[Snapshot], Measurement | Failure],
     ) -> Case:
         """A case as it came out; with the reason that it was accepted with, if it is known."""
         if isinstance(case, Failure):
-            return failed_case(one, str(folder), case)
+            return failed_case(one, str(target), case)
         if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
             return case
-        before = self._before(folder)
+        before = self._before(target)
         if before is None or case.id not in before.snapshots:
             return case
         seen = {(case.folder, case.id): measured(before.snapshots[case.id])}
         (case,) = mark_known((case,), seen, before)
         return case
 
-    def _before(self, folder: Path) -> Accepted | None:
-        """What was accepted of a folder, read once."""
-        if folder not in self._accepted:
-            self._accepted[folder] = accepted(self._baseline, (folder,), self._resolution)
-        return self._accepted[folder]
+    def _before(self, target: Path) -> Accepted | None:
+        """Return what was accepted of a folder, read once; a robot file has no baseline."""
+        if target not in self._accepted:
+            self._accepted[target] = (
+                accepted(self._baseline, (target,), self._resolution) if target.is_dir() else None
+            )
+        return self._accepted[target]
 
-    def marked(self, model: Model, folder: Path) -> Model:
+    def marked(self, model: Model, target: Path) -> Model:
         """A model with the reason for which what its audit finds was accepted, if it was."""
-        before = self._before(folder) if model.findings else None
+        before = self._before(target) if model.findings else None
         return model if before is None else mark_models((model,), before.systems)[0]
 
-    def audit(self, folder: Path, sidecar: Sidecar, engine: str) -> Audit | Failure:
+    def audit(self, target: Path, model: Sidecar | Path, engine: str) -> Audit | Failure:
         """Audit a model, or say why it can't be."""
-        found = self.prepared(folder)
+        found = self.prepared(target)
         if isinstance(found, Failure):
             return found
-        task = self._task(sidecar, engine)
+        if isinstance(found.facts, RobotFacts):
+            return Audit(findings=found.facts.findings, poses=Poses(note="no poses are declared"))
+        task = self._task(model, engine)
         if not _has_bodies(found):
             return self._ask(partial(tasks.audit, task=task), found.solved)
         survey = self._ask(partial(tasks.survey, task=task), found.solved)
@@ -126,16 +163,16 @@ class CaseRunner:
             return survey
         return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
 
-    def diagnosis(self, folder: Path, sidecar: Sidecar, engine: str) -> Diagnosis:
+    def diagnosis(self, target: Path, model: Sidecar | Path, engine: str) -> Diagnosis:
         """Name the cause of what a model does wrong, from its motions in every scenario; once."""
-        key = sidecar.model, engine
+        key = model_path(model), engine
         if key not in self._diagnoses:
-            found = self.prepared(folder)
+            found = self.prepared(target)
             value: Diagnosis | Failure
             if isinstance(found, Failure):
                 value = found
             else:
-                task = self._task(sidecar, engine)
+                task = self._task(model, engine)
                 value = self._ask(partial(tasks.diagnosis, task=task), found.solved)
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)

@@ -9,7 +9,7 @@ import pytest
 
 from physics_crosscheck.harness.baseline.store import BaselineError
 from physics_crosscheck.harness.interfaces.pytest_plugin.accepting import Accepting
-from physics_crosscheck.harness.interfaces.pytest_plugin.collect import SystemFile
+from physics_crosscheck.harness.interfaces.pytest_plugin.collect import RobotFile, SystemFile
 from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
 from physics_crosscheck.harness.interfaces.pytest_plugin.paths import DECLARATION, meant, to_collect
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
@@ -28,10 +28,12 @@ class CrosscheckSession:
 
     def __init__(self, config: pytest.Config) -> None:
         asked = terms(config)
-        folders = meant(config)
-        config.args = to_collect(config, folders)
+        targets = meant(config)
+        config.args = to_collect(config, targets)
         config.args_source = config.ArgsSource.ARGS
-        self._folders = {f.resolve() for found in folders.values() for f in found}
+        paths = {path.resolve() for found in targets.values() for path in found}
+        self._folders = {path for path in paths if path.is_dir()}
+        self._robots = paths - self._folders
         try:
             self._runner = CaseRunner(asked.resolution, asked.limits, asked.baseline)
         except BaselineError as error:
@@ -44,8 +46,10 @@ class CrosscheckSession:
     def pytest_collect_file(
         self, file_path: Path, parent: pytest.Collector
     ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
-        """Collect a declaration as the tests of its folder; its model files are no test modules."""
+        """Collect declarations and robot files; model files of a folder are not test modules."""
         found = yield
+        if file_path.resolve() in self._robots:
+            return [RobotFile.from_parent(parent, path=file_path)]
         if file_path.parent.resolve() not in self._folders:
             return found
         if file_path.name == DECLARATION:

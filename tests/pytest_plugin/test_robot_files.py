@@ -1,0 +1,155 @@
+"""Robot files as tests: without a system folder, in any repository."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.engines.registry import runners
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+from tests.pytest_plugin.conftest import Project
+from tests.robots.files import ARM, BODY, LAMP, UNLIMITED, joint, link
+
+pytest_plugins = ["pytester"]
+
+URDF, XML = ([engine.name for engine in runners(suffix)] for suffix in (".urdf", ".xml"))
+SWING = [
+    *(f"robots/arm.urdf::swing/arm.urdf/states[{name}]" for name in URDF),
+    "robots/arm.urdf::swing/arm.urdf/audit",
+]
+LIT = [
+    *(f"robots/deep/lamp.xml::lamp/lamp.xml/states[{name}]" for name in XML),
+    "robots/deep/lamp.xml::lamp/lamp.xml/audit",
+]
+if len(XML) == 1:
+    LIT[0] = "robots/deep/lamp.xml::lamp/lamp.xml/states"
+
+TIP = link(
+    "tip", BODY.replace('mass value="2"', 'mass value="0"').replace('iyy="0.3"', 'iyy="0.35"')
+)
+TIPPED = ARM.replace("</robot>", f"{TIP}{joint('weld', 'rod', 'tip', kind='fixed')}</robot>")
+"""MuJoCo drops the inertia of the massless link."""
+
+
+@pytest.fixture
+def robots(project: Project) -> Path:
+    """A project with two robots, and with files that are no robots of its own."""
+    folder = project.path / "robots"
+    (folder / "deep").mkdir(parents=True)
+    (folder / "arm.urdf").write_text(ARM)
+    (folder / "deep" / "lamp.xml").write_text(LAMP)
+    (folder / "deep" / "package.xml").write_text("<package/>")
+    (folder / ".hidden").mkdir()
+    (folder / ".hidden" / "arm.urdf").write_text(ARM)
+    return folder
+
+
+@pytest.fixture
+def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(*_: object) -> None:
+        raise AssertionError("something was run")
+
+    monkeypatch.setattr(CaseRunner, "prepared", run)
+
+
+@pytest.mark.usefixtures("nothing_runs", "robots")
+@pytest.mark.parametrize(("arguments", "wanted"), [
+    (["."], SWING + LIT),
+    (["robots/deep/lamp.xml", "robots/arm.urdf"], LIT + SWING),  # as a shell expands a pattern
+    (["robots/deep", "-k", "audit"], LIT[-1:]),
+    (["robots", "-m", "swing and mujoco"], [name for name in SWING if "mujoco" in name]),
+    (["robots", SWING[0]], SWING[:1]),
+    (["robots", "-m", "crosscheck(model='arm.urdf', scenario='audit')"], SWING[-1:]),
+])  # fmt: skip
+def test_each_engine_of_a_robot_file_is_a_test(
+    project: Project, arguments: list[str], wanted: list[str]
+) -> None:
+    assert sorted(project.collected("--crosscheck", *arguments)) == sorted(wanted)
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_robot_files_beside_system_folders_are_collected_where_they_are_named(
+    project: Project, robots: Path
+) -> None:
+    project.add("msd", under="robots")
+    found = project.collected("--crosscheck", "robots")
+    assert found
+    assert {name.split("::")[0] for name in found} == {"robots/msd/system.py"}
+    found = project.collected("--crosscheck", "robots", "--crosscheck", "robots/arm.urdf")
+    assert {name.split("::")[0] for name in found} == {"robots/msd/system.py", "robots/arm.urdf"}
+
+
+@pytest.mark.usefixtures("nothing_runs", "robots")
+def test_the_ini_file_names_robot_files(project: Project) -> None:
+    (project.path / "pytest.ini").write_text("[pytest]\ncrosscheck_paths = robots/deep\n")
+    assert project.collected() == LIT
+
+
+@pytest.mark.parametrize(("name", "why"), [
+    ("robots/other.urdf", "robots/other.urdf: there is no such file"),
+    ("robots/.hidden/none", "robots/.hidden/none: no such folder"),
+    ("robots/deep/notes.txt", "only .urdf, .sdf and .xml run without a folder"),
+    ("empty", "empty: no system.py and no robot file in it or below it"),
+])  # fmt: skip
+def test_a_path_without_a_target_is_wrong_usage(
+    project: Project, robots: Path, name: str, why: str
+) -> None:
+    (robots / "deep" / "notes.txt").write_text("")
+    (project.path / "empty").mkdir()
+    done = project.run("--crosscheck", name)
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines([f"*--crosscheck *{why}*"])
+
+
+def test_a_sound_robot_passes_and_one_that_can_t_be_read_fails_by_its_line(
+    project: Project, robots: Path
+) -> None:
+    (robots / "broken.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
+    names = ("robots/arm.urdf", "robots/broken.urdf")
+    done = project.run("--crosscheck", *names, "-k", "mujoco or audit or broken")
+    done.assert_outcomes(passed=2, failed=1, deselected=len(SWING) - 2)
+    done.stdout.fnmatch_lines(["FAILED: *robots/broken.urdf:2: *", "1 ok, 1 ERROR; largest*"])
+
+
+def test_what_an_engine_drops_fails_with_its_cause_and_line_and_the_audit_finds_it(
+    project: Project, robots: Path
+) -> None:
+    (robots / "arm.urdf").write_text(TIPPED)
+    done = project.run("--crosscheck", "robots/arm.urdf", "-k", "mujoco or audit", "-rf")
+    done.assert_outcomes(failed=2, deselected=len(SWING) - 2)
+    done.stdout.fnmatch_lines([
+        "cause: moments of link[[]tip]/inertial/inertia (arm.urdf:5): in the file, but 0 in *",
+        "DIFFERS: hinge_dot is off by *",
+        "audit: 1 finding",
+        "  finding  massless *robots/arm.urdf:5: link 'tip' has inertia, *, but no mass; *",
+    ])  # fmt: skip
+
+
+@pytest.mark.skipif(not {"mujoco", "pinocchio"} <= {*URDF}, reason="needs both engines")
+def test_a_refusal_is_skipped_where_another_engine_has_a_verdict(
+    project: Project, robots: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (robots / "arm.urdf").write_text(UNLIMITED)
+    selected = ("--crosscheck", "robots/arm.urdf", "-k", "mujoco or pinocchio")
+    done = project.run(*selected)
+    done.assert_outcomes(passed=1, skipped=1, deselected=len(SWING) - 2)
+    done.stdout.fnmatch_lines(["skipped: 1 test: REFUSED, but * ran it: *specify limits*"])
+    monkeypatch.setattr(CaseRunner, "judged_by", lambda *_: [])
+    done = project.run(*selected)
+    done.assert_outcomes(passed=1, failed=1, deselected=len(SWING) - 2)
+
+
+def test_a_robot_file_is_not_accepted(
+    project: Project, robots: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+    (robots / "arm.urdf").write_text(TIPPED)
+    accepting = ("--crosscheck", "robots/arm.urdf", "--crosscheck-accept", "right", "-k", "audit")
+    done = project.run(*accepting)
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines(["*--crosscheck-accept: the baseline has no robot files. Create a *"])
+    project.add("msd")
+    done = project.run(*accepting, "--crosscheck", "models", "-k", "swing and audit")
+    done.assert_outcomes(failed=1, deselected=4 + len(SWING) - 1)
