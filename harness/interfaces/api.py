@@ -10,7 +10,7 @@ def test_my_arm():
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,9 +20,10 @@ import msgspec
 from physics_crosscheck.harness.baseline.place import DEFAULT
 from physics_crosscheck.harness.extras.notebook import cases as shown
 from physics_crosscheck.harness.extras.notebook.optional import frame
+from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.jobs.main_module import without_main
-from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
+from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.planning.options import (
     check_limits,
     check_names,
@@ -48,8 +49,11 @@ class Results(results.Results, frozen=True, kw_only=True):
 
     @property
     def agree(self) -> bool:
-        """True if all cases and audits agree; a missing engine counts as a failure."""
-        passes = all(case.passes for case in self.cases)
+        """True if all cases and audits agree; a missing engine counts as a failure.
+
+        An engine that refuses a robot file does not count if another engine has a verdict.
+        """
+        passes = all(case.passes or case in self.refusals for case in self.cases)
         return bool(self.cases) and passes and all(model.passes for model in self.models)
 
     def __bool__(self) -> bool:
@@ -149,8 +153,25 @@ MOST_JOBS = 4096
 """Upper limit of worker processes, above any real machine."""
 
 
+Target = str | PathLike[str]
+
+
+def target_names(paths: Iterable[Target | Sequence[Target]]) -> list[str]:
+    """Return the names of targets, those of lists one by one.
+
+    Raises:
+        TypeError: for a name that is not a path.
+    """
+    names = list[Target]()
+    for path in paths:
+        names += [path] if isinstance(path, str) or not isinstance(path, Sequence) else path
+    for name in names:
+        check_text(name, "a path of check()", path=True)
+    return [str(name) for name in names]
+
+
 def check(
-    *paths: str | PathLike[str],
+    *paths: Target | Sequence[Target],
     engines: Sequence[str] = (),
     resolution: float = 1e-9,
     jobs: int = 0,
@@ -158,34 +179,41 @@ def check(
     memory: float = MEMORY,
     baseline: str | PathLike[str] = DEFAULT,
     scheduler: str = "",
+    floating: bool = False,
+    model: str = "",
 ) -> Results:
-    """Run every model in every scenario, and compare it with the equations.
+    """Run every model and robot file in every scenario, and compare it with its equations.
 
     Args:
-        paths: system folders, their parent folders, or names of built-in systems; none: all
-            built-in systems.
-        engines: names of the engines to use; none: every engine that a sidecar names.
+        paths: system folders, robot files, folders of these, model files, or names of built-in
+            systems, also in lists; none: all built-in systems.
+        engines: names of the engines to use; none: every engine that a sidecar names, or that
+            reads a robot file.
         resolution: smallest relative discrepancy to detect.
         jobs: number of worker processes; 0: one per processor.
         limit: processor seconds per task.
         memory: GiB per worker.
         baseline: folder of the accepted differences.
         scheduler: address of a Dask scheduler; empty: processes of this machine.
+        floating: True lets the root link of a URDF move.
+        model: model to read from an SDFormat file that has several.
 
     Raises:
-        FolderError: if a path is not a system folder, or an engine is unknown.
+        FolderError: if a path is not a target, or an engine is unknown.
         BaselineError: if the baseline is damaged.
         ClusterError: if the cluster does not work.
         TypeError: if an argument has the wrong type, such as a string for `engines`.
         ValueError: if a number is out of bounds.
     """
-    for path in paths:
-        check_text(path, "a path of check()", path=True)
+    names = target_names(paths)
     check_names(engines, "engines")
     check_text(baseline, "baseline", path=True)
     check_text(scheduler, "scheduler")
+    check_text(model, "model")
     check_engines(engines)
-    folders = system_folders([str(path) for path in paths])
+    targets = resolve_targets(names, standalone=False)
+    if targets.named.faults:
+        raise FolderError("; ".join(targets.named.faults.values()))
     options = Options(
         engines=tuple(engines),
         resolution=check_resolution(resolution),
@@ -193,7 +221,10 @@ def check(
         limits=check_limits(limit, memory, "check's "),
         baseline=Path(baseline),
         scheduler=scheduler,
+        floating=bool(floating),
+        model=model,
+        choice=targets.choice,
     )
     with without_main():
-        found = run(folders, options, lambda *_: None).results
+        found = run(targets.folders, options, lambda *_: None, robots=targets.robots).results
     return Results(**msgspec.structs.asdict(found))

@@ -14,6 +14,7 @@ import jsonschema
 import pytest
 
 from physics_crosscheck import check
+from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -22,6 +23,7 @@ from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.results.failure import diagnosis_lines
 from physics_crosscheck.harness.results.findings import audit_lines
+from tests.robots.files import ARM, LAMP, UNLIMITED
 from tests.standing import brief, standing_only
 
 ROOT = Path(__file__).parents[2]
@@ -79,6 +81,28 @@ def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder: Path) -> Non
             result.case(**wanted)
 
 
+def test_robot_files_are_checked_as_folders_are_also_in_a_list(tmp_path: Path) -> None:
+    arm, lamp = tmp_path / "arm.urdf", tmp_path / "lamp.xml"
+    arm.write_text(ARM)
+    lamp.write_text(LAMP)
+    result = check([arm, str(lamp)], "torsional_disc/space.py", engines=["mujoco", "pymunk"])
+    assert result, str(result)
+    assert {(c.model, c.scenario, c.engine) for c in result.cases if c.engine == "mujoco"} == {
+        ("arm.urdf", "states", "mujoco"), ("lamp.xml", "states", "mujoco"),
+    }  # fmt: skip
+    assert {c.model for c in result.cases if c.engine == "pymunk"} == {"space.py"}
+    (case,) = check(arm, engines=["mujoco"], floating=True).cases
+    assert case.scenario == "floating states"
+
+
+@pytest.mark.skipif(PinocchioEngine().version() is None, reason="pinocchio is not installed")
+def test_a_refusal_counts_where_no_other_engine_has_a_verdict(tmp_path: Path) -> None:
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(UNLIMITED)
+    assert check(arm, engines=["mujoco", "pinocchio"]).agree
+    assert not check(arm, engines=["pinocchio"]).agree
+
+
 def test_an_engine_that_is_not_installed_never_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
     result = check("torsional_disc", engines=["pymunk"])
@@ -94,8 +118,8 @@ def test_wrong_arguments_are_refused_by_name() -> None:
         check("torsional_disc", engines=["havok"])
     with pytest.raises(FolderError, match="a name is empty"):
         check("")
-    with pytest.raises(FolderError, match="a file; expected a system folder; name its folder"):
-        check(builtin() / "torsional_disc" / "space.py")
+    with pytest.raises(FolderError, match=r"no\.urdf: there is no such file"):
+        check("torsional_disc", "no.urdf")
 
 
 @pytest.mark.parametrize(("given", "kind", "told"), [
@@ -119,7 +143,7 @@ def test_an_argument_of_another_kind_is_refused_with_what_belongs_there(
 
 
 def test_a_path_that_is_none_is_refused() -> None:
-    for path in (None, 5, ["torsional_disc"]):
+    for path in (None, 5, ["torsional_disc", 5]):
         with pytest.raises(TypeError, match="a path of check"):
             check(path)  # type: ignore[arg-type]
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from os import PathLike
 
 import pytest
 
-from physics_crosscheck.harness.interfaces.api import Results, check
+from physics_crosscheck.harness.interfaces.api import Results, Target, check, target_names
 from physics_crosscheck.harness.interfaces.pytest_plugin.terms import terms
 
 
@@ -16,29 +15,32 @@ class Checker:
 
     def __init__(self, config: pytest.Config) -> None:
         self._config, self._terms = config, terms(config)
-        self._found: dict[tuple[tuple[str, ...], tuple[str, ...], float], Results] = {}
+        self._found: dict[tuple[object, ...], Results] = {}
 
     def __call__(
         self,
-        *paths: str | PathLike[str],
+        *paths: Target | Sequence[Target],
         engines: Sequence[str] = (),
         resolution: float | None = None,
+        floating: bool = False,
+        model: str = "",
     ) -> Results:
-        """What became of the models of system folders; true where all of them agree.
+        """Run models as `check` does; the results are true if all of them agree.
 
         Args:
-            paths: system folders, from the root folder, or names of built-in ones.
-            engines: only these; none: every engine that the sidecars name.
+            paths: as of `check`, from the root folder.
+            engines, floating, model: as of `check`.
             resolution: relative discrepancy to resolve; None: that of the command line.
 
         Raises:
-            FolderError: for a path that is no system folder, or an engine that nobody knows.
+            FolderError: for a path without a target, or an unknown engine.
         """
         root, terms = self._config.rootpath, self._terms
+        names = target_names(paths)
         # What is no path there is a built-in system's name, as for `check`.
-        named = [str(root / path) if (root / path).exists() else str(path) for path in paths]
+        named = [str(root / name) if (root / name).exists() else name for name in names]
         wanted = terms.resolution if resolution is None else resolution
-        key = tuple(named), tuple(engines), wanted
+        key = tuple(named), tuple(engines), wanted, floating, model
         if key not in self._found:
             self._found[key] = check(
                 *named,
@@ -47,6 +49,8 @@ class Checker:
                 limit=terms.limits.seconds,
                 memory=terms.limits.memory,
                 baseline=terms.baseline,
+                floating=floating,
+                model=model,
             )
         found = self._found[key]
         if found.untested and not self._config.getoption("crosscheck_require_engines"):
