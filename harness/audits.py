@@ -1,18 +1,19 @@
-"""Audit every model of some folders, without running a motion.
+"""Audit models of system folders, and robot files, without running a motion.
 
 The jobs are those of a run's audits. With a cache, results of earlier runs and audits are reused.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.checks.not_run import hurdle
+from physics_crosscheck.harness.checks.not_run import Hurdle, hurdle
 from physics_crosscheck.harness.engines.registry import engines as registered
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -31,6 +32,7 @@ from physics_crosscheck.harness.planning.energies_plan import EnergiesModel
 from physics_crosscheck.harness.planning.folder_plan import FolderWork
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.result_builder import Collected
+from physics_crosscheck.harness.planning.robot_plan import RobotPlan, RobotWork
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -48,24 +50,33 @@ class ModelAudit:
         findings: and notes.
         failure: why there are no findings; empty otherwise.
         absent: whether the failure is that the engine is not installed.
+        left_out: statements of the file beyond its bodies.
+        is_survey: whether the file was read alone, and its numbers not compared with energies.
     """
 
     id: ModelId
     findings: tuple[AuditFinding, ...] = ()
     failure: str = ""
     absent: bool = False
+    left_out: tuple[str, ...] = ()
+    is_survey: bool = False
 
 
 def audits(
-    folders: Sequence[Path],
+    targets: Sequence[Path],
     *,
     engines: Sequence[str] = (),
     jobs: int = 0,
     limits: Limits | None = None,
     cache: Cache | None = None,
     choice: Choice = Choice(),  # noqa: B008  # frozen
+    floating: bool = False,
+    model: str = "",
 ) -> tuple[ModelAudit, ...]:
-    """Audit every model of the folders, or the chosen ones; other arguments are those of a run."""
+    """Audit every model of the folders, or the chosen ones, and the robot files.
+
+    The other arguments are those of a run.
+    """
     options = Options(
         engines=tuple(engines),
         jobs=jobs,
@@ -73,45 +84,80 @@ def audits(
         selection=AUDIT_ONLY,
         cache=cache,
         choice=choice,
+        floating=floating,
+        model=model,
     )
-    of_folders = [_FolderAudits(folder, options) for folder in folders]
+    planned = [(_FolderAudits if one.is_dir() else _RobotAudits)(one, options) for one in targets]
     with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
-        work(chain.from_iterable(one.jobs() for one in of_folders), workers)
-    return tuple(chain.from_iterable(one.results() for one in of_folders))
+        work(chain.from_iterable(one.jobs() for one in planned), workers)
+    return tuple(chain.from_iterable(one.results() for one in planned))
 
 
-class _FolderAudits:
-    """The audits of a folder's models: their jobs and their results."""
+class _TargetAudits(ABC):
+    """The audits of a target's models: their jobs and their results."""
 
-    def __init__(self, folder: Path, options: Options) -> None:
-        self._folder, self._options = folder, options
+    def __init__(self, target: Path, options: Options) -> None:
+        self._target, self._options = target, options
         self._found = Collected(lambda *_: None)
         self._audits: list[ModelAudit] = []
 
+    @abstractmethod
     def jobs(self) -> Iterator[Job[Any]]:
-        """Yield the jobs that prepare the folder where needed, then audit its models."""
-        place = FolderWork(self._folder, self._options, {}, self._found)
-        yield from place.begun(partial(self._models, place))
+        """Yield the jobs that prepare the target where needed, then audit its models."""
 
     def results(self) -> Iterator[ModelAudit]:
-        """Yield the audits in the order of the models; or why the folder can't be prepared."""
+        """Yield the audits in the order of the models; or why the target can't be prepared."""
         for case in self._found.cases:
             one = ModelId(system=case.system, model=case.model, engine=case.engine)
             yield ModelAudit(one, failure=case.reason)
         for audit in self._audits:
-            record = self._found.models.get((str(self._folder), audit.id.model, audit.id.engine))
+            record = self._found.models.get((str(self._target), audit.id.model, audit.id.engine))
             if record is None:
                 yield audit
             elif record.audit is not None:
-                yield ModelAudit(audit.id, record.audit)
+                left_out = () if record.coverage is None else record.coverage.left_out
+                yield replace(audit, findings=record.audit, left_out=left_out)
             elif record.audit_failure:
                 failure = Failure(record.audit_failure, "")
-                yield ModelAudit(audit.id, failure=failure.about(self._folder / audit.id.model))
+                yield replace(audit, failure=failure.about(self._target / audit.id.model))
+
+    def _add(self, audit: ModelAudit, why: Hurdle | None) -> bool:
+        """Add the audit of a model; return whether the model can be audited."""
+        if why is not None:
+            absent = why.outcome is Outcome.ABSENT
+            audit = replace(audit, failure=why.reason, absent=absent)
+        self._audits.append(audit)  # its findings go to its record
+        return why is None
+
+
+class _RobotAudits(_TargetAudits):
+    def jobs(self) -> Iterator[Job[Any]]:
+        plan = RobotPlan(self._options, self._found)
+        for file in plan.readable([self._target]):
+            target = RobotWork(file, self._options, self._found)
+            yield from target.begun(partial(self._engines, target))
+
+    def _engines(self, target: RobotWork) -> tuple[()]:
+        """Take the findings of the file, which are those of every engine."""
+        adapters, system = registered(), target.facts.record.name
+        for engine in chosen_engines(self._target, self._options.engines):
+            model_id = ModelId(system=system, model=self._target.name, engine=engine)
+            audit = ModelAudit(model_id, is_survey=True)
+            if self._add(audit, hurdle(adapters, engine, self._target)):
+                model = target.model(engine)
+                self._found.models[model.key] = model
+        return ()
+
+
+class _FolderAudits(_TargetAudits):
+    def jobs(self) -> Iterator[Job[Any]]:
+        place = FolderWork(self._target, self._options, {}, self._found)
+        yield from place.begun(partial(self._models, place))
 
     def _models(self, place: FolderWork) -> Iterator[Job[Any]]:
         system, known = place.facts.record.name, registered()
         model = BodiesModel if place.facts.bodies else EnergiesModel
-        for file in model_files(self._folder):
+        for file in model_files(self._target):
             if not self._wants(file):
                 continue
             if isinstance(file, UnreadModel):
@@ -122,14 +168,11 @@ class _FolderAudits:
                 one = ModelId(system=system, model=file.model.name, engine=engine)
                 if not self._wants(file, engine):
                     continue
-                if why := hurdle(known, engine, file):
-                    absent = why.outcome is Outcome.ABSENT
-                    self._audits.append(ModelAudit(one, failure=why.reason, absent=absent))
-                    continue
-                self._audits.append(ModelAudit(one))  # its findings go to its record
-                yield from model(place, known, file, engine, ()).audit()
+                audit = ModelAudit(one, is_survey=place.facts.bodies)
+                if self._add(audit, hurdle(known, engine, file)):
+                    yield from model(place, known, file, engine, ()).audit()
 
     def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
         """Return whether a model is to be audited, in an engine or in any."""
         name = file.model if isinstance(file, UnreadModel) else file.model.name
-        return self._options.choice.includes_model(str(self._folder), name, engine)
+        return self._options.choice.includes_model(str(self._target), name, engine)

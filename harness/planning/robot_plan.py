@@ -58,6 +58,27 @@ class RobotWork(PlaceWork[RobotFacts]):
         """None: what a file names is in its hash."""
         return {}
 
+    def case_id(self, engine: str) -> CaseId:
+        """Return the case of the file in an engine."""
+        record = self.facts.record
+        (scenario,) = record.scenarios
+        return CaseId(
+            system=record.name, model=self.place.name, scenario=scenario.name, engine=engine
+        )
+
+    def model(self, engine: str) -> Model:
+        """Return the record of the file in an engine, with what reading it has found."""
+        return Model(
+            system=self.facts.record.name,
+            model=self.place.name,
+            engine=engine,
+            folder=str(self.place),
+            text=text_of(self.place),
+            sidecar="",
+            audit=self.facts.findings,
+            coverage=Coverage(left_out=self.facts.left_out),
+        )
+
     def _preparing(self) -> Task[Any, Any]:
         options = self.options
         prepare = task_function(
@@ -100,7 +121,7 @@ class RobotPlan:
         self._found.systems.append(facts.record)
         adapters = engines()
         wanted = chosen_engines(file, self._options.engines)
-        found = [(adapters[name], _id(work, name)) for name in wanted]
+        found = [(adapters[name], work.case_id(name)) for name in wanted]
         choice = self._options.choice
         chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
         self._found.left.pop((str(file), work.stand_in), None)
@@ -110,7 +131,7 @@ class RobotPlan:
             if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue
-            model = _model(work, engine.name)
+            model = work.model(engine.name)
             self._found.models[model.key] = model
             begun.append(model.key)
             yield from self._case(work, model.key, case)
@@ -160,27 +181,3 @@ class RobotPlan:
 
 def _stand_in(file: Path) -> CaseId:
     return CaseId(system=file.stem, model=file.name, scenario="-", engine="-")
-
-
-def _id(work: RobotWork, engine: str) -> CaseId:
-    record = work.facts.record
-    return CaseId(
-        system=record.name,
-        model=work.place.name,
-        scenario=record.scenarios[0].name,
-        engine=engine,
-    )
-
-
-def _model(work: RobotWork, engine: str) -> Model:
-    file, facts = work.place, work.facts
-    return Model(
-        system=facts.record.name,
-        model=file.name,
-        engine=engine,
-        folder=str(file),
-        text=text_of(file),
-        sidecar="",
-        audit=facts.findings,
-        coverage=Coverage(left_out=facts.left_out),
-    )

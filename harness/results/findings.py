@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from msgspec.structs import replace
 
@@ -12,7 +12,18 @@ from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.places import shown_path
 
 
-def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[str]:
+def survey_lines(findings: Iterable[AuditFinding], left_out: Sequence[str]) -> list[str]:
+    """Return the lines of a file that was read alone, without a comparison of its numbers."""
+    lines = audit_lines(findings, success="ok: no inertia or sign is implausible")
+    skipped = [f"{'note':<8} left out: {', '.join(left_out)}"] if left_out else []
+    return [*lines, *skipped]
+
+
+def audit_lines(
+    findings: Iterable[AuditFinding],
+    notes: bool = True,
+    success: str = "ok: literals and compiled terms match the equations",
+) -> list[str]:
     """A line for each: findings first, notes after them, each with its file and line."""
     known = list(findings)
     lines = []
@@ -21,7 +32,7 @@ def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[st
             if one.severity == severity:
                 text = f"{_place(one.location)}{one.message}"
                 lines.append(f"{severity:<8} {with_code(one.code, text)}")
-    return lines or ["ok: literals and compiled terms match the equations"]
+    return lines or [success]
 
 
 def _place(where: SourceLine | None) -> str:

@@ -51,12 +51,12 @@ def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_
 @pytest.mark.parametrize(("name", "said"), [
     ("pendulum/mujoco.xml [pymunk]", "no model matches these names and engines; run `cross"),
     ("pendulum/other.xml", "pendulum/other.xml: there is no such file"),
-    ("arm.urdf", "arm.urdf: it has no sidecar, so an audit has no reference"),
+    ("arm.xacro", "arm.xacro: it is source for xacro, which no engine reads; expand it"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
     place: Path, name: str, said: str
 ) -> None:
-    (place / "arm.urdf").write_text("<robot name='arm'/>")
+    (place / "arm.xacro").write_text("<robot name='arm'/>")
     ran = crosscheck("audit", name, cwd=place)
     assert (ran.returncode, ran.stdout) == (2, "")
     assert said in ran.stderr
@@ -64,12 +64,12 @@ def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("pendulums", "pendulums: no such folder"), ("arm.urdf", "arm.urdf: it has no sidecar"),
+    ("pendulums", "pendulums: no such folder"), ("arm.xacro", "arm.xacro: it is source for"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_beside_a_model_is_told_and_the_model_audited(
     place: Path, name: str, said: str
 ) -> None:
-    (place / "arm.urdf").write_text("<robot name='arm'/>")
+    (place / "arm.xacro").write_text("<robot name='arm'/>")
     ran = crosscheck("audit", "pendulum/mujoco.xml", name, cwd=place)
     assert "mujoco.xml [mujoco]" in ran.stdout
     assert said in ran.stderr

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.engines.registry import runners
+from physics_crosscheck.harness.jobs.workers import Workers
 from tests.commands import crosscheck
 from tests.robots.files import ARM, LAMP
 
@@ -95,3 +97,51 @@ def test_derive_reports_what_prevents_the_equations_with_its_line(place: Path) -
     done = crosscheck("derive", "robots/arm.urdf", cwd=place)
     assert (done.returncode, done.stdout) == (3, "")
     assert done.stderr.startswith("crosscheck: robots/arm.urdf:2: ")
+
+
+def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None:
+    (place / "robots" / "deep" / "lamp.xml").write_text(
+        LAMP.replace('axis="0 1 0"', 'axis="0 1 0" damping="-0.1" frictionloss="0.2"')
+    )
+    done = crosscheck("audit", "robots", cwd=place)
+    assert done.returncode == 1, done.stderr
+    file = Path("robots", "deep", "lamp.xml")
+    assert done.stdout.splitlines() == [
+        f"swing/arm.urdf [{', '.join(names('.urdf'))}]",
+        "  ok: no inertia or sign is implausible",
+        f"lamp/lamp.xml [{', '.join(names('.xml'))}]",
+        f"  finding  negative damping {file}:2: joint[hinge]@damping is -0.1: negative damping"
+        " adds energy to the motion. Write a positive number",
+        "  note     left out     dry friction, how MuJoCo compiles the file",
+    ]
+
+
+def test_an_audit_that_a_run_has_done_is_reused(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("robots/arm.urdf", "--engine", "mujoco", "--cache", "kept")
+    done = crosscheck("run", *words, cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+    def submit(*_: object, **__: object) -> None:
+        raise AssertionError("something is prepared")
+
+    monkeypatch.setattr(Workers, "submit", submit)
+    done = crosscheck("audit", *words, "--jobs", "1", cwd=place)
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, "swing/arm.urdf [mujoco]")
+    with pytest.raises(AssertionError, match="something is prepared"):
+        crosscheck("audit", *words, "--floating", cwd=place)
+
+
+def test_audit_reports_a_file_that_can_t_be_read_and_an_engine_that_is_missing(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (place / "robots" / "arm.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
+    done = crosscheck("audit", "robots/arm.urdf", cwd=place)
+    assert done.returncode == 3
+    assert done.stdout.startswith("arm/arm.urdf [-]\n  ERROR    robots/arm.urdf:2: ")
+    monkeypatch.setattr(MujocoEngine, "version", lambda _: None)
+    (place / "robots" / "arm.urdf").write_text(ARM)
+    done = crosscheck("audit", "robots/arm.urdf", "--engine", "mujoco", cwd=place)
+    assert done.returncode == 3
+    assert "  skipped  mujoco is not installed; " in done.stdout

@@ -51,10 +51,6 @@ def folders(command: argparse.ArgumentParser, *, required: bool, default: str = 
     completed_by(action, systems_and_files)
 
 
-MODELS = "System folders, model files or case names"
-"""What names of targets may mean where robot files are none."""
-
-
 class AppendAction(argparse.Action):
     """Append values; unlike `append`, the first one replaces the default."""
 

@@ -18,9 +18,9 @@ from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (

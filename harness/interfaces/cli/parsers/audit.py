@@ -11,7 +11,7 @@ ABOUT = CommandHelp(
     description="Check the numbers of model files and engines without running motions.\n"
     "Print each wrong number with its file and line.",
     examples={
-        "Audit every model of a folder": "crosscheck audit my_arm",
+        "Audit every model of a folder, and a robot file": "crosscheck audit my_arm robot.urdf",
         "Audit one model in one engine": "crosscheck audit my_arm/arm.xml --engine mujoco",
     },
     exit_codes={
@@ -26,8 +26,9 @@ ABOUT = CommandHelp(
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.targets(command, required=True, kinds=arguments.MODELS)
+    arguments.targets(command, required=True)
     arguments.engine(command)
+    arguments.robot_options(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.cache(command)
