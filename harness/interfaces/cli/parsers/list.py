@@ -24,7 +24,7 @@ ABOUT = CommandHelp(
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.targets(command, required=False, kinds=arguments.MODELS, default=arguments.BELOW)
+    arguments.targets(command, required=False, default=arguments.BELOW)
     arguments.engine(command)
     arguments.words(command)
     arguments.robot_options(command)
