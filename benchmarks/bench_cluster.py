@@ -35,7 +35,7 @@ def size(folder: Path) -> dict[str, tuple[int, int]]:
     """Of each kind of task: how many, and bytes of the largest as it is sent."""
     prepared = prepare(folder)
     assert isinstance(prepared, Prepared)
-    (first,) = Plan(Options(), {}, Collected(lambda *_: None)).folder(folder)
+    (first,) = Plan(Options(), None, Collected(lambda *_: None)).folder(folder)
     found: dict[str, tuple[int, int]] = {}
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)

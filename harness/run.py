@@ -17,9 +17,14 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.baseline.audits import mark_models
 from physics_crosscheck.harness.baseline.inputs import versions
-from physics_crosscheck.harness.baseline.known import Accepted, accepted, changes_since, mark_known
+from physics_crosscheck.harness.baseline.known import (
+    Accepted,
+    accepted,
+    changes_since,
+    mark_known,
+    mark_models,
+)
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import work
@@ -29,7 +34,7 @@ from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import Collected, Interruption, Progress
 from physics_crosscheck.harness.planning.robot_plan import RobotPlan
-from physics_crosscheck.harness.records.baseline import Measurement
+from physics_crosscheck.harness.records.baseline import Measurement, RobotOptions
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 
@@ -70,11 +75,17 @@ def run(
     began = time.perf_counter()
     before = None
     if options.selection is None:
-        before = accepted(options.baseline, folders, options.resolution, options.engines)
+        before = accepted(
+            options.baseline,
+            (*folders, *robots),
+            options.resolution,
+            options.engines,
+            RobotOptions(floating=options.floating, model=options.model),
+        )
     stop = interruption.stop or Stop()
     found = Collected(progress, interruption.journal)
-    plan = Plan(options, {} if before is None else before.snapshots, found)
-    alone = RobotPlan(options, found)
+    plan = Plan(options, before, found)
+    alone = RobotPlan(options, before, found)
     readable = alone.readable(robots)
     with executor(
         jobs=options.jobs,
@@ -89,7 +100,7 @@ def run(
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
     cases = mark_known(_sorted_cases(found, order), found.measured, before)
-    models = mark_models(found.models.values(), {} if before is None else before.systems)
+    models = mark_models(found.models.values(), before)
     results = Results(
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         versions=versions(),

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from pathlib import Path
 
-import msgspec
-
-from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.records.baseline import AcceptedAudit, AcceptedFinding
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import SAME, AuditFinding, is_near
@@ -46,27 +43,15 @@ def accepted_audit(
     )
 
 
-def mark_models(
-    models: Iterable[Model], systems: Mapping[str, SystemBaseline]
-) -> tuple[Model, ...]:
-    """The models, each of which all that is found wrong was accepted with the reason for that."""
-    return tuple(_marked(model, systems) for model in models)
-
-
-def _marked(model: Model, systems: Mapping[str, SystemBaseline]) -> Model:
-    one = systems.get(model.system)
-    audit = None if one is None else one.audits.get(model.id)
-    if audit is None or not model.findings or unaccepted(model, audit):
-        return model
-    return msgspec.structs.replace(model, accepted=audit.reason)
-
-
 def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
     """A finding without the place of this machine that its folder is in."""
+    folder = Path(model.folder)
+    folder = folder.parent if folder.name == model.model else folder
+    base = "" if folder == Path() else f"{folder}/"
     return AcceptedFinding(
         kind=one.kind,
-        subject=tuple(part.replace(f"{model.folder}/", "") for part in one.subject),
-        message=one.message.replace(f"{model.folder}/", ""),
+        subject=tuple(part.replace(base, "") for part in one.subject),
+        message=one.message.replace(base, ""),
         expected=one.expected,
         found=one.found,
     )

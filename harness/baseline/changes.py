@@ -73,17 +73,22 @@ class _Motion:
 
 
 def compare(
-    then: AcceptedCase, now: AcceptedCase, snapshot: Snapshot, measured: Measurement
+    then: AcceptedCase,
+    now: AcceptedCase,
+    snapshot: Snapshot | None,
+    measured: Measurement | None,
 ) -> Difference:
     """Compare a case that was run and measured with its accepted result.
 
     Args:
         then: the accepted result.
         now: the result that would be accepted.
-        snapshot: the snapshot of `then`.
-        measured: measurement of the model, on that snapshot too.
+        snapshot: the snapshot of `then`; None if the engine refuses the file.
+        measured: measurement of the model, on that snapshot too; None likewise.
     """
     causes = _causes(then, now)
+    if snapshot is None or measured is None:
+        return _refused(then, now, causes)
     motion = _motion(then, snapshot, measured)
     parts = [_model_part(then, now, motion, causes), _equations_part(now, motion)]
     if motion.comparable and not motion.equations and "tool" not in causes:
@@ -104,6 +109,23 @@ def compare(
         messages=tuple(messages),
         causes=tuple(causes[cause] for cause in ("engine", "tool") if cause in causes),
         size=max(motion.model.size, motion.equations.size),
+    )
+
+
+def _refused(then: AcceptedCase, now: AcceptedCase, causes: Mapping[str, str]) -> Difference:
+    """Compare a case that the engine refuses, or refused, with its accepted result."""
+    status, kinds = Status.KNOWN, tuple(dict.fromkeys(map(_harmless, causes)))
+    messages: tuple[str, ...] = ()
+    if now.outcome != then.outcome:
+        status = Status.IMPROVED if now.outcome is Outcome.AGREES else Status.CHANGED
+        kinds = _blamed(causes)
+        messages = (f"{now.outcome}, accepted as {then.outcome}", now.outcome_reason)
+    return Difference(
+        status=status,
+        kinds=kinds,
+        messages=tuple(filter(None, messages)),
+        causes=tuple(causes[cause] for cause in ("engine", "tool") if cause in causes),
+        size=0.0,
     )
 
 

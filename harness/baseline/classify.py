@@ -18,6 +18,7 @@ from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +86,9 @@ def classify(
         files = with_reads(model, measured.reads)
     else:
         files = {} if model is None else as_now(model, entry.files if entry else {})
-    if not isinstance(measured, Measurement) or stale or _failed(case):
+    refused = case.outcome is Outcome.REFUSED
+    done = refused or (isinstance(measured, Measurement) and case.outcome.is_run)
+    if not done or stale:
         return Change(
             id=id_,
             status=Status.NOT_RUN,
@@ -94,18 +97,19 @@ def classify(
             entry=entry,
             files=files,
         )
-    now = entry_of(id_, case, measured, dependencies(files, case.engine, versions, resolution))
+    motion = measured if isinstance(measured, Measurement) else None
+    now = entry_of(id_, case, motion, dependencies(files, case.engine, versions, resolution))
     if entry is None or one is None:
         return Change(
             id=id_,
             status=Status.NEW,
             messages=(unaccepted(case),),
             case=case,
-            measured=measured,
+            measured=motion,
             now=now,
             files=files,
         )
-    found = compare(entry, now, one.snapshots[entry.snapshot], measured)
+    found = compare(entry, now, one.snapshot(id_), motion)
     return Change(
         id=id_,
         status=found.status,
@@ -113,19 +117,15 @@ def classify(
         messages=(*found.messages, *found.causes),
         size=found.size,
         case=case,
-        measured=measured,
+        measured=motion,
         entry=entry,
         now=now,
         files=files,
     )
 
 
-def _failed(case: Case) -> bool:
-    return not case.outcome.is_run
-
-
 def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool) -> str:
-    if _failed(case):
+    if not case.outcome.is_run and case.outcome is not Outcome.REFUSED:
         return f"{case.outcome}: {case.reason}"
     if stale:
         return "its files changed during the run; run it again"

@@ -9,19 +9,22 @@ from physics_crosscheck.harness.baseline.seal import snapshot_key
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
-def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependencies) -> AcceptedCase:
+def entry_of(
+    case_id: CaseId, case: Case, measured: Measurement | None, now: Dependencies
+) -> AcceptedCase:
     """A case that was judged and measured as an entry of the baseline, without a reason yet.
 
     Args:
         case_id: its name, in which the system is called as the baseline does.
         case: its record.
-        measured: what its model does.
+        measured: what its model does; None for a file that the engine refuses.
         now: what it depends on.
     """
     verdict, full_run = case.verdict, case.full_run
-    assert verdict is not None  # what was measured was judged
+    assert verdict is not None or measured is None  # what was measured was judged
     return summarized(
         AcceptedCase(
             system=case_id.system,
@@ -32,23 +35,23 @@ def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependenci
             reason="",
             outcome=case.outcome,
             outcome_reason=case.reason,
-            discrepancy=verdict.discrepancy,
-            uncertainty=verdict.uncertainty,
-            component=verdict.component,
-            constants=measured.constants,
+            discrepancy=verdict.discrepancy if verdict else None,
+            uncertainty=verdict.uncertainty if verdict else None,
+            component=verdict.component if verdict else "",
+            constants=measured.constants if measured else {},
             global_error=full_run.global_error if full_run else None,
             global_order=full_run.order if full_run else None,
             time_step=full_run.time_step if full_run else None,
             integrator=full_run.integrator if full_run else "",
-            order=verdict.order,
-            claimed_order=verdict.claimed_order,
+            order=verdict.order if verdict else None,
+            claimed_order=verdict.claimed_order if verdict else 0,
             engine_version=now.engine_version,
             resolution=now.resolution,
             numerics=now.numerics,
             files=dict(now.files),
-            snapshot=snapshot_key(measured.snapshot),
-            end=measured.end,
-            end_uncertainty=measured.uncertainty,
+            snapshot=snapshot_key(measured.snapshot) if measured else "",
+            end=measured.end if measured else (),
+            end_uncertainty=measured.uncertainty if measured else (),
         )
     )
 
@@ -59,6 +62,8 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
     def short(value: Number, form: str) -> str:
         return "unknown" if value is None else format(value, form)
 
+    if entry.outcome is Outcome.REFUSED:
+        return msgspec.structs.replace(entry, summary=f"{entry.outcome}: {entry.outcome_reason}")
     summary = (
         f"{entry.outcome}, E {short(entry.discrepancy, '.0e')} U {short(entry.uncertainty, '.0e')}"
     )

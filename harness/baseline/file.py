@@ -21,6 +21,7 @@ from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     BaselineFile,
     Declared,
+    RobotOptions,
     Snapshot,
 )
 from physics_crosscheck.harness.records.case import CaseId, ModelId
@@ -66,15 +67,21 @@ class SystemBaseline:
         return self.declared.system
 
     @property
+    def robot(self) -> RobotOptions | None:
+        """Options with which a robot file is read; None for a system folder."""
+        robot = self.declared.robot
+        return robot if isinstance(robot, RobotOptions) else None
+
+    @property
     def known_differences(self) -> dict[CaseId, AcceptedCase]:
         """Cases that were accepted though they don't agree."""
         return {
             case: entry for case, entry in self.cases.items() if entry.outcome is not Outcome.AGREES
         }
 
-    def snapshot(self, case: CaseId) -> Snapshot:
-        """The snapshot that was accepted of a case."""
-        return self.snapshots[self.cases[case].snapshot]
+    def snapshot(self, case: CaseId) -> Snapshot | None:
+        """Return the accepted snapshot of a case; None if the engine refused the file."""
+        return self.snapshots.get(self.cases[case].snapshot)
 
 
 class _Head(msgspec.Struct):
@@ -91,7 +98,7 @@ class _Folder(msgspec.Struct):
 
 def file_text(one: SystemBaseline) -> str:
     """A system's baseline as the text of its file; snapshots that no case needs are left out."""
-    needed = sorted({entry.snapshot for entry in one.cases.values()})
+    needed = sorted({entry.snapshot for entry in one.cases.values()} - {""})
     cases = [
         f"    {_table(sealed(_as_read(one.cases[case])), '    ')}" for case in sorted(one.cases)
     ]
@@ -156,14 +163,17 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
     )
 
 
-def read_folder(data: bytes) -> str:
-    """The folder that a baseline file names; what else it says is neither read nor believed.
+def read_target(data: bytes) -> tuple[str, bool]:
+    """Return the folder or robot file that a baseline file names, and whether it is a robot file.
+
+    What else it says is neither read nor believed.
 
     Raises:
         FileError: for a text in which no folder is named.
     """
     _check_format(data)
-    return _decoded(data, _Folder).declared.folder
+    declared = _decoded(data, _Folder).declared
+    return declared.folder, declared.robot is not msgspec.UNSET
 
 
 def _check_format(data: bytes) -> None:
@@ -210,6 +220,9 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
         if not (entry.model and entry.scenario and entry.engine):
             raise FileError(f"{entry.id}: does not name a model, scenario and engine; {_RESTORE}")
         snapshot = file.snapshots.get(entry.snapshot)
+        if entry.outcome is Outcome.REFUSED and not entry.snapshot:
+            cases[entry.id] = entry
+            continue
         if snapshot is None:
             raise FileError(f"{entry.id}: is incomplete: its snapshot is missing; {_RESTORE}")
         if not _fits(entry, snapshot):

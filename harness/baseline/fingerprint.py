@@ -21,6 +21,7 @@ from physics_crosscheck.harness.modelfiles.path_states import (
 )
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, left_to_others, read_sidecar
 from physics_crosscheck.harness.numerics.version import VERSION
+from physics_crosscheck.harness.records.baseline import RobotOptions
 
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
@@ -49,17 +50,25 @@ class ModelFiles:
 
 @dataclass(frozen=True)
 class FolderFiles:
-    """A system folder: its models, and what there is that can't be run.
+    """A system folder or a robot file: its models, and what there is that can't be run.
 
     Attributes:
-        system: hash of `system.py` and of the files that it may read.
+        folder: the folder, or the robot file.
+        system: hash of `system.py` and of the files that it may read; empty for a robot file.
         broken: sentences: sidecars that can't be read, model files without one.
+        robot: options with which a robot file is read; None for a system folder.
     """
 
     folder: Path
     system: str
     models: tuple[ModelFiles, ...]
     broken: tuple[str, ...]
+    robot: RobotOptions | None = None
+
+    @property
+    def base(self) -> Path:
+        """The folder that the names of files are relative to."""
+        return self.folder if self.robot is None else self.folder.parent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +140,36 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
         found.append(ModelFiles(folder, name, sidecar.engines, hashes, copies, own_and_beside))
     declared = _together({"system.py": system, **beside})
     return FolderFiles(folder, declared, tuple(found), tuple(broken))
+
+
+def robot_file(file: Path, engines: tuple[str, ...], robot: RobotOptions) -> FolderFiles:
+    """Hash a robot file and the files that it names.
+
+    Args:
+        file: the robot file.
+        engines: those that run it.
+        robot: options with which it is read.
+
+    Raises:
+        OSError: for a file that can't be read.
+    """
+    hashes = {
+        Path(os.path.relpath(path, file.parent)).as_posix(): digest(path)
+        for path in (file, *named_files(file))
+    }
+    model = ModelFiles(file.parent, file.name, engines, hashes, (file.name,), frozenset(hashes))
+    return FolderFiles(file, "", (model,), (), robot)
+
+
+def hashed_again(before: FolderFiles, apart: Path) -> FolderFiles:
+    """Hash the same folder or robot file once more.
+
+    Raises:
+        OSError: for a file that can't be read.
+    """
+    if before.robot is None:
+        return folder_files(before.folder, apart)
+    return robot_file(before.folder, before.models[0].engines, before.robot)
 
 
 def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, str]:

@@ -7,23 +7,30 @@ the equations' motion on the accepted snapshot.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
+from physics_crosscheck.harness.baseline.audits import unaccepted as unaccepted_findings
 from physics_crosscheck.harness.baseline.changes import Status, why_not_known
 from physics_crosscheck.harness.baseline.classify import Change, classify, unaccepted
 from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
-from physics_crosscheck.harness.baseline.stale import match, stale
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
+from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import absent_extras, engines
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement, Snapshot
+from physics_crosscheck.harness.records.baseline import (
+    AcceptedCase,
+    Measurement,
+    RobotOptions,
+    Snapshot,
+)
 from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges
 from physics_crosscheck.harness.results.status import counted
@@ -37,12 +44,12 @@ _ORDER: tuple[Kind, ...] = ("regression", "missing", "change", "new", "improveme
 
 @dataclass(frozen=True, kw_only=True)
 class Accepted:
-    """What was accepted of some folders, and what they are now.
+    """What was accepted of some folders and robot files, and what they are now.
 
     Attributes:
         place: the baseline's folder.
         systems: the baseline, by name.
-        folders: each folder's files, with what was accepted of it.
+        folders: the files of each folder or robot file, with what was accepted of it.
         versions: of the engines.
         resolution: of the run.
         engines: those that run; none: all.
@@ -64,16 +71,39 @@ class Accepted:
         """Whether a run is of an engine's cases: of an extra that isn't there it is not."""
         return engine not in self.absent and (not self.engines or engine in self.engines)
 
-    @property
-    def known_differences(self) -> frozenset[CaseId]:
-        """Those of all systems."""
-        return frozenset(case for one in self.systems.values() for case in one.known_differences)
+    def system_of(self, folder: str, system: str) -> SystemBaseline | None:
+        """Return the baseline of a system: a folder's by its name, a robot file's by its place."""
+        scan, one = self.folders.get(folder, (None, None))
+        return self.systems.get(system) if scan is None or scan.robot is None else one
+
+    def id_of(self, case: Case) -> CaseId:
+        """Return the name of a case in the baseline, which calls a robot file by its path."""
+        one = self.system_of(case.folder, case.system)
+        return case.id if one is None else msgspec.structs.replace(case.id, system=one.system)
+
+    def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
+        """Return the accepted snapshot of a case that a run is to measure."""
+        one = self.system_of(folder, case.system)
+        if one is None:
+            return None
+        return self.snapshots.get(msgspec.structs.replace(case, system=one.system))
 
 
 def accepted(
-    place: Path | None, folders: Sequence[Path], resolution: float, only: tuple[str, ...] = ()
+    place: Path | None,
+    targets: Sequence[Path],
+    resolution: float,
+    only: tuple[str, ...] = (),
+    robot: RobotOptions = RobotOptions(),  # noqa: B008  # frozen
 ) -> Accepted | None:
-    """Read a baseline for a run of some folders; None where nothing was accepted.
+    """Read a baseline for a run of some folders and robot files; None where nothing was accepted.
+
+    Args:
+        place: the baseline's folder.
+        targets: folders and robot files.
+        resolution: of the run.
+        only: engines that run; none: all.
+        robot: options of the run with which robot files are read.
 
     Raises:
         BaselineError: for a baseline that can't be believed.
@@ -84,16 +114,19 @@ def accepted(
     versions = {name: engine.version() for name, engine in engines().items()}
     found: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
     snapshots: dict[CaseId, Snapshot] = {}
-    for folder in folders:
+    for target in targets:
+        own = robot_options(target, floating=robot.floating, model=robot.model)
         try:
-            scan = folder_files(folder, place)
+            scan, one = scan_target(target, place, systems, only, own)
         except OSError:
             continue  # nothing of it can be as accepted; the run says what can't be read
-        one = match(folder, place, systems)
-        found[str(folder)] = scan, one
+        if one is not None and one.robot != scan.robot:
+            one = None  # read with other options, it is another robot
+        found[str(target)] = scan, one
         if one is not None:
             for case in _to_measure(scan, one, versions, resolution):
-                snapshots[case] = one.snapshot(case)
+                if (snapshot := one.snapshot(case)) is not None:
+                    snapshots[case] = snapshot
     return Accepted(
         place=place,
         systems=systems,
@@ -137,13 +170,13 @@ def mark_known(
 
 
 def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted) -> Case:
-    one = found.systems.get(case.system)
-    entry = one.known_differences.get(case.id) if one else None
+    one = found.system_of(case.folder, case.system)
+    entry = one.known_differences.get(found.id_of(case)) if one else None
     if one is None or entry is None or measured is None:
         return case
     if case.outcome is Outcome.AGREES or not case.outcome.is_run:
         return case
-    changed = _why_changed(case, measured, entry, one.snapshot(case.id))
+    changed = _why_changed(case, measured, entry, one.snapshot(entry.id))
     if not changed:
         return msgspec.structs.replace(case, accepted=entry.reason)
     note = f"a difference was accepted here ({entry.reason}), but {changed}"
@@ -151,15 +184,31 @@ def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted)
 
 
 def _why_changed(
-    case: Case, measured: Measurement | Failure, entry: AcceptedCase, snapshot: Snapshot
+    case: Case, measured: Measurement | Failure, entry: AcceptedCase, snapshot: Snapshot | None
 ) -> str:
     """Why a case is not the difference that was accepted; "" where it is."""
     if case.outcome != entry.outcome:
         return f"the outcome is {case.outcome}, accepted as {entry.outcome}"
     if isinstance(measured, Failure):
         return measured.reason
-    assert case.verdict is not None  # what was measured was judged
+    assert snapshot is not None  # what was measured has one,
+    assert case.verdict is not None  # and was judged
     return why_not_known(entry, case.verdict, snapshot, measured)
+
+
+def mark_models(models: Iterable[Model], found: Accepted | None) -> tuple[Model, ...]:
+    """Return the models; those whose findings were all accepted have the reason for it."""
+    return tuple(models) if found is None else tuple(_model(one, found) for one in models)
+
+
+def _model(model: Model, found: Accepted) -> Model:
+    one = found.system_of(model.folder, model.system)
+    if one is None or not model.findings:
+        return model
+    audit = one.audits.get(msgspec.structs.replace(model.id, system=one.system))
+    if audit is None or unaccepted_findings(model, audit):
+        return model
+    return msgspec.structs.replace(model, accepted=audit.reason)
 
 
 def changes_since(
@@ -179,7 +228,7 @@ def changes_since(
 
 def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
     """Accepted cases of the folders that there are no more, and that no failure bars."""
-    seen = {case.id for case in cases}
+    seen = {found.id_of(case) for case in cases}
     barred = {one for case in cases for one in _stands_for(case, found)}
     for _, one in found.folders.values():
         for case in one.cases if one is not None else ():
@@ -196,7 +245,7 @@ def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
     one = found.systems.get(case.system) if known is None else known[1]
     if case.scenario != "-" or one is None:
         return ()
-    whole = case.model == "system.py"
+    whole = case.model == "system.py" or one.robot is not None
     return tuple(
         accepted
         for accepted in one.cases
@@ -209,8 +258,8 @@ def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange |
     if barred := _stands_for(case, found):
         message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"
         return _told(case.id, "regression", message)
-    one = found.systems.get(case.system)
-    if one is None or case.id not in one.cases:
+    one = found.system_of(case.folder, case.system)
+    if one is None or found.id_of(case) not in one.cases:
         return _told(case.id, "new", unaccepted(case))
     this = measured.get((case.folder, case.id))
     if this is None and case.outcome.is_run:
@@ -218,7 +267,7 @@ def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange |
     scan = found.folders[case.folder][0] if case.folder in found.folders else None
     if scan is None:
         return _told(case.id, "regression", "its folder has an unreadable file")
-    change = classify(case.system, case, this, scan, one, found.versions, found.resolution)
+    change = classify(one.system, case, this, scan, one, found.versions, found.resolution)
     if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
         return None
     return _told(case.id, _kind(case, change), "; ".join(change.messages))

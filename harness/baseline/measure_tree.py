@@ -50,6 +50,8 @@ def measure_tree(task: MeasureTreeTask) -> Measurement:
         EngineError, BlownUpError, ReferenceError: naming what could not be run.
     """
     folder = Path(task.task.folder)
+    if folder == task.task.file:
+        return _measured(task)  # the file given alone is hashed with all that it names
     with recorded(folder) as reads:
         found = _measured(task)
     return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.file import SystemBaseline
@@ -13,10 +13,13 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     ModelFiles,
     as_now,
     dependencies,
+    folder_files,
+    robot_file,
 )
+from physics_crosscheck.harness.engines.registry import readers, runners, standing
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE
-from physics_crosscheck.harness.records.baseline import AcceptedCase
+from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
 from physics_crosscheck.harness.records.case import CaseId
 
 
@@ -28,15 +31,67 @@ def location(folder: Path, baseline: Path) -> str:
     return Path(os.path.relpath(folder.resolve(), baseline.resolve())).as_posix()
 
 
+def robot_name(file: Path, baseline: Path) -> str:
+    """Return the name of a robot file in a baseline: its path from the folder that holds both."""
+    parts = location(file, baseline).split("/")
+    return "/".join(part for part in parts if part != "..")
+
+
+def robot_options(file: Path, *, floating: bool, model: str) -> RobotOptions:
+    """Return the options that matter: a URDF may float, an SDFormat file has several models."""
+    return RobotOptions(
+        floating=floating and file.suffix == ".urdf", model=model if file.suffix == ".sdf" else ""
+    )
+
+
+def scan_target(
+    target: Path,
+    place: Path,
+    baseline: Mapping[str, SystemBaseline],
+    only: Sequence[str] = (),
+    robot: RobotOptions | None = None,
+) -> tuple[FolderFiles, SystemBaseline | None]:
+    """Hash a system folder or a robot file, and find its baseline.
+
+    Args:
+        target: the folder or the file.
+        place: of the baseline.
+        baseline: its systems, by name.
+        only: wanted engines; empty: for a robot file the accepted ones and those that need no
+            extra, or all installed ones if none was accepted.
+        robot: options with which a robot file is read; None: as accepted.
+
+    Raises:
+        OSError: for a file that can't be read.
+    """
+    one = match(target, place, baseline)
+    if target.is_dir():
+        return folder_files(target, place), one
+    if robot is None:
+        robot = RobotOptions() if one is None or one.robot is None else one.robot
+    known = (runners if one is None else standing)(target.suffix)
+    wanted = {engine.name for engine in known}.union(only)
+    wanted |= {case.engine for case in one.cases} if one else set()
+    engines = tuple(each.name for each in readers(target.suffix) if each.name in wanted)
+    return robot_file(target, engines, robot), one
+
+
 def match(
-    folder: Path, place: Path, baseline: Mapping[str, SystemBaseline]
+    target: Path, place: Path, baseline: Mapping[str, SystemBaseline]
 ) -> SystemBaseline | None:
-    """The baseline of a folder: by its place; moved, by its name where that is unique."""
-    here = location(folder, place)
+    """The baseline of a target: by its place; moved, by its name where that is unique."""
+    here = location(target, place)
     for one in baseline.values():
         if one.declared.folder == here:
             return one
-    named = [b for b in baseline.values() if b.declared.folder.rpartition("/")[2] == folder.name]
+    if not target.is_dir():
+        moved = baseline.get(robot_name(target, place))
+        return None if moved is None or moved.robot is None else moved
+    named = [
+        one
+        for one in baseline.values()
+        if one.robot is None and one.declared.folder.rpartition("/")[2] == target.name
+    ]
     return named[0] if len(named) == 1 else None
 
 
@@ -49,7 +104,9 @@ def stale(
     resolution: float,
 ) -> bool:
     """Whether anything that the cases of a model in an engine depend on is not as accepted."""
-    if one is None or one.declared.declared != scan.system or not one.declared.scenarios:
+    if one is None or one.robot != scan.robot:
+        return True
+    if one.declared.declared != scan.system or not one.declared.scenarios:
         return True
     ids = (
         CaseId(system=one.system, model=model.model, scenario=scenario, engine=engine)

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.baseline.file import (
     SystemBaseline,
     file_text,
     read_file,
-    read_folder,
+    read_target,
 )
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
@@ -42,16 +42,17 @@ def read_baseline(folder: Path) -> dict[str, SystemBaseline]:
     Raises:
         BaselineError: for anything that can't be believed.
     """
-    return {path.stem: _read(path, partial(read_file, system=path.stem)) for path in _files(folder)}
+    files = {path.relative_to(folder).with_suffix("").as_posix(): path for path in _files(folder)}
+    return {name: _read(path, partial(read_file, system=name)) for name, path in files.items()}
 
 
-def named_folders(folder: Path) -> list[str]:
-    """The systems' folders as a baseline names them, without reading the rest of it.
+def named_targets(folder: Path) -> list[tuple[str, bool]]:
+    """Return the folders and robot files that a baseline names, and which are robot files.
 
     Raises:
         BaselineError: for a file that names none.
     """
-    return [_read(path, read_folder) for path in _files(folder)]
+    return [_read(path, read_target) for path in _files(folder)]
 
 
 def _files(folder: Path) -> list[Path]:
@@ -59,7 +60,7 @@ def _files(folder: Path) -> list[Path]:
         raise BaselineError(
             f"{folder}: is not a folder; a baseline is a folder with one file per system"
         )
-    return sorted(folder.glob("*.json"))
+    return sorted(folder.rglob("*.json"))
 
 
 def _read(path: Path, reader: Callable[[bytes], T]) -> T:

@@ -39,12 +39,12 @@ class Accepted:
 
     Attributes:
         files: baseline files that changed.
-        cases: ids of cases whose entry is new or says something else.
+        cases: those whose entry is new or says something else.
         left: ids of those asked for whose engine is absent: theirs are as they were.
     """
 
     files: tuple[Path, ...]
-    cases: tuple[str, ...]
+    cases: tuple[CaseId, ...]
     left: tuple[str, ...]
 
 
@@ -75,7 +75,7 @@ def accept_each(
     asked = [change for change in found.changes if change.id in reasons]
     chosen = [change for change in asked if change.status is not Status.NOT_RUN]
     systems = dict(found.baseline)
-    said: list[str] = []
+    said: list[CaseId] = []
     for change in chosen:
         name, reason = change.id.system, reasons[change.id]
         one = systems.get(name) or _empty(name)
@@ -83,7 +83,7 @@ def accept_each(
         systems[name], new = _with(one, change, _entry(change, reason, change.id in named))
         before, systems[name] = systems[name], _with_audit(systems[name], change, found, reason)
         if new != old or systems[name] != before:
-            said.append(str(change.id))
+            said.append(change.id)
     texts: dict[tuple[str, str], bytes] = {}
     touched = sorted({change.id.system for change in chosen})
     for name in touched:
@@ -105,9 +105,7 @@ def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
     """
     for pattern in patterns:
         if not any(_matches(change, pattern) for change in found.changes):
-            known = sorted({f"{c.id.system}/{c.id.model}/{c.id.scenario}" for c in found.changes})[
-                :4
-            ]
+            known = sorted({f"{c.id.path}/{c.id.scenario}" for c in found.changes})[:4]
             hint = f" Use --folder {pattern} to choose a folder." if Path(pattern).is_dir() else ""
             raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(known)}.{hint}")
     asked = [c for c in found.changes if not patterns or any(_matches(c, p) for p in patterns)]
@@ -192,7 +190,11 @@ def _declared(
     one: SystemBaseline, scan: FolderFiles, results: Results | None, baseline: Path
 ) -> SystemBaseline:
     """With what the declaration says now, where it was loaded."""
-    now = msgspec.structs.replace(one.declared, folder=location(scan.folder, baseline))
+    now = msgspec.structs.replace(
+        one.declared,
+        folder=location(scan.folder, baseline),
+        robot=msgspec.UNSET if scan.robot is None else scan.robot,
+    )
     for system in results.systems if results else ():
         if system.folder == str(scan.folder):
             now = msgspec.structs.replace(
@@ -213,11 +215,11 @@ def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str]
     texts = {}
     for change in changes:
         model = change.id.model
-        for name in (model, f"{model}.toml", "system.py"):
-            data = (scan.folder / name).read_bytes()
+        for name in next(one.copies for one in scan.models if one.model == model):
+            data = (scan.base / name).read_bytes()
             if digest_of(data) != change.files[name]:
                 raise AcceptError(
-                    f"{scan.folder / name}: changed during the run. Run crosscheck accept again."
+                    f"{scan.base / name}: changed during the run. Run crosscheck accept again."
                 )
             texts[change.id.system, name] = data
     return texts

@@ -83,7 +83,7 @@ def file_diffs(
         scan = folders.get(system)
         if scan is None:
             continue
-        lines, more = _changed_lines(scan.folder, system, name, accepted, sorted(models), baseline)
+        lines, more = _changed_lines(scan, system, name, accepted, sorted(models), baseline)
         found.append(
             FileDiff(
                 system=system,
@@ -110,9 +110,9 @@ def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
 
 
 def _changed_lines(
-    folder: Path, system: str, name: str, accepted: str, models: Sequence[str], baseline: Path
+    scan: FolderFiles, system: str, name: str, accepted: str, models: Sequence[str], baseline: Path
 ) -> tuple[list[ChangedLine], int]:
-    file = folder / name
+    folder, file = scan.folder, scan.base / name
     if name == BESIDE:
         return [
             ChangedLine(folder, 1, "a file beside the models changed, or was added or removed")
@@ -131,7 +131,10 @@ def _changed_lines(
             ChangedLine(file, 1, "changed; the accepted text is not kept, so its lines are unknown")
         ], 0
     new = file.read_text(encoding="utf-8", errors="replace")
-    found = _literals(file, name, old, new, models)
+    if scan.robot is None:
+        found = _literals(file, name, old, new, models)
+    else:
+        found = _numbers(file, old, new)
     known = {one.line for one in found}
     lines = [one for one in _lines(file, old, new) if one.line not in known]
     return found + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
@@ -160,6 +163,28 @@ def _literals(
                 said = f"{within} {moved}, bound to {expression}"
                 edit = f"{_spoken(within)} {moved}"
                 found.append(ChangedLine(file, after.line, said, edit, before.text))
+    return found
+
+
+def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
+    """Return the changed numbers of a robot file that have a name of their own."""
+    # Imported here: they bring sympy, which an unchanged repository does not need.
+    from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
+    from physics_crosscheck.harness.modelfiles.numbers import numerals
+
+    try:
+        before, after = (numerals(Document(file, text.encode())) for text in (old, new))
+    except DocumentError:
+        return []
+    was = {one.address: one for one in before if one.has_name}
+    found = []
+    for one in after:
+        if one.has_name and one.address in was and was[one.address].value != one.value:
+            moved = f"{was[one.address].text} -> {one.text}"
+            edit = f"{_spoken(one.address)} {moved}"
+            found.append(
+                ChangedLine(file, one.line, f"{one.address} {moved}", edit, was[one.address].text)
+            )
     return found
 
 

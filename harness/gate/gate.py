@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change, classify
-from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
-from physics_crosscheck.harness.baseline.store import named_folders
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, hashed_again
+from physics_crosscheck.harness.baseline.store import named_targets
 from physics_crosscheck.harness.gate.audits import with_audits
 from physics_crosscheck.harness.gate.file_diffs import file_diffs
 from physics_crosscheck.harness.gate.options import GateOptions
@@ -29,8 +28,10 @@ from physics_crosscheck.harness.gate.survey import (
     was_left_alone,
 )
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.baseline import AcceptedCase, Snapshot
-from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.modelfiles.parts import included
+from physics_crosscheck.harness.modelfiles.robot_targets import is_robot, robots_below
+from physics_crosscheck.harness.records.baseline import AcceptedCase
+from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.run import Options, Run, Selection, run
 
@@ -40,8 +41,8 @@ Progress = Callable[[int, int, Case | None], None]
 _GONE = "accepted, but the case no longer exists"
 
 
-def gate(folders: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:
-    """Compare every case of the folders with the baseline, running those that changed.
+def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:
+    """Compare every case of folders and robot files with the baseline, running those that changed.
 
     Raises:
         BaselineError: for a baseline that can't be believed.
@@ -49,9 +50,9 @@ def gate(folders: Sequence[Path], options: GateOptions, progress: Progress) -> G
         OSError: for a file that can't be read.
     """
     began = time.perf_counter()
-    found = survey(folders, options)
+    found = survey(targets, options)
     ran = _run(found, options, progress) if found.running else None
-    names = by_name(found, ran.results if ran else None)
+    names = by_name(found, ran.results if ran else None, options.baseline)
     changes: list[Change] = []
     if ran is not None:
         moved = list(_of_run(ran, names, found, options))
@@ -69,68 +70,66 @@ def gate(folders: Sequence[Path], options: GateOptions, progress: Progress) -> G
     )
 
 
-def accepted_folders(baseline: Path) -> list[Path]:
-    """The folders that a baseline names, and the system folders beside them.
+def accepted_targets(baseline: Path) -> list[Path]:
+    """Return the folders and robot files that a baseline names, and those beside them.
 
     Raises:
         BaselineError: for a baseline that can't be read.
     """
-    parents = set()
-    for name in named_folders(baseline):
+    parents, folders = set[Path](), set[Path]()
+    for name, alone in named_targets(baseline):
         place = (
             builtin() / name.removeprefix("builtin:")
             if name.startswith("builtin:")
             else baseline / name
         )
-        parents.add(Path(os.path.relpath(place.resolve().parent)))
-    return sorted(p.parent for parent in parents for p in parent.glob("*/system.py"))
+        parent = Path(os.path.relpath(place.resolve().parent))
+        (folders if alone else parents).add(parent)
+    systems = sorted(p.parent for parent in parents for p in parent.glob("*/system.py"))
+    beside = (one for folder in sorted(folders) if folder.is_dir() for one in folder.iterdir())
+    return [*systems, *_whole(beside, baseline)]
+
+
+def robots_in(folder: Path, baseline: Path) -> list[Path]:
+    """Return the robot files below a folder; none where a system folder is below it.
+
+    Raises:
+        BaselineError: for a baseline that can't be read.
+    """
+    return _whole(robots_below(folder), baseline)
+
+
+def _whole(files: Iterable[Path], baseline: Path) -> list[Path]:
+    """Return the robot files among some files; what others include counts if it was accepted."""
+    accepted = {(baseline / name).resolve() for name, _ in named_targets(baseline)}
+    robots = sorted(file for file in files if is_robot(file))
+    parts = {part.resolve() for file in robots for part in included(file)} - accepted
+    return [file for file in robots if file.resolve() not in parts]
 
 
 def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
-    selection = Selection(
-        models=found.chosen,
-        snapshots=SnapshotsToRepeat(found.baseline),
-        diagnose=options.diagnose,
-    )
+    robots = {scan.folder: scan.robot for scan in found.running if scan.robot is not None}
+    selection = Selection(models=found.chosen, snapshot=found.snapshot, diagnose=options.diagnose)
     return run(
-        found.running,
+        [scan.folder for scan in found.running if scan.folder not in robots],
         Options(
             engines=options.engines,
             resolution=options.resolution,
             jobs=options.jobs,
             limits=options.limits,
             selection=selection,
+            robots=robots,
         ),
         progress,
+        robots=list(robots),
     )
-
-
-class SnapshotsToRepeat(Mapping[CaseId, Snapshot]):
-    """Accepted snapshots by case; a new case takes the one that its scenario has."""
-
-    def __init__(self, baseline: Mapping[str, SystemBaseline]) -> None:
-        self._cases = {case: one.snapshot(case) for one in baseline.values() for case in one.cases}
-        self._scenarios = {
-            (case.system, snapshot.scenario): snapshot for case, snapshot in self._cases.items()
-        }
-
-    def __getitem__(self, case: CaseId) -> Snapshot:
-        if case in self._cases:
-            return self._cases[case]
-        return self._scenarios[case.system, case.scenario]
-
-    def __iter__(self) -> Iterator[CaseId]:
-        return iter(self._cases)
-
-    def __len__(self) -> int:
-        return len(self._cases)
 
 
 def _of_run(
     ran: Run, names: Mapping[str, FolderFiles], found: Survey, options: GateOptions
 ) -> Iterator[Change]:
     """What became of the cases that were run."""
-    again = {folder: folder_files(folder, options.baseline) for folder in found.running}
+    again = {scan.folder: hashed_again(scan, options.baseline) for scan in found.running}
     # Where a declaration can't be loaded, the case is told by its folder; the baseline knows.
     systems = {str(scan.folder): name for name, scan in names.items()}
     for case in ran.results.cases:

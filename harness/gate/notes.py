@@ -80,5 +80,5 @@ def _file(found: GateResult, change: Change) -> Path:
     scan = found.folders.get(change.id.system)
     if scan is None:
         return Path(".")
-    file = scan.folder / change.id.model
+    file = scan.base / change.id.model
     return file if file.is_file() else scan.folder

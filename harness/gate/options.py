@@ -20,6 +20,7 @@ class GateOptions:
         every: run every case, changed or not.
         diagnose: name the cause where a model differs, which takes a while.
         resolution, jobs, limits: as in `harness.run.Options`.
+        floating, model: the same for robot files; unset: as accepted.
         parents: folders all of whose systems are given, so that one that is missing is gone;
             None: every system of the baseline is expected.
     """
@@ -31,6 +32,8 @@ class GateOptions:
     resolution: float = 1e-9
     jobs: int = 0
     limits: Limits = field(default_factory=Limits)
+    floating: bool = False
+    model: str = ""
     parents: tuple[Path, ...] | None = None
 
     def left_out(self, engines: Collection[str]) -> frozenset[str]:

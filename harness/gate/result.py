@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import msgspec
+
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.baseline.file import SystemBaseline
@@ -12,7 +14,7 @@ from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.gate.file_diffs import FileDiff
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.baseline import Gate, GateChange, GateFile, GateLine
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.case import Case, ModelId
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 
@@ -25,7 +27,7 @@ class GateResult:
         changes: a `Change` for every case, worst first.
         file_diffs: what changed in the files, a model or declaration each.
         results: of what was run, without what a report needs; None where nothing was.
-        folders: hashes of every folder given, by name of its system.
+        folders: hashes of every folder and robot file given, by name of its system.
         baseline: what was accepted, by name of the system.
         seconds: how long it took.
     """
@@ -48,7 +50,7 @@ class GateResult:
         """What could not be done beside the cases, a sentence each; of audits the cases tell."""
         models = self.results.models if self.results else ()
         return tuple(
-            f"{what} of {m.id}: {why}"
+            f"{what} of {self.id_of(m)}: {why}"
             for m in models
             for what, why in m.failures
             if what != "audit"
@@ -61,6 +63,11 @@ class GateResult:
     def model_of(self, case: Case) -> Model | None:
         """The record of a case's model, where it was run."""
         return None if self.results is None else self.results.model_of(case)
+
+    def id_of(self, model: Model) -> ModelId:
+        """Return the name of a model in the baseline, which calls a robot file by its path."""
+        names = {str(scan.folder): name for name, scan in self.folders.items()}
+        return msgspec.structs.replace(model.id, system=names.get(model.folder, model.system))
 
     def record(self) -> Gate:
         """The findings for other programs."""

@@ -6,13 +6,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
-from physics_crosscheck.harness.baseline.stale import location, match, stale
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
+from physics_crosscheck.harness.baseline.stale import (
+    location,
+    robot_name,
+    robot_options,
+    scan_target,
+    stale,
+)
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.results import Results
 
@@ -27,8 +36,8 @@ class Survey:
     Attributes:
         baseline: what was accepted, by name of the system.
         versions: of the engines.
-        scans: the folders' files.
-        matched: what was accepted of each folder.
+        scans: the files of each folder and robot file.
+        matched: what was accepted of each of them.
         left_out: engines whose cases are not looked at.
         chosen: models whose cases are to be run.
     """
@@ -41,18 +50,29 @@ class Survey:
     chosen: frozenset[ModelInEngine]
 
     @property
-    def running(self) -> list[Path]:
-        """Folders in which something is to be run, or can't be."""
+    def running(self) -> list[FolderFiles]:
+        """Folders and robot files in which something is to be run, or can't be."""
         wanted = {folder for folder, _, _ in self.chosen}
         return [
-            scan.folder
+            scan
             for scan in self.scans
             if str(scan.folder) in wanted or scan.broken or not scan.models
         ]
 
+    def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
+        """Return the accepted snapshot of a case; for a new case, that of its scenario."""
+        one = self.matched.get(Path(folder)) or self.baseline.get(case.system)
+        if one is None:
+            return None
+        known = msgspec.structs.replace(case, system=one.system)
+        if known in one.cases:
+            return one.snapshot(known)
+        found = (one.snapshot(other) for other in one.cases if other.scenario == case.scenario)
+        return next(filter(None, found), None)
 
-def survey(folders: Sequence[Path], options: GateOptions) -> Survey:
-    """Read the baseline and hash the folders.
+
+def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
+    """Read the baseline and hash the folders and robot files.
 
     Raises:
         BaselineError: for a baseline that can't be believed.
@@ -60,8 +80,9 @@ def survey(folders: Sequence[Path], options: GateOptions) -> Survey:
     """
     baseline = read_baseline(options.baseline)
     versions = {name: engine.version() for name, engine in engines().items()}
-    scans = tuple(folder_files(folder, options.baseline) for folder in folders)
-    matched = {scan.folder: match(scan.folder, options.baseline, baseline) for scan in scans}
+    found = [_scan(target, baseline, options) for target in targets]
+    scans = tuple(scan for scan, _ in found)
+    matched = {scan.folder: one for scan, one in found}
     accepted = {case.engine for one in baseline.values() for case in one.cases}
     declared = {name for scan in scans for model in scan.models for name in model.engines}
     left_out = options.left_out(accepted | declared)
@@ -81,6 +102,14 @@ def survey(folders: Sequence[Path], options: GateOptions) -> Survey:
     )
 
 
+def _scan(
+    target: Path, baseline: Mapping[str, SystemBaseline], options: GateOptions
+) -> tuple[FolderFiles, SystemBaseline | None]:
+    robot = robot_options(target, floating=options.floating, model=options.model)
+    given = None if robot == RobotOptions() else robot
+    return scan_target(target, options.baseline, baseline, options.engines, given)
+
+
 def _chosen(
     scan: FolderFiles,
     one: SystemBaseline | None,
@@ -94,8 +123,10 @@ def _chosen(
                 yield str(scan.folder), model.model, engine
 
 
-def by_name(found: Survey, results: Results | None) -> dict[str, FolderFiles]:
+def by_name(found: Survey, results: Results | None, baseline: Path) -> dict[str, FolderFiles]:
     """Folders by the name of their system: as it was just loaded, or as it was accepted.
+
+    A robot file is called by its path, whatever name the robot has.
 
     Raises:
         FolderError: where two folders have one name.
@@ -104,7 +135,10 @@ def by_name(found: Survey, results: Results | None) -> dict[str, FolderFiles]:
     names: dict[str, FolderFiles] = {}
     for scan in found.scans:
         one = found.matched[scan.folder]
-        name = loaded.get(str(scan.folder)) or (one.system if one else scan.folder.name)
+        if scan.robot is not None:
+            name = robot_name(scan.folder, baseline)
+        else:
+            name = loaded.get(str(scan.folder)) or (one.system if one else scan.folder.name)
         if name in names:
             raise FolderError(
                 f"{scan.folder} and {names[name].folder} both hold the system {name!r};"
@@ -115,9 +149,14 @@ def by_name(found: Survey, results: Results | None) -> dict[str, FolderFiles]:
 
 
 def is_expected(one: SystemBaseline, options: GateOptions) -> bool:
-    """Whether a system of the baseline ought to be among the folders given."""
+    """Whether a system of the baseline ought to be among the folders and robot files given."""
+    file = (options.baseline / one.declared.folder).resolve()
+    if one.robot is not None and file.exists():
+        return False
     if options.parents is None:
         return True
+    if one.robot is not None:
+        return any(file.is_relative_to(path.resolve()) for path in options.parents)
     parent = one.declared.folder.rpartition("/")[0]
     return parent in {location(path, options.baseline) for path in options.parents}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections import Counter
@@ -14,6 +15,7 @@ from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.records.codes import gate_code, part_code
+from physics_crosscheck.harness.records.case import CaseId, model_path
 from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.issues import explained_alike, named_models
@@ -77,7 +79,8 @@ def _headline(found: GateResult, width: int) -> list[str]:
     """Return the verdict with what made it: one edit, one engine upgrade, or the counts."""
     word = verdict(found)
     if not found.changes:
-        return wrapped(f"{word}  no cases found. Name a system folder: crosscheck gate DIR", width)
+        remedy = "Name a system folder or a robot file: crosscheck gate robot.urdf"
+        return wrapped(f"{word}  no cases found. {remedy}", width)
     if word == "ok":
         return wrapped(f"ok  {total(found)}", width)
     bad = [change for change in found.changes if not change.status.passes]
@@ -182,7 +185,7 @@ def _remedy(found: GateResult, width: int, given: Sequence[str]) -> list[str]:
 
 def _patterns(changes: Sequence[Change]) -> list[str]:
     """Return patterns for `crosscheck accept` that match the models of some cases; none: all."""
-    models = list(dict.fromkeys(f"{one.id.system}/{one.id.model}/*" for one in changes))
+    models = list(dict.fromkeys(f"{one.id.path}/*" for one in changes))
     if len(models) > MAX_PATTERNS:
         models = list(dict.fromkeys(f"{one.id.system}/*" for one in changes))
     return [] if len(models) > MAX_PATTERNS else [shlex.quote(one) for one in models]
@@ -197,10 +200,10 @@ def _remarks(found: GateResult, width: int) -> list[str]:
     """Return a line for what passes and is not simply as accepted."""
     lines = []
     if better := _groups(found.of(Status.IMPROVED)):
-        names = ", ".join(f"{group[0].id.system}/{group[0].id.model}" for group in better)
+        names = ", ".join(group[0].id.path for group in better)
         lines += wrapped(f"  improved: {names}; crosscheck accept keeps the improvement", width)
     known = Counter(
-        f"{change.id.system}/{change.id.model}: {change.entry.outcome} ({change.entry.reason})"
+        f"{change.id.path}: {change.entry.outcome} ({change.entry.reason})"
         for change in found.of(Status.KNOWN)
         if change.entry is not None
     )
@@ -240,7 +243,7 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
         with_audit: whether to repeat what the audit finds; the headline may have said it.
     """
     first = group[0]
-    name = with_code(change_code(first), f"{first.id.system}/{first.id.model}")
+    name = with_code(change_code(first), first.id.path)
     lines = wrapped(f"{first.status}  {name}", width)
     said = [
         [text for text in sentences(one) if with_audit or not text.startswith("the audit")]
@@ -261,25 +264,25 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
 
 
 def accepted_lines(
-    cases: Sequence[str], files: Sequence[Path], width: int, *, with_cases: bool = False
+    cases: Sequence[CaseId], files: Sequence[Path], width: int, *, with_cases: bool = False
 ) -> list[str]:
     """Return what was accepted: a line for each system, and where it was written.
 
     Args:
-        cases: ids of those whose entry is new or changed.
+        cases: those whose entry is new or changed.
         files: of the baseline that were written.
         width: columns.
         with_cases: whether to list the cases.
     """
     lines = []
-    for system, number in Counter(case.partition("/")[0] for case in cases).items():
+    for system, number in Counter(case.system for case in cases).items():
         lines += wrapped(f"Accepted {counted(number, 'case')} of {system}", width)
     if not cases:
         lines.append("Nothing to accept: every case is as accepted")
     if with_cases:
         lines += [line for case in cases for line in wrapped(f"  {case}", width)]
     if files:
-        where = sorted({str(file.parent) for file in files}, key=len)[0]
+        where = os.path.commonpath([file.parent for file in files])
         lines += wrapped(f"Wrote {counted(len(files), 'file')} in {where}. Commit them.", width)
     return lines
 
@@ -294,7 +297,8 @@ def change_lines(change: Change) -> list[str]:
 def diff_lines(diff: FileDiff) -> list[str]:
     """Return the changed lines of a file."""
     models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
-    lines = [f"changed in {diff.system}: {diff.name}{models}"]
+    where = "" if model_path(diff.system, diff.name) == diff.system else f"{diff.system}: "
+    lines = [f"changed in {where}{diff.name}{models}"]
     lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
     return [*lines, f"  and {counted(diff.more, 'more line')}"] if diff.more else lines
 
@@ -333,7 +337,7 @@ def summary(found: GateResult) -> str:
         if len(told) > MAX_ROWS:
             lines += ["", f"and {len(told) - MAX_ROWS} more"]
     for diff in found.file_diffs:
-        lines += ["", f"**{_cell(diff.system)}/{_cell(diff.name)}**", ""]
+        lines += ["", f"**{_cell(model_path(diff.system, diff.name))}**", ""]
         lines += [
             f"- {_code(f'{_relative(one.file)}:{one.line}')} {_cell(one.message)}"
             for one in diff.lines

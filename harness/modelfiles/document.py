@@ -40,6 +40,10 @@ class DocumentError(ValueError):
 class Document:
     """A file's elements, and what is found wrong with them on the way.
 
+    Args:
+        path: of the file.
+        written: its bytes; None: they are read.
+
     Attributes:
         path: of the file.
         data: its bytes, as UTF-8, with lines where they are.
@@ -51,11 +55,11 @@ class Document:
         DocumentError: for what is no XML.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, written: bytes | None = None) -> None:
         self.path = path
         self.obstacles: list[Obstacle] = []
         try:
-            written = read_regular(path, MOST_MODEL)
+            written = read_regular(path, MOST_MODEL) if written is None else written
         except OSError as error:
             raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
         self.data = mended(written)

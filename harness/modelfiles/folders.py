@@ -106,17 +106,6 @@ def _meant(name: str) -> list[Path]:
     return found
 
 
-def check_no_robots(names: Sequence[str]) -> None:
-    """Refuse robots' files where names of cases belong.
-
-    Raises:
-        FolderError: naming the file, and what can be done with it.
-    """
-    for file in map(Path, names):
-        if file.suffix in FORMATS and file.is_file() and not _declares(file.parent):
-            raise FolderError(_no_folder(file))
-
-
 def _no_folder(file: Path) -> str:
     """What to do with a file where a system folder belongs."""
     name = visible(str(file))

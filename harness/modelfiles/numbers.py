@@ -69,6 +69,11 @@ class Numeral:
     key: str
     word: int
 
+    @property
+    def has_name(self) -> bool:
+        """Return whether the address names its element, wherever that is in the file."""
+        return not self.address[0].isdigit()
+
 
 def numerals(document: Document) -> tuple[Numeral, ...]:
     """Every number of a file, in its order."""

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.baseline.inputs import inputs, with_reads_of_system
+from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.jobs.graph import Task
 from physics_crosscheck.harness.planning.cache import models_inputs, piece_of_folder
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import FolderFacts, task_function
 from physics_crosscheck.harness.planning.result_builder import Collected, stand_in
 from physics_crosscheck.harness.planning.target_plan import PlaceWork
-from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
 
 
@@ -23,7 +23,7 @@ class FolderWork(PlaceWork[FolderFacts]):
     Args:
         folder: of the system.
         options: of the run.
-        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
+        before: what was accepted, if anything.
         found: what the jobs bring.
     """
 
@@ -31,7 +31,7 @@ class FolderWork(PlaceWork[FolderFacts]):
         self,
         folder: Path,
         options: Options,
-        snapshots: Mapping[CaseId, Snapshot],
+        before: Accepted | None,
         found: Collected,
     ) -> None:
         cache = options.cache
@@ -40,8 +40,7 @@ class FolderWork(PlaceWork[FolderFacts]):
             if cache
             else None
         )
-        super().__init__(folder, options, found, piece)
-        self._snapshots = snapshots
+        super().__init__(folder, options, found, piece, before)
         # As it is before anything of it is run: what changes meanwhile is another folder's.
         wanted = found.keeps or cache
         known = inputs(folder, options.resolution, options.baseline) if wanted else {}
@@ -75,13 +74,3 @@ class FolderWork(PlaceWork[FolderFacts]):
 
     def _inputs_of_journal(self, key: ModelKey) -> str:
         return with_reads_of_system(self._inputs(key), key, self.facts.reads)
-
-    def is_measured(self, case: CaseId) -> bool:
-        """Whether what a case's model does is wanted."""
-        return super().is_measured(case) or case in self._snapshots
-
-    def snapshot(self, case: CaseId) -> Snapshot | None:
-        """The one that was accepted of a case, or is to be repeated."""
-        if self.options.selection is None:
-            return self._snapshots.get(case)
-        return super().snapshot(case)

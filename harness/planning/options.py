@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from os import PathLike
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, 
 from physics_crosscheck.harness.modelfiles.choice import Choice
 from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.harness.planning.cache import Cache
-from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
 
 RESOLVED = (1e-13, 1e-2)
@@ -100,25 +100,19 @@ class Selection:
 
     Attributes:
         models: those to run; None: all.
-        snapshots: accepted segments, by case.
-        repeated: other segments, by folder and case: two folders may have systems of one name.
+        snapshot: returns the segments that a case of a folder or robot file repeats, if any.
         diagnose: whether models that differ are diagnosed.
         described: whether linearizations and the derivation for a report are computed.
     """
 
     models: frozenset[ModelKey] | None
-    snapshots: Mapping[CaseId, Snapshot] = field(default_factory=dict)
-    repeated: Mapping[tuple[str, CaseId], Snapshot] = field(default_factory=dict)
+    snapshot: Callable[[str, CaseId], Snapshot | None] = lambda folder, case: None
     diagnose: bool = False
     described: bool = False
 
     def includes(self, model: ModelKey) -> bool:
         """Return whether a model is to be run."""
         return self.models is None or model in self.models
-
-    def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
-        """Return the segments that a case repeats, if any."""
-        return self.repeated.get((folder, case)) or self.snapshots.get(case)
 
 
 @dataclass(frozen=True)
@@ -130,6 +124,7 @@ class Options:
         floating: whether the root link of a standalone URDF moves.
         model: the model to read from an SDFormat file that has several.
         motion: duration of the motion from rest of a standalone file, seconds; 0 for none.
+        robots: other options of both kinds, for single robot files.
         choice: the cases to run.
         scheduler: address of a cluster's scheduler; empty for processes of this machine.
         cache: results of earlier runs, reused where their inputs have not changed.
@@ -144,9 +139,14 @@ class Options:
     floating: bool = False
     model: str = ""
     motion: float = 0.0
+    robots: Mapping[Path, RobotOptions] = field(default_factory=dict)
     choice: Choice = field(default_factory=Choice)
     scheduler: str = ""
     cache: Cache | None = None
+
+    def robot(self, file: Path) -> RobotOptions:
+        """Return the options with which a robot file is read."""
+        return self.robots.get(file) or RobotOptions(floating=self.floating, model=self.model)
 
     @property
     def described(self) -> bool:

@@ -5,11 +5,12 @@ A folder brings the jobs of its models; a model's last case brings its diagnosis
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Job
@@ -25,7 +26,6 @@ from physics_crosscheck.harness.planning.energies_plan import EnergiesModel
 from physics_crosscheck.harness.planning.folder_plan import FolderWork
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import Collected, stand_in
-from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import CaseId
 
 
@@ -34,20 +34,18 @@ class Plan:
 
     Args:
         options: of the run.
-        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
+        before: what was accepted, if anything.
         found: what the jobs bring.
     """
 
-    def __init__(
-        self, options: Options, snapshots: Mapping[CaseId, Snapshot], found: Collected
-    ) -> None:
-        self._options, self._snapshots, self._found = options, snapshots, found
+    def __init__(self, options: Options, before: Accepted | None, found: Collected) -> None:
+        self._options, self._before, self._found = options, before, found
         self._engines = engines()
 
     def folder(self, folder: Path) -> Iterator[Job[Any]]:
         """Prepare a folder, then run its models."""
         self._found.expect(str(folder), [stand_in(folder)])
-        work = FolderWork(folder, self._options, self._snapshots, self._found)
+        work = FolderWork(folder, self._options, self._before, self._found)
         yield from work.begun(partial(self._models, work))
 
     def _models(self, work: FolderWork) -> Iterator[Job[Any]]:

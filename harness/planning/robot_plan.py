@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from msgspec import structs
 
+from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import absent, barred_case, failed_case
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import readers
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
@@ -39,14 +44,17 @@ class RobotWork(PlaceWork[RobotFacts]):
     Args:
         file: the model file.
         options: of the run.
+        before: what was accepted, if anything.
         found: what the jobs bring.
     """
 
-    def __init__(self, file: Path, options: Options, found: Collected) -> None:
+    def __init__(
+        self, file: Path, options: Options, before: Accepted | None, found: Collected
+    ) -> None:
         wanted = found.keeps or options.cache
-        own = {"floating": options.floating, "model": options.model, "motion": options.motion}
-        known = piece_of_robot(file, own) if wanted else None
-        super().__init__(file, options, found, known)
+        self._robot = {**structs.asdict(options.robot(file)), "motion": options.motion}
+        known = piece_of_robot(file, self._robot) if wanted else None
+        super().__init__(file, options, found, known, before)
 
     @property
     def stand_in(self) -> CaseId:
@@ -80,11 +88,7 @@ class RobotWork(PlaceWork[RobotFacts]):
         )
 
     def _preparing(self) -> Task[Any, Any]:
-        options = self.options
-        prepare = task_function(
-            "robot", floating=options.floating, model=options.model, motion=options.motion
-        )
-        return Task(prepare, self.place)
+        return Task(task_function("robot", **self._robot), self.place)
 
     def _inputs(self, key: ModelKey) -> str:
         assert self._piece is not None  # nothing is asked for without a cache or a journal
@@ -94,8 +98,8 @@ class RobotWork(PlaceWork[RobotFacts]):
 class RobotPlan:
     """What is to be done for robots' files; values go to `found`."""
 
-    def __init__(self, options: Options, found: Collected) -> None:
-        self._options, self._found = options, found
+    def __init__(self, options: Options, before: Accepted | None, found: Collected) -> None:
+        self._options, self._before, self._found = options, before, found
 
     def readable(self, files: Sequence[Path]) -> list[Path]:
         """Files that may be XML; the others FAILED, before a worker process is started for them."""
@@ -112,16 +116,15 @@ class RobotPlan:
 
     def file(self, file: Path) -> Iterator[Job[Any]]:
         """Prepare a file, then run it."""
-        work = RobotWork(file, self._options, self._found)
+        work = RobotWork(file, self._options, self._before, self._found)
         yield from work.begun(partial(self._engines, work))
 
     def _engines(self, work: RobotWork) -> Iterator[Job[Any]]:
         """The file in every engine that reads its format, or in those that are wanted."""
         file, facts = work.place, work.facts
         self._found.systems.append(facts.record)
-        adapters = engines()
-        wanted = chosen_engines(file, self._options.engines)
-        found = [(adapters[name], work.case_id(name)) for name in wanted]
+        wanted = self._wanted(file)
+        found = [(one, work.case_id(name)) for name, one in engines().items() if name in wanted]
         choice = self._options.choice
         chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
         self._found.left.pop((str(file), work.stand_in), None)
@@ -137,6 +140,13 @@ class RobotPlan:
             yield from self._case(work, model.key, case)
         if begun and self._options.selection is None:
             yield from self._coverage(work, begun)
+
+    def _wanted(self, file: Path) -> Collection[str]:
+        """Return the engines in which a file is to be run."""
+        selection = self._options.selection
+        if selection is None or selection.models is None:
+            return chosen_engines(file, self._options.engines)
+        return {engine for folder, _, engine in selection.models if folder == str(file)}
 
     def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
         """A case; one that differs is diagnosed, and what it does measured if wanted."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast, get_args
 
+from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
@@ -41,16 +42,22 @@ class PlaceWork(ABC, Generic[Facts]):
         options: of the run.
         found: what the jobs bring.
         piece: its preparation, by what it depends on; None: nothing is had from earlier runs.
+        before: what was accepted, if anything; cases of it are measured where no selection says so.
 
     Attributes:
         place, options, found: as given.
     """
 
     def __init__(
-        self, place: Path, options: Options, found: Collected, piece: Piece | None
+        self,
+        place: Path,
+        options: Options,
+        found: Collected,
+        piece: Piece | None,
+        before: Accepted | None = None,
     ) -> None:
         self.place, self.options, self.found = place, options, found
-        self._piece, self._cache = piece, options.cache
+        self._piece, self._cache, self._before = piece, options.cache, before
         self._facts: Facts | None = None
         self._solved: object = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
@@ -227,12 +234,12 @@ class PlaceWork(ABC, Generic[Facts]):
 
     def snapshot(self, case: CaseId) -> Snapshot | None:
         """The one that was accepted of a case, or is to be repeated."""
-        selection = self.options.selection
-        return None if selection is None else selection.snapshot(str(self.place), case)
+        known = self.options.selection or self._before
+        return None if known is None else known.snapshot(str(self.place), case)
 
     def is_measured(self, case: CaseId) -> bool:
         """Whether what a case's model does is wanted."""
-        return self.options.selection is not None
+        return self.options.selection is not None or self.snapshot(case) is not None
 
     def measure(self, case: CaseId, sidecar: Sidecar | None = None) -> Jobs:
         """Measure what a case's model does, where a snapshot was accepted, or may be."""

@@ -119,7 +119,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         numerics: Version of this package's numerical methods.
         files: Hashes of all inputs, by path. Files that code looked for have `absent` or
             `names:HASH`.
-        snapshot: Key of the snapshot for `end`.
+        snapshot: Key of the snapshot for `end`; empty if the engine refuses the file.
         end: End states of the model, shape (K, 2n).
         end_uncertainty: Uncertainty of `end`.
         seal: Hash of this entry.
@@ -203,15 +203,28 @@ class AcceptedAudit(Record, frozen=True, kw_only=True):
         return ModelId(system=self.system, model=self.model, engine=self.engine)
 
 
+class RobotOptions(Record, frozen=True, kw_only=True):
+    """Options with which a robot file is read.
+
+    Attributes:
+        floating: Whether the root link of a URDF moves.
+        model: Model to read from an SDFormat file; empty for the only movable one.
+    """
+
+    floating: bool = False
+    model: str = ""
+
+
 class Declared(Record, frozen=True, kw_only=True):
     """The declaration of a system when its cases were accepted.
 
     Attributes:
-        system: Name of the system.
+        system: Name of the system; the path of a robot file.
         folder: Path relative to the baseline; `builtin:NAME` for an installed system.
-        declared: Hash of the declaration.
+        declared: Hash of the declaration; empty for a robot file.
         scenarios: Names of the scenarios.
         constants: Values of the constants.
+        robot: Options with which a robot file is read; a system folder has none.
         seal: Hash of this entry.
     """
 
@@ -220,6 +233,7 @@ class Declared(Record, frozen=True, kw_only=True):
     declared: str
     scenarios: tuple[str, ...]
     constants: dict[str, float]
+    robot: RobotOptions | msgspec.UnsetType = msgspec.UNSET
     seal: str = ""
 
 

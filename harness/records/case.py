@@ -42,6 +42,12 @@ ModelKey = tuple[str, str, str]
 """Folder, model file and engine: two folders may hold systems of the same name."""
 
 
+def model_path(system: str, model: str) -> str:
+    """Return the name of a model file; the system of an accepted robot file is its path."""
+    alone = system == model or system.endswith(f"/{model}")
+    return system if alone else f"{system}/{model}"
+
+
 class ModelId(Record, frozen=True, kw_only=True, order=True):
     """One model file of a system in one engine.
 
@@ -57,7 +63,7 @@ class ModelId(Record, frozen=True, kw_only=True, order=True):
     engine: str
 
     def __str__(self) -> str:
-        return f"{self.system}/{self.model} [{self.engine}]"
+        return f"{model_path(self.system, self.model)} [{self.engine}]"
 
 
 class CaseId(Record, frozen=True, kw_only=True, order=True):
@@ -77,7 +83,12 @@ class CaseId(Record, frozen=True, kw_only=True, order=True):
     engine: str
 
     def __str__(self) -> str:
-        return f"{self.system}/{self.model}/{self.scenario} [{self.engine}]"
+        return f"{self.path}/{self.scenario} [{self.engine}]"
+
+    @property
+    def path(self) -> str:
+        """The model file with its system."""
+        return model_path(self.system, self.model)
 
     @property
     def of_model(self) -> ModelId:

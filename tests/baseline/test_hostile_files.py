@@ -20,13 +20,15 @@ from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     AcceptedFinding,
     Declared,
+    RobotOptions,
     Snapshot,
 )
 from physics_crosscheck.harness.records.read import decoded
-from tests.baseline.samples import ENTRY, SNAPSHOT, SYSTEM, baseline, entry
+from tests.baseline.samples import DECLARED, ENTRY, SNAPSHOT, SYSTEM, baseline, entry
 
 Table = dict[str, Any]
-TEXT = file_text(baseline())
+ROBOT = msgspec.structs.replace(DECLARED, robot=RobotOptions(floating=True, model="arm"))
+TEXT = file_text(replace(baseline(), declared=ROBOT))
 WRONG = {"no": ["such", "thing"]}
 """A value that no field has."""
 
@@ -107,7 +109,7 @@ def other(value: Any) -> Any:
     if isinstance(value, str):
         return {"AGREES": "DIFFERS"}.get(value, f"{value}x")
     if isinstance(value, dict):
-        return {f"{name}x": each for name, each in value.items()}
+        return {name: other(each) for name, each in value.items()}
     return [other(each) for each in value]
 
 

@@ -108,11 +108,6 @@ def test_cases_that_agree_failed_or_were_not_measured_are_left_as_they_are() -> 
     assert mark_known((DIFFERS,), {}, None) == (DIFFERS,)
 
 
-def test_known_differences_are_told_by_case() -> None:
-    other = entry(model="other.xml")
-    assert accepted(KNOWN, other).known_differences == {KNOWN.id}
-
-
 def test_what_changed_since_is_told_worst_first() -> None:
     gone, new = entry(model="gone.xml"), case(model="new.xml")
     this = case(global_error=0.05)
@@ -183,7 +178,7 @@ def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accep
     def refuse(folder: Path, _: Path) -> FolderFiles:
         raise PermissionError(13, "Permission denied", str(folder / "mesh.stl"))
 
-    monkeypatch.setattr("physics_crosscheck.harness.baseline.known.folder_files", refuse)
+    monkeypatch.setattr("physics_crosscheck.harness.baseline.stale.folder_files", refuse)
     write_baseline(tmp_path, [baseline()], {})
     found = known.accepted(tmp_path, [FOLDER], 1e-9)
     assert found is not None

@@ -208,7 +208,7 @@ def work_of(file: Path, **options: Any) -> Work | None:
     """A case of a robot's file as a journal has it."""
     with journal(Path("out"), resume=True) as done:
         found = Collected(lambda *_: None, done)
-        of_file = RobotWork(file, Options(**options), found)
+        of_file = RobotWork(file, Options(**options), None, found)
         return of_file._work("case", (str(file), file.name, "mujoco"), "states")
 
 

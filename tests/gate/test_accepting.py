@@ -57,7 +57,7 @@ def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository: Rep
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     found = repository.gate()
     done = repository.accept("a new damper", "*/space.py/step", found=found)
-    assert done.cases == (f"{SYSTEM}/space.py/step [pymunk]",)
+    assert list(map(str, done.cases)) == [f"{SYSTEM}/space.py/step [pymunk]"]
     changed = lines_changed(before, repository.file.read_text())
     assert 10 < len(changed) < 60
     # Of the case, and of what the audit finds of its model.

@@ -51,6 +51,7 @@ def unusable(engine: str, wanted: str, package: str) -> str:
 
 
 def _run(asked: VersionTask) -> Run:
+    snapshots = {(one.folder, one.case): one.snapshot for one in asked.repeated}
     options = Options(
         engines=(asked.engine,),
         resolution=asked.resolution,
@@ -59,7 +60,7 @@ def _run(asked: VersionTask) -> Run:
         floating=asked.floating,
         selection=Selection(
             models=None,
-            repeated={(one.folder, one.case): one.snapshot for one in asked.repeated},
+            snapshot=lambda folder, case: snapshots.get((folder, case)),
             diagnose=asked.diagnose,
             described=True,
         ),

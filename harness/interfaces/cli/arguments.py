@@ -40,13 +40,19 @@ BELOW = "those below the working folder"
 """Default targets of commands that search for models."""
 
 
-def folders(command: argparse.ArgumentParser, *, required: bool, default: str = "") -> None:
-    """Add FOLDER ...; `default` describes the folders without an argument."""
+def folders(
+    command: argparse.ArgumentParser,
+    *,
+    required: bool,
+    kinds: str = "System folders",
+    default: str = "all built-in systems",
+) -> None:
+    """Add FOLDER ...; `kinds` describes what may be named, `default` what is used otherwise."""
     action = command.add_argument(
         "folders",
         nargs="+" if required else "*",
         metavar="FOLDER",
-        help="System folders" + ("" if required else f" [{default}]"),
+        help=kinds + ("" if required else f" [{default}]"),
     )
     completed_by(action, systems_and_files)
 

@@ -6,21 +6,27 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.place import DEFAULT
-from physics_crosscheck.harness.gate.gate import accepted_folders, gate
+from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
-from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
-from physics_crosscheck.harness.modelfiles.robot_targets import models_below
+from physics_crosscheck.harness.modelfiles.folders import (
+    FolderError,
+    NamedFolders,
+    check_engines,
+    named_folders,
+    system_folders,
+)
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robot_files
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
@@ -76,14 +82,14 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
     """
     parents: tuple[Path, ...] | None = None
     if options.folders:
-        folders = system_folders(options.folders)
+        targets = _named(options.folders, options.baseline)
         named = [Path(name) for name in options.folders]
         parents = tuple(p for p in named if p.is_dir() and not (p / "system.py").is_file())
     else:
-        folders = accepted_folders(options.baseline)
-        if not folders and not any(options.baseline.glob("*.json")):
-            folders = system_folders(models_below(Path.cwd()))
-    return folders, GateOptions(
+        targets = accepted_targets(options.baseline)
+        if not targets and not any(options.baseline.rglob("*.json")):
+            targets = _named(models_below(Path.cwd()), options.baseline)
+    return targets, GateOptions(
         baseline=options.baseline,
         engines=tuple(options.engine),
         every=getattr(options, "every", False),
@@ -91,8 +97,25 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
         resolution=options.resolution,
         jobs=options.jobs,
         limits=arguments.limits_of(options),
+        floating=getattr(options, "floating", False),
+        model=getattr(options, "chosen_model", ""),
         parents=parents,
     )
+
+
+def _named(names: Sequence[str], baseline: Path) -> list[Path]:
+    """Return the system folders and robot files that names mean.
+
+    Raises:
+        FolderError: naming each that is not there, and the remedy.
+    """
+    below = {name: robots_in(Path(name), baseline) for name in names if name}
+    whole = [path for files in below.values() for path in files]
+    robots = robot_files([name for name in names if not below.get(name)])
+    folders = named_folders(robots.others, beside=True) if robots.others else NamedFolders([], {})
+    if faults := {**robots.faults, **folders.faults}:
+        raise FolderError("; ".join(faults.values()))
+    return [*folders.folders, *dict.fromkeys([*whole, *robots.files])]
 
 
 class LateProgress(ExitStack):

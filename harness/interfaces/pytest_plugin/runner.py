@@ -13,8 +13,7 @@ from typing import TypeVar
 
 from msgspec import structs
 
-from physics_crosscheck.harness.baseline.audits import mark_models
-from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known
+from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known, mark_models
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.checks.declared import Declared, declared
 from physics_crosscheck.harness.checks.not_run import Hurdle, failed_case, hurdle, not_of_a_tree
@@ -129,9 +128,10 @@ class CaseRunner:
         if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
             return case
         before = self._before(target)
-        if before is None or case.id not in before.snapshots:
+        snapshot = None if before is None else before.snapshot(case.folder, case.id)
+        if before is None or snapshot is None:
             return case
-        seen = {(case.folder, case.id): measured(before.snapshots[case.id])}
+        seen = {(case.folder, case.id): measured(snapshot)}
         (case,) = mark_known((case,), seen, before)
         return case
 
@@ -146,7 +146,7 @@ class CaseRunner:
     def marked(self, model: Model, target: Path) -> Model:
         """A model with the reason for which what its audit finds was accepted, if it was."""
         before = self._before(target) if model.findings else None
-        return model if before is None else mark_models((model,), before.systems)[0]
+        return mark_models((model,), before)[0]
 
     def audit(self, target: Path, model: Sidecar | Path, engine: str) -> Audit | Failure:
         """Audit a model, or say why it can't be."""

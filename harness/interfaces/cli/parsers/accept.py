@@ -11,7 +11,7 @@ ABOUT = CommandHelp(
     description="Accept the current results as the baseline, with a reason.\n"
     "Models that changed run first; the baseline folder gets the results.",
     examples={
-        "Accept everything": "crosscheck accept --reason 'New damper'",
+        "Accept a robot file": "crosscheck accept robot.urdf --reason 'First baseline'",
         "Accept the cases of one model": "crosscheck accept --reason 'Mass fixed' 'arm/arm.urdf/*'",
     },
     exit_codes={
@@ -28,8 +28,8 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "cases",
         nargs="*",
-        metavar="CASE",
-        help="Cases to accept, e.g. 'arm/arm.urdf/*' [all]",
+        metavar="TARGET",
+        help="Folders, robot files or cases, e.g. 'arm/arm.urdf/*' [all]",
     )
     group(command, "Baseline").add_argument(
         "--reason", required=True, metavar="TEXT", help="Reason, stored in the baseline (required)"
@@ -40,9 +40,11 @@ def add(command: argparse.ArgumentParser) -> None:
         default=[],
         dest="folders",
         metavar="FOLDER",
-        help="System folder; repeatable [those of the baseline]",
+        help="Folder or robot file; repeatable [those of the baseline]",
     )
     arguments.engine(command)
+    arguments.floating(command)
+    arguments.chosen_model(command)
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)

@@ -26,7 +26,12 @@ ABOUT = CommandHelp(
 
 def add_selection(command: argparse.ArgumentParser) -> None:
     """Declare the arguments that select cases, for `gate` and `review`."""
-    arguments.folders(command, required=False, default="those of the baseline")
+    arguments.folders(
+        command,
+        required=False,
+        kinds="System folders, robot files or folders of them",
+        default="those of the baseline",
+    )
     arguments.engine(command)
     arguments.resolution_of(command)
     arguments.limits(command)
