@@ -103,7 +103,7 @@ def classify(
         return Change(
             id=id_,
             status=Status.NEW,
-            messages=(unaccepted(case),),
+            messages=(unaccepted(case), *([case.reason] if refused else [])),
             case=case,
             measured=motion,
             now=now,

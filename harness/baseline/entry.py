@@ -34,7 +34,7 @@ def entry_of(
             summary="",
             reason="",
             outcome=case.outcome,
-            outcome_reason=case.reason,
+            outcome_reason=case.reason.replace(f"{case.folder}: ", f"{case.model}: "),
             discrepancy=verdict.discrepancy if verdict else None,
             uncertainty=verdict.uncertainty if verdict else None,
             component=verdict.component if verdict else "",

@@ -73,20 +73,21 @@ class Accepted:
 
     def system_of(self, folder: str, system: str) -> SystemBaseline | None:
         """Return the baseline of a system: a folder's by its name, a robot file's by its place."""
-        scan, one = self.folders.get(folder, (None, None))
-        return self.systems.get(system) if scan is None or scan.robot is None else one
+        scan, accepted = self.folders.get(folder, (None, None))
+        return self.systems.get(system) if scan is None or scan.robot is None else accepted
 
     def id_of(self, case: Case) -> CaseId:
         """Return the name of a case in the baseline, which calls a robot file by its path."""
-        one = self.system_of(case.folder, case.system)
-        return case.id if one is None else msgspec.structs.replace(case.id, system=one.system)
+        accepted = self.system_of(case.folder, case.system)
+        system = case.system if accepted is None else accepted.system
+        return msgspec.structs.replace(case.id, system=system)
 
     def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
         """Return the accepted snapshot of a case that a run is to measure."""
-        one = self.system_of(folder, case.system)
-        if one is None:
+        accepted = self.system_of(folder, case.system)
+        if accepted is None:
             return None
-        return self.snapshots.get(msgspec.structs.replace(case, system=one.system))
+        return self.snapshots.get(msgspec.structs.replace(case, system=accepted.system))
 
 
 def accepted(
@@ -115,9 +116,9 @@ def accepted(
     found: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
     snapshots: dict[CaseId, Snapshot] = {}
     for target in targets:
-        own = robot_options(target, floating=robot.floating, model=robot.model)
+        options = robot_options(target, floating=robot.floating, model=robot.model)
         try:
-            scan, one = scan_target(target, place, systems, only, own)
+            scan, one = scan_target(target, place, systems, only, options)
         except OSError:
             continue  # nothing of it can be as accepted; the run says what can't be read
         if one is not None and one.robot != scan.robot:
@@ -196,16 +197,16 @@ def _why_changed(
     return why_not_known(entry, case.verdict, snapshot, measured)
 
 
-def mark_models(models: Iterable[Model], found: Accepted | None) -> tuple[Model, ...]:
+def mark_models(models: Iterable[Model], baseline: Accepted | None) -> tuple[Model, ...]:
     """Return the models; those whose findings were all accepted have the reason for it."""
-    return tuple(models) if found is None else tuple(_model(one, found) for one in models)
+    return tuple(models) if baseline is None else tuple(_model(one, baseline) for one in models)
 
 
-def _model(model: Model, found: Accepted) -> Model:
-    one = found.system_of(model.folder, model.system)
-    if one is None or not model.findings:
+def _model(model: Model, baseline: Accepted) -> Model:
+    accepted = baseline.system_of(model.folder, model.system)
+    if accepted is None or not model.findings:
         return model
-    audit = one.audits.get(msgspec.structs.replace(model.id, system=one.system))
+    audit = accepted.audits.get(msgspec.structs.replace(model.id, system=accepted.system))
     if audit is None or unaccepted_findings(model, audit):
         return model
     return msgspec.structs.replace(model, accepted=audit.reason)

@@ -64,16 +64,16 @@ def scan_target(
     Raises:
         OSError: for a file that can't be read.
     """
-    one = match(target, place, baseline)
+    accepted = match(target, place, baseline)
     if target.is_dir():
-        return folder_files(target, place), one
+        return folder_files(target, place), accepted
     if robot is None:
-        robot = RobotOptions() if one is None or one.robot is None else one.robot
-    known = (runners if one is None else standing)(target.suffix)
-    wanted = {engine.name for engine in known}.union(only)
-    wanted |= {case.engine for case in one.cases} if one else set()
+        robot = RobotOptions() if accepted is None or accepted.robot is None else accepted.robot
+    usual = (runners if accepted is None else standing)(target.suffix)
+    wanted = {engine.name for engine in usual}.union(only)
+    wanted |= {case.engine for case in accepted.cases} if accepted else set()
     engines = tuple(each.name for each in readers(target.suffix) if each.name in wanted)
-    return robot_file(target, engines, robot), one
+    return robot_file(target, engines, robot), accepted
 
 
 def match(

@@ -106,8 +106,7 @@ def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
     for pattern in patterns:
         if not any(_matches(change, pattern) for change in found.changes):
             known = sorted({f"{c.id.path}/{c.id.scenario}" for c in found.changes})[:4]
-            hint = f" Use --folder {pattern} to choose a folder." if Path(pattern).is_dir() else ""
-            raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(known)}.{hint}")
+            raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(known)}")
     asked = [c for c in found.changes if not patterns or any(_matches(c, p) for p in patterns)]
     failed = [c for c in asked if c.status is Status.NOT_RUN and not _absent(c)]
     if failed:

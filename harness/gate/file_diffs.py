@@ -131,10 +131,8 @@ def _changed_lines(
             ChangedLine(file, 1, "changed; the accepted text is not kept, so its lines are unknown")
         ], 0
     new = file.read_text(encoding="utf-8", errors="replace")
-    if scan.robot is None:
-        found = _literals(file, name, old, new, models)
-    else:
-        found = _numbers(file, old, new)
+    is_robot = scan.robot is not None
+    found = _numbers(file, old, new) if is_robot else _literals(file, name, old, new, models)
     known = {one.line for one in found}
     lines = [one for one in _lines(file, old, new) if one.line not in known]
     return found + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
@@ -176,16 +174,16 @@ def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
         before, after = (numerals(Document(file, text.encode())) for text in (old, new))
     except DocumentError:
         return []
-    was = {one.address: one for one in before if one.has_name}
-    found = []
-    for one in after:
-        if one.has_name and one.address in was and was[one.address].value != one.value:
-            moved = f"{was[one.address].text} -> {one.text}"
-            edit = f"{_spoken(one.address)} {moved}"
-            found.append(
-                ChangedLine(file, one.line, f"{one.address} {moved}", edit, was[one.address].text)
-            )
-    return found
+    accepted = {number.address: number for number in before if number.has_name}
+    changes = []
+    for number in after:
+        address, old_number = number.address, accepted.get(number.address)
+        if old_number is not None and old_number.value != number.value:
+            moved = f"{old_number.text} -> {number.text}"
+            edit = f"{_spoken(address)} {moved}"
+            message = f"{address} {moved}"
+            changes.append(ChangedLine(file, number.line, message, edit, old_number.text))
+    return changes
 
 
 def _spoken(address: str) -> str:

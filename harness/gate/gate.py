@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.changes import Status
@@ -77,34 +77,42 @@ def accepted_targets(baseline: Path) -> list[Path]:
         BaselineError: for a baseline that can't be read.
     """
     parents, folders = set[Path](), set[Path]()
-    for name, alone in named_targets(baseline):
+    for name, is_file in named_targets(baseline):
         place = (
             builtin() / name.removeprefix("builtin:")
             if name.startswith("builtin:")
             else baseline / name
         )
         parent = Path(os.path.relpath(place.resolve().parent))
-        (folders if alone else parents).add(parent)
+        (folders if is_file else parents).add(parent)
     systems = sorted(p.parent for parent in parents for p in parent.glob("*/system.py"))
-    beside = (one for folder in sorted(folders) if folder.is_dir() for one in folder.iterdir())
-    return [*systems, *_whole(beside, baseline)]
+    files = [file for folder in folders if folder.is_dir() for file in folder.iterdir()]
+    return [*systems, *_whole(files, _accepted(baseline))]
 
 
 def robots_in(folder: Path, baseline: Path) -> list[Path]:
-    """Return the robot files below a folder; none where a system folder is below it.
+    """Return the robot files below a folder, and the accepted ones wherever below it they are.
+
+    Without accepted ones, none where a system folder is below it.
 
     Raises:
         BaselineError: for a baseline that can't be read.
     """
-    return _whole(robots_below(folder), baseline)
+    here, accepted = folder.resolve(), _accepted(baseline)
+    inside = [folder / file.relative_to(here) for file in accepted if here in file.parents]
+    return _whole({*robots_below(folder), *filter(Path.is_file, inside)}, accepted)
 
 
-def _whole(files: Iterable[Path], baseline: Path) -> list[Path]:
+def _whole(files: Iterable[Path], accepted: Set[Path]) -> list[Path]:
     """Return the robot files among some files; what others include counts if it was accepted."""
-    accepted = {(baseline / name).resolve() for name, _ in named_targets(baseline)}
-    robots = sorted(file for file in files if is_robot(file))
+    robots = sorted(file for file in files if is_robot(file) or file.resolve() in accepted)
     parts = {part.resolve() for file in robots for part in included(file)} - accepted
     return [file for file in robots if file.resolve() not in parts]
+
+
+def _accepted(baseline: Path) -> set[Path]:
+    """Return the accepted robot files, resolved; some may be gone."""
+    return {(baseline / name).resolve() for name, is_file in named_targets(baseline) if is_file}
 
 
 def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:

@@ -61,14 +61,14 @@ class Survey:
 
     def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
         """Return the accepted snapshot of a case; for a new case, that of its scenario."""
-        one = self.matched.get(Path(folder)) or self.baseline.get(case.system)
-        if one is None:
+        accepted = self.matched.get(Path(folder)) or self.baseline.get(case.system)
+        if accepted is None:
             return None
-        known = msgspec.structs.replace(case, system=one.system)
-        if known in one.cases:
-            return one.snapshot(known)
-        found = (one.snapshot(other) for other in one.cases if other.scenario == case.scenario)
-        return next(filter(None, found), None)
+        id_ = msgspec.structs.replace(case, system=accepted.system)
+        if id_ in accepted.cases:
+            return accepted.snapshot(id_)
+        others = (other for other in accepted.cases if other.scenario == case.scenario)
+        return next(filter(None, map(accepted.snapshot, others)), None)
 
 
 def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
@@ -80,9 +80,9 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
     """
     baseline = read_baseline(options.baseline)
     versions = {name: engine.version() for name, engine in engines().items()}
-    found = [_scan(target, baseline, options) for target in targets]
-    scans = tuple(scan for scan, _ in found)
-    matched = {scan.folder: one for scan, one in found}
+    pairs = [_scan(target, baseline, options) for target in targets]
+    scans = tuple(scan for scan, _ in pairs)
+    matched = {scan.folder: one for scan, one in pairs}
     accepted = {case.engine for one in baseline.values() for case in one.cases}
     declared = {name for scan in scans for model in scan.models for name in model.engines}
     left_out = options.left_out(accepted | declared)

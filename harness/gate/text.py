@@ -14,8 +14,8 @@ from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.records.codes import gate_code, part_code
 from physics_crosscheck.harness.records.case import CaseId, model_path
+from physics_crosscheck.harness.records.codes import gate_code, part_code
 from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.issues import explained_alike, named_models

@@ -44,8 +44,9 @@ ModelKey = tuple[str, str, str]
 
 def model_path(system: str, model: str) -> str:
     """Return the name of a model file; the system of an accepted robot file is its path."""
-    alone = system == model or system.endswith(f"/{model}")
-    return system if alone else f"{system}/{model}"
+    if system == model or system.endswith(f"/{model}"):
+        return system
+    return f"{system}/{model}"
 
 
 class ModelId(Record, frozen=True, kw_only=True, order=True):

@@ -81,7 +81,8 @@ PAGES = (
         title="Baseline files",
         reader="Reviewers of a changed baseline need this page. It describes every field of an"
         " accepted result.",
-        written="`crosscheck accept` writes one file per system, `reports/baseline/<system>.json`.",
+        written="`crosscheck accept` writes one file per system folder,"
+        " `reports/baseline/<system>.json`, and one per robot file.",
         records=(BaselineFile,),
         schema="baseline",
     ),

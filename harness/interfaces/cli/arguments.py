@@ -139,12 +139,12 @@ def standalone(command: argparse.ArgumentParser) -> None:
     )
 
 
-def floating(command: argparse.ArgumentParser) -> None:
-    """Add --floating."""
+def floating(command: argparse.ArgumentParser, default: str = "fixed") -> None:
+    """Add --floating; `default` describes what happens without it."""
     group(command, "Robot files").add_argument(
         "--floating",
         action="store_true",
-        help="Let the root link of a standalone URDF move [fixed]",
+        help=f"Let the root link of a standalone URDF move [{default}]",
     )
 
 
@@ -159,14 +159,14 @@ def motion(command: argparse.ArgumentParser) -> None:
     )
 
 
-def chosen_model(command: argparse.ArgumentParser) -> None:
-    """Add --model."""
+def chosen_model(command: argparse.ArgumentParser, default: str = "the only movable one") -> None:
+    """Add --model; `default` describes what is read without it."""
     group(command, "Robot files").add_argument(
         "--model",
         dest="chosen_model",
         default="",
         metavar="NAME",
-        help="Model to read from an SDFormat file [the only movable one]",
+        help=f"Model to read from an SDFormat file [{default}]",
     )
 
 

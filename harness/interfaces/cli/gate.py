@@ -26,7 +26,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
     named_folders,
     system_folders,
 )
-from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robot_files
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robot_files, robots_below
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
@@ -109,13 +109,15 @@ def _named(names: Sequence[str], baseline: Path) -> list[Path]:
     Raises:
         FolderError: naming each that is not there, and the remedy.
     """
-    below = {name: robots_in(Path(name), baseline) for name in names if name}
-    whole = [path for files in below.values() for path in files]
-    robots = robot_files([name for name in names if not below.get(name)])
-    folders = named_folders(robots.others, beside=True) if robots.others else NamedFolders([], {})
+    below = [file for name in names if name for file in robots_in(Path(name), baseline)]
+    models = [name for name in names if (Path(name).parent / "system.py").is_file()]
+    rest = [name for name in names if not (name and robots_below(Path(name)))]
+    robots = robot_files([name for name in rest if name not in models])
+    others = [*robots.others, *(name for name in rest if name in models)]
+    folders = named_folders(others, beside=True) if others else NamedFolders([], {})
     if faults := {**robots.faults, **folders.faults}:
         raise FolderError("; ".join(faults.values()))
-    return [*folders.folders, *dict.fromkeys([*whole, *robots.files])]
+    return [*folders.folders, *dict.fromkeys([*below, *robots.files])]
 
 
 class LateProgress(ExitStack):

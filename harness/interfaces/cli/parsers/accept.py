@@ -43,8 +43,8 @@ def add(command: argparse.ArgumentParser) -> None:
         help="Folder or robot file; repeatable [those of the baseline]",
     )
     arguments.engine(command)
-    arguments.floating(command)
-    arguments.chosen_model(command)
+    arguments.floating(command, "as accepted")
+    arguments.chosen_model(command, "as accepted")
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)

@@ -29,7 +29,7 @@ def add_selection(command: argparse.ArgumentParser) -> None:
     arguments.folders(
         command,
         required=False,
-        kinds="System folders, robot files or folders of them",
+        kinds="Folders and robot files",
         default="those of the baseline",
     )
     arguments.engine(command)

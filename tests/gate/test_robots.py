@@ -1,0 +1,387 @@
+"""Robot files without a folder: accepted and gated like the models of a folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+import physics_crosscheck.harness.gate.gate as gating
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.fingerprint import robot_file
+from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.engines.mujoco import MujocoEngine
+from physics_crosscheck.harness.gate.accept import Accepted, accept
+from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
+from physics_crosscheck.harness.gate.notes import notes
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.text import gate_lines, summary
+from physics_crosscheck.harness.interfaces.cli import main as cli
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.run import Options, run
+from tests.gate.conftest import nothing
+
+ROOT = Path(__file__).parents[2]
+ARM = """\
+<robot name="arm">
+  <link name="base">
+    <inertial>
+      <mass value="1"/>
+      <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <link name="boom">
+    <inertial>
+      <origin xyz="0.01 0.02 -0.2"/>
+      <mass value="1.3"/>
+      <inertia ixx="0.021" iyy="0.018" izz="0.006" ixy="0.001" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <joint name="lift" type="continuous">
+    <parent link="base"/><child link="boom"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>
+"""
+PART = '<mujocoinclude><geom name="ball" size="0.1" pos="0.1 0 0" mass="1.2"/></mujocoinclude>'
+SCENE = (
+    '<mujoco model="arm"><worldbody><body><joint axis="0 1 0"/><include file="part.xml"/>'
+    "</body></worldbody></mujoco>"
+)
+ARM_CASE = "robots/arm.urdf/states [mujoco]"
+TWIN_CASE = "robots/left/arm.urdf/states [mujoco]"
+SCENE_CASE = "robots/scene.xml/states [mujoco]"
+MASSLESS = """\
+  <link name="tip"><inertial><mass value="0"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>
+  <joint name="weld" type="fixed"><parent link="boom"/><child link="tip"/></joint>
+"""
+
+
+@dataclass(frozen=True)
+class Robots:
+    """A repository with robot files and an accepted baseline."""
+
+    root: Path
+
+    @property
+    def baseline(self) -> Path:
+        return self.root / "reports" / "baseline"
+
+    @property
+    def arm(self) -> Path:
+        return self.root / "robots" / "arm.urdf"
+
+    def edit(self, old: str, new: str, name: str = "arm.urdf") -> None:
+        path = self.root / "robots" / name
+        text = path.read_text()
+        assert text.count(old) == 1, (name, old)
+        path.write_text(text.replace(old, new))
+
+    def gate(self, *targets: Path, **options: Any) -> GateResult:
+        chosen = targets or accepted_targets(self.baseline)
+        wanted = GateOptions(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
+        return gate(chosen, wanted, nothing)
+
+    def accept(self, reason: str, found: GateResult) -> Accepted:
+        return accept(found, (), reason, self.baseline)
+
+    def run(self, **options: Any) -> Results:
+        wanted = Options(("mujoco",), baseline=self.baseline, jobs=1, **options)
+        return run([], wanted, nothing, robots=[self.arm]).results
+
+
+@pytest.fixture(scope="module")
+def accepted(tmp_path_factory: pytest.TempPathFactory) -> Robots:
+    """Made once: nobody changes this one."""
+    robots = Robots(tmp_path_factory.mktemp("robots"))
+    (robots.root / "robots" / "left").mkdir(parents=True)
+    for name, text in {
+        "arm.urdf": ARM,
+        "left/arm.urdf": ARM.replace("1.3", "1.4"),
+        "scene.xml": SCENE,
+        "part.xml": PART,
+    }.items():
+        (robots.root / "robots" / name).write_text(text)
+    robots.accept("first", robots.gate(*robots_in(robots.root / "robots", robots.baseline)))
+    return robots
+
+
+@pytest.fixture
+def robots(accepted: Robots, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robots:
+    """A copy of it to change, as the working directory."""
+    shutil.copytree(accepted.root, tmp_path / "repository")
+    monkeypatch.chdir(tmp_path / "repository")
+    return Robots(tmp_path / "repository")
+
+
+def statuses(found: GateResult) -> dict[str, Status]:
+    """The status of each case."""
+    return {str(change.id): change.status for change in found.changes}
+
+
+def test_files_of_one_stem_are_two_systems_called_by_their_paths(accepted: Robots) -> None:
+    known = read_baseline(accepted.baseline)
+    assert sorted(known) == ["robots/arm.urdf", "robots/left/arm.urdf", "robots/scene.xml"]
+    assert (accepted.baseline / "robots/left/arm.urdf.json").is_file()
+    (scene,) = known["robots/scene.xml"].cases.values()
+    assert set(scene.files) == {"scene.xml", "part.xml"}
+    kept = accepted.baseline / "robots/left/arm.urdf/arm.urdf.accepted"
+    assert kept.read_text() == ARM.replace("1.3", "1.4")
+    assert str(accepted.root) not in (accepted.baseline / "robots/arm.urdf.json").read_text()
+
+
+def test_unchanged_files_pass_without_an_engine_or_sympy(accepted: Robots) -> None:
+    code = (
+        "import sys; from physics_crosscheck.harness.interfaces.cli.main import main;"
+        "code = main(['gate', '--engine', 'mujoco', '--out', sys.argv[1]]);"
+        "print(code, *sorted({'sympy', 'scipy', 'mujoco'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(accepted.root / "out")],
+        cwd=accepted.root,
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+        check=False,
+    )
+    assert done.stdout.splitlines()[-1] == "0", done.stdout + done.stderr
+    assert "3 cases as accepted (0 run" in done.stdout
+
+
+def test_a_changed_number_is_named_by_file_and_line_first(
+    robots: Robots, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    assert cli.main(["gate", "robots", "--engine", "mujoco"]) == DIFFER
+    headline, fix, command, *_ = capsys.readouterr().out.splitlines()
+    assert headline == (
+        "FAIL  robots/arm.urdf:11 mass of link boom 1.3 -> 1.35 changed 1 of 3 cases"
+    )
+    assert fix == "Fix: set it back to 1.3, or accept the change:"
+    assert command.strip().startswith("crosscheck accept")
+    assert "'robots/arm.urdf/*'" in command
+    record = json.loads(Path("reports/gate/gate.json").read_text())
+    changed = [one for one in record["cases"] if one["status"] == "changed"]
+    assert [(one["system"], one["kinds"]) for one in changed] == [
+        ("robots/arm.urdf", ["model", "equations"])
+    ]
+    (diff,) = record["files"]
+    assert [one["line"] for one in diff["changes"]] == [11]
+
+
+def test_annotations_and_the_summary_name_the_changed_line(robots: Robots) -> None:
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    found = robots.gate()
+    (note,) = notes(found)
+    assert (note.file.name, note.line) == ("arm.urdf", 11)
+    assert note.title == f"changed: {ARM_CASE}"
+    assert "**robots/arm.urdf**" in summary(found)
+    assert robots.accept("heavier", found).cases == (found.changes[0].id,)
+    assert set(statuses(robots.gate()).values()) == {Status.SAME}
+
+
+def test_a_comment_moves_nothing(robots: Robots) -> None:
+    robots.edit('<link name="base">', '<!-- the base --><link name="base">')
+    assert statuses(robots.gate()) == {
+        ARM_CASE: Status.WITHIN, TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
+    }  # fmt: skip
+
+
+def test_a_file_that_is_included_counts_with_its_model(robots: Robots) -> None:
+    robots.edit('mass="1.2"', 'mass="1.3"', "part.xml")
+    found = robots.gate()
+    assert statuses(found)[SCENE_CASE] is Status.CHANGED
+    assert [diff.name for diff in found.file_diffs] == ["part.xml"]
+
+
+def test_a_part_is_a_model_where_it_was_accepted_itself(robots: Robots) -> None:
+    folder = robots.root / "robots"
+    (folder / "part.xml").write_text(SCENE.replace('<include file="part.xml"/>', PART[15:-16]))
+    (folder / "scene.xml").write_text('<mujoco><include file="part.xml"/></mujoco>')
+    assert folder / "part.xml" not in robots_in(folder, robots.baseline)
+    robots.accept("alone", robots.gate(folder / "part.xml"))
+    assert folder / "part.xml" in robots_in(folder, robots.baseline)
+    assert "robots/part.xml/states [mujoco]" in statuses(robots.gate())
+
+
+def test_an_accepted_file_is_gated_wherever_it_is_below_a_folder(robots: Robots) -> None:
+    deep = robots.root / "robots" / "build" / "arm.xml"
+    deep.parent.mkdir()
+    # The search for models reads no further than the comment.
+    deep.write_text(f"<!--{'x' * 5000}-->{SCENE.replace('part.xml', '../part.xml')}")
+    robots.accept("generated", robots.gate(deep))
+    assert deep in robots_in(robots.root / "robots", robots.baseline)
+    assert deep.resolve() in [one.resolve() for one in accepted_targets(robots.baseline)]
+    (robots.root / "robots" / "system").mkdir()
+    (robots.root / "robots" / "system" / "system.py").touch()
+    assert len(robots_in(robots.root / "robots", robots.baseline)) == 4
+
+
+def test_gone_new_and_renamed_files_fail_and_can_be_accepted(robots: Robots) -> None:
+    robots.arm.rename(robots.arm.with_name("crane.urdf"))
+    found = robots.gate()
+    assert statuses(found) == {
+        ARM_CASE: Status.GONE, "robots/crane.urdf/states [mujoco]": Status.NEW,
+        TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
+    }  # fmt: skip
+    parents = robots.gate(robots.arm.with_name("crane.urdf"), parents=(robots.root / "robots",))
+    assert statuses(parents)[ARM_CASE] is Status.GONE
+    elsewhere = robots.gate(robots.root / "robots/scene.xml", parents=(robots.root / "models",))
+    assert ARM_CASE not in statuses(elsewhere)
+    robots.accept("renamed", found)
+    assert set(statuses(robots.gate()).values()) == {Status.SAME}
+    assert not (robots.baseline / "robots/arm.urdf.json").exists()
+    assert not list((robots.baseline / "robots/arm.urdf").iterdir())
+
+
+def test_another_engine_version_runs_the_files_again(
+    robots: Robots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(MujocoEngine, "version", lambda _: "99.0")
+    found = robots.gate()
+    assert set(statuses(found).values()) == {Status.WITHIN}
+    assert {change.kinds for change in found.changes} == {("engine",)}
+    assert all(change.case is not None for change in found.changes)
+
+
+def test_a_damaged_entry_is_told_with_its_file(
+    robots: Robots, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = robots.baseline / "robots/arm.urdf.json"
+    file.write_text(file.read_text().replace('"outcome": "AGREES"', '"outcome": "DIFFERS"'))
+    assert cli.main(["gate", "robots"]) == FAIL
+    assert "robots/arm.urdf.json" in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_xml_or_changes_meanwhile_is_no_pass(
+    robots: Robots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robots.edit("</robot>", "")
+    found = robots.gate()
+    assert [change.id.scenario for change in found.of(Status.NOT_RUN)] == ["-"]
+    assert not found.of(Status.GONE)
+    robots.arm.write_text(ARM.replace("boom", "jib"))
+    real = gating._run
+
+    def meanwhile(*arguments: Any) -> Any:
+        ran = real(*arguments)
+        robots.edit('mass value="1.3"', 'mass value="1.35"')
+        return ran
+
+    monkeypatch.setattr(gating, "_run", meanwhile)
+    assert statuses(robots.gate())[ARM_CASE] is Status.NOT_RUN
+
+
+def test_the_gate_reads_a_file_with_the_options_it_was_accepted_with(robots: Robots) -> None:
+    floating = "robots/arm.urdf/floating states [mujoco]"
+    found = robots.gate(floating=True)
+    assert statuses(found)[ARM_CASE] is Status.GONE
+    assert statuses(found)[floating] is Status.NEW
+    robots.accept("it floats", found)
+    assert {change.case for change in robots.gate().changes} == {None}
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    found = robots.gate()
+    assert statuses(found)[floating] is Status.CHANGED
+    robots.accept("heavier", found)
+    assert statuses(robots.gate())[floating] is Status.SAME
+    # Read in another way, nothing of it is as accepted, nor missing.
+    changes = robots.run().baseline
+    assert changes is not None
+    assert [(one.scenario, one.kind) for one in changes.changes] == [("states", "new")]
+
+
+def test_another_model_of_the_file_is_another_robot(robots: Robots) -> None:
+    file = robots.arm.with_suffix(".sdf")
+    file.write_text('<sdf version="1.9"/>')
+    first, other = (robot_options(file, floating=True, model=name) for name in ("a", "b"))
+    assert not first.floating
+    known = read_baseline(robots.baseline)["robots/arm.urdf"]
+    one = robot_file(robots.arm, ("mujoco",), first)
+    declared = msgspec.structs.replace(known.declared, robot=first)
+    versions = {"mujoco": MujocoEngine().version()}
+    known = type(known)(declared=declared, snapshots=known.snapshots, cases=known.cases)
+    assert not stale(one, one.models[0], "mujoco", known, versions, 1e-9)
+    two = robot_file(robots.arm, ("mujoco",), other)
+    assert stale(two, two.models[0], "mujoco", known, versions, 1e-9)
+
+
+def test_a_baseline_that_was_moved_knows_its_files_by_name(robots: Robots) -> None:
+    moved = robots.root / "accepted"
+    robots.baseline.rename(moved)
+    known = read_baseline(moved)
+    one = match(robots.arm, moved, known)
+    assert one is not None
+    assert one.system == "robots/arm.urdf"
+    assert match(robots.root / "robots/left/other.urdf", moved, known) is None
+
+
+def test_a_known_difference_passes_and_is_marked_in_a_run(robots: Robots) -> None:
+    robots.edit("  <joint", f"{MASSLESS}  <joint")
+    robots.accept("MuJoCo drops it", robots.gate())
+    assert statuses(robots.gate(every=True))[ARM_CASE] is Status.KNOWN
+    results = robots.run()
+    (case,), (model,) = results.cases, results.models
+    assert (case.accepted, model.accepted) == ("MuJoCo drops it", "MuJoCo drops it")
+    assert results.baseline is not None
+    assert not results.baseline.changes
+    robots.edit('ixx="0.01" iyy="0.01"', 'ixx="0.01" iyy="0.02"')
+    (case,) = robots.run().cases
+    assert not case.accepted
+    assert "was accepted here (MuJoCo drops it), but" in case.reason
+
+
+def test_a_file_that_an_engine_refuses_is_accepted_as_refused(robots: Robots) -> None:
+    possible, impossible = 'izz="0.006"', 'izz="0.6"'
+    robots.edit(possible, impossible)
+    found = robots.gate()
+    (change,) = found.of(Status.CHANGED)
+    assert change.messages[0] == "REFUSED, accepted as AGREES"
+    assert "inertia must satisfy" in change.messages[1]
+    assert gate_lines(found)[0].startswith("FAIL  ")
+    robots.accept("MuJoCo refuses it", found)
+    assert "1 known difference in robots/arm.urdf: REFUSED" in "\n".join(gate_lines(robots.gate()))
+    assert statuses(robots.gate(every=True))[ARM_CASE] is Status.KNOWN
+    robots.edit(impossible, possible)
+    assert statuses(robots.gate())[ARM_CASE] is Status.IMPROVED
+
+
+def test_files_and_folders_are_targets_of_accept(
+    robots: Robots, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    robots.edit('mass value="1.4"', 'mass value="1.45"', "left/arm.urdf")
+    words = ["--reason", "heavier", "--engine", "mujoco"]
+    assert cli.main(["accept", "robots/arm.urdf", *words]) == AGREE
+    assert "Accepted 1 case of robots/arm.urdf" in capsys.readouterr().out
+    assert statuses(robots.gate())[TWIN_CASE] is Status.CHANGED
+    assert cli.main(["accept", "robots", *words]) == AGREE
+    assert set(statuses(robots.gate()).values()) == {Status.SAME}
+
+
+def test_a_model_of_a_system_folder_is_not_gated_alone(
+    robots: Robots, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (robots.root / "robots" / "system.py").touch()
+    assert cli.main(["gate", "robots/arm.urdf"]) == USAGE
+    assert "name its folder, robots" in capsys.readouterr().err
+
+
+def test_two_files_of_one_name_are_refused(
+    robots: Robots, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inner = robots.root / "reports" / "robots" / "arm.urdf"
+    inner.parent.mkdir()
+    inner.write_text(ARM)
+    assert cli.main(["gate", "robots/arm.urdf", str(inner), "--engine", "mujoco"]) == USAGE
+    assert "both hold the system 'robots/arm.urdf'" in capsys.readouterr().err
