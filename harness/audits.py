@@ -132,9 +132,9 @@ class _TargetAudits(ABC):
 
 class _RobotAudits(_TargetAudits):
     def jobs(self) -> Iterator[Job[Any]]:
-        plan = RobotPlan(self._options, self._found)
+        plan = RobotPlan(self._options, None, self._found)
         for file in plan.readable([self._target]):
-            target = RobotWork(file, self._options, self._found)
+            target = RobotWork(file, self._options, None, self._found)
             yield from target.begun(partial(self._engines, target))
 
     def _engines(self, target: RobotWork) -> tuple[()]:
@@ -151,7 +151,7 @@ class _RobotAudits(_TargetAudits):
 
 class _FolderAudits(_TargetAudits):
     def jobs(self) -> Iterator[Job[Any]]:
-        place = FolderWork(self._target, self._options, {}, self._found)
+        place = FolderWork(self._target, self._options, None, self._found)
         yield from place.begun(partial(self._models, place))
 
     def _models(self, place: FolderWork) -> Iterator[Job[Any]]:

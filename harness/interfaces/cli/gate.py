@@ -24,9 +24,12 @@ from physics_crosscheck.harness.modelfiles.folders import (
     NamedFolders,
     check_engines,
     named_folders,
-    system_folders,
 )
-from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robot_files, robots_below
+from physics_crosscheck.harness.modelfiles.robot_targets import (
+    models_below,
+    robot_files,
+    robots_below,
+)
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
