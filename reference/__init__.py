@@ -1,4 +1,4 @@
-"""Reference equations: declared, derived, linearized and solved; no engine is known here."""
+"""Reference equations: declared, derived, linearized and solved, independently of any engine."""
 
 from physics_crosscheck.reference.mechanism.declaration import (
     Constant,

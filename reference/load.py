@@ -19,10 +19,11 @@ from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
 def load_system(folder: Path) -> System:
-    """Return the system of energies that `folder/system.py` declares.
+    """Return the energy-based system that `folder/system.py` declares.
 
     Raises:
-        DeclarationError: naming the file, the line and the remedy; for a tree of bodies too.
+        DeclarationError: with the file, the line and the remedy; also where the file declares
+            bodies.
     """
     system = load_declaration(folder)
     if isinstance(system, MultibodySystem):
@@ -34,13 +35,13 @@ def load_system(folder: Path) -> System:
 
 
 def load_declaration(folder: Path) -> System | MultibodySystem:
-    """Return what `folder/system.py` declares as the name `system`.
+    """Return the object named `system` that `folder/system.py` defines.
 
-    The file is code and is run. Its module name is unique to its path, and its folder is not put
-    on `sys.path`, so that two folders never share a module.
+    The file is executed as code. Its module name is unique to its path, and its folder is not added
+    to `sys.path`, so two folders never share a module.
 
     Raises:
-        DeclarationError: naming the file, the line and the remedy.
+        DeclarationError: with the file, the line and the remedy.
     """
     path = folder / "system.py"
     if not path.is_file():
@@ -53,7 +54,7 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
     module.__file__ = str(path)
     sys.modules[name] = module
     try:
-        # Compiled from its text: a bytecode cache keeps a file that was rewritten within a second.
+        # Compile from source: a bytecode cache misses a change made within the same second.
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         line = _line_of(error, path) or _line(error, path)
@@ -70,7 +71,7 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
 
 @contextmanager
 def told_with_file(folder: Path) -> Iterator[None]:
-    """Say of what is found wrong with a loaded declaration in which file and line it stands."""
+    """Add file and line to the message of any `LocatedError` raised within the block."""
     path = folder / "system.py"
     try:
         yield
@@ -83,7 +84,7 @@ def told_with_file(folder: Path) -> Iterator[None]:
 
 
 def _line_of(error: Exception, path: Path) -> int | None:
-    """Where that stands which an error is about, such as `Scenario("free", ...)`."""
+    """Return the line of the call that the error is about, such as `Scenario("free", ...)`."""
     if not isinstance(error, LocatedError) or error.about is None:
         return None
     kind, name = error.about

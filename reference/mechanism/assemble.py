@@ -1,4 +1,4 @@
-"""Bodies put together to a tree: what is welded is one body, several joints a body are a chain."""
+"""Assemble bodies into a tree: welded bodies merge, several joints of a body become a chain."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from physics_crosscheck.reference.mechanism.tree import Pull as TreePull
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assembled:
-    """A tree, and where each body is in it.
+    """A tree and the location of each body in it.
 
     Attributes:
-        tree: the links in the order of the bodies.
-        bodies: index of each body's link, by the body's name; `WORLD` of what stands still.
-        limits: lower and upper bound of each velocity's coordinate, infinite where there is none,
-            rad or m, each (nv,).
-        cancelled: names of bodies whose mass takes all of that which they are welded to.
+        tree: links in the order of the bodies.
+        bodies: index of each body's link, by body name; `WORLD` for fixed bodies.
+        limits: lower and upper bound of each velocity's coordinate, rad or m, each (nv,); infinite
+            where there is no limit.
+        cancelled: names of bodies whose mass cancels the mass of the bodies they are welded to.
     """
 
     tree: Tree
@@ -59,20 +59,20 @@ def assembled(
     couplings: Sequence[Coupling] = (),
     medium: Fluid | None = None,
 ) -> Assembled:
-    """Put bodies together, each after the one that carries it.
+    """Assemble bodies into a tree, parents before children.
 
-    A joint's link is in the frame of its anchor, its axes those of the body where the joint is as
-    at `zero`; the last link of a body has its mass.
+    A joint's link frame has its origin at the joint's anchor. Its axes are the body's axes when the
+    joint is at `zero`. The last link of a body carries the mass.
 
     Args:
         bodies: parents first.
         gravity: m/s^2.
-        pulls: forces along combinations of joints.
-        couplings: joints that follow others.
-        medium: in which the bodies move.
+        pulls: force elements of tendons and actuators.
+        couplings: joints that follow other joints.
+        medium: fluid around the bodies.
 
     Raises:
-        TreeError: naming the body, joint or pull that does not fit.
+        TreeError: with the body, joint or force element that does not fit.
     """
     builder = _Builder(medium is not None)
     for body in bodies:
@@ -97,7 +97,7 @@ def assembled(
 
 
 class _Builder:
-    """Links so far; boxes on which a medium acts are told where there is one."""
+    """The links built so far; boxes for drag are recorded only if there is a fluid."""
 
     def __init__(self, medium: bool) -> None:
         self._medium = medium
@@ -113,7 +113,7 @@ class _Builder:
         self._joints: dict[str, int] = {}
 
     def add(self, body: RigidBody) -> None:
-        """Hang a body from what carries it."""
+        """Attach a body to its parent."""
         if body.name in self.places:
             raise TreeError(f"two bodies have the name {body.name!r}")
         within, place = WORLD, HERE
@@ -131,7 +131,7 @@ class _Builder:
             self._load(body, within, place)
 
     def _load(self, body: RigidBody, within: int, place: Place) -> None:
-        """Add a body's mass to its link's."""
+        """Add a body's mass to its link."""
         lump = body.lump
         own = lump.seen(place)
         if own.mass and own.mass == -self._lumps[within].mass:
@@ -148,7 +148,7 @@ class _Builder:
             )
 
     def _joint(self, joint: Joint, within: int, place: Place) -> tuple[int, Place]:
-        """Add a joint; its link, and where the body's frame is in it."""
+        """Add a joint; return its link and the body's frame in that link."""
         if joint.name in self._joints:
             raise TreeError(f"two joints have the name {joint.name!r}")
         anchor = np.array(joint.at, dtype=float)
@@ -190,13 +190,13 @@ class _Builder:
         return index, Place(np.eye(3), -anchor)
 
     def whole(self) -> Iterator[Link]:
-        """The links with the masses that have come together in them."""
+        """Yield the links with their total masses."""
         for link, lump, lift in zip(self._links, self._lumps, self._lifts, strict=True):
             whole = replace(link, mass=lump.mass, center=lump.center, inertia=lump.inertia)
             yield replace(whole, lifted=lift.mass, lift=lift.center)
 
     def pull(self, one: ForceElement) -> TreePull:
-        """With its control at the value that is held."""
+        """Return a force element of the tree, with its control fixed at the declared value."""
         what, pairs = f"pull {one.name!r}", zip(one.bias, one.gain, strict=True)
         constant, slope, drag = (float(b + g * one.control) for b, g in pairs)
         stiffness, damping = powers(one.stiffness), powers(one.damping)
@@ -230,7 +230,7 @@ class _Builder:
         return Mark(link=within, position=place.origin, rotation=place.rotation)
 
     def coupling(self, one: Coupling) -> TreeCoupling:
-        """By the links of the joints."""
+        """Return a coupling with link indices instead of joint names."""
         what = f"the coupling of {one.follower!r}"
         return TreeCoupling(
             follower=self._index(one.follower, what),

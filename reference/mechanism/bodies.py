@@ -1,7 +1,7 @@
-"""A tree of bodies as a model file tells it: every body by itself, numbers as they stand there.
+"""A tree of bodies as a model file describes it, one record per body, with the file's numbers.
 
-Bodies that are welded to others are bodies of their own here, and one body may have several joints
-one after the other; `reference.mechanism.assemble` makes a `Tree` of them.
+Welded bodies are separate records, and one body may have several joints in series.
+`reference.mechanism.assemble` builds a `Tree` from them.
 """
 
 from __future__ import annotations
@@ -23,38 +23,36 @@ from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Powers = float | tuple[float, ...]
-"""A coefficient, or those of several powers: the first, the second, ..."""
+"""A coefficient, or the coefficients of the first, second, ... power."""
 
 ZERO: Triple = (0.0, 0.0, 0.0)
 FLAT = 1e-15
-"""The least mass, kg, and second moment, kg m^2, that a box in a medium has."""
+"""The smallest mass, kg, and second moment, kg m^2, of a box in a fluid."""
 KINDS = get_args(Kind)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A joint between a body and the one that carries it, or the body's joint before it.
+    """A joint between a body and its parent, or after the previous joint of the same body.
 
     Attributes:
-        name: by which its coordinate is called.
-        kind: "hinge", "slide", "ball" or "free". A free joint's position is that of the body's
-            frame, from where the body stands without it.
-        axis: direction in the body's frame, of any length; of no meaning for a ball or a free
-            joint.
-        at: a point of the axis, in the body's frame, m.
-        zero: its position where the body stands as it does without the joint: rad or m.
-        damping: force by velocity, against it: N s/m or N m s/rad; of several, those of the powers
-            w, w |w|, w |w|^2, ...
-        stiffness: N/m or N m/rad; of several, those of the powers of the stretch.
-        rest: position at which the spring pulls nothing: rad or m.
-        rest_place, rest_turn: those of a free joint, m and (w, x, y, z); the latter of a ball joint
-            too, None where it is not turned.
-        armature: added to the diagonal of the mass matrix: kg or kg m^2.
-        limits: lowest and highest position, between which states are drawn; None where there are
-            none.
+        name: also the name of its coordinate.
+        kind: "hinge", "slide", "ball" or "free". A free joint's position is the position of the
+            body's frame relative to its pose without the joint.
+        axis: direction in the body's frame, any length; ignored for ball and free joints.
+        at: a point on the axis, in the body's frame, m.
+        zero: joint position at the body's declared pose, rad or m.
+        damping: force opposing the velocity, N s/m or N m s/rad; several values are the
+            coefficients of w, w |w|, w |w|^2, ...
+        stiffness: N/m or N m/rad; several values are the coefficients of powers of the deflection.
+        rest: position at which the spring force is zero, rad or m.
+        rest_place, rest_turn: rest position of a free joint, m and (w, x, y, z). A ball joint uses
+            `rest_turn` only. None means no rotation.
+        armature: added to the diagonal of the mass matrix, kg or kg m^2.
+        limits: lowest and highest position, between which states are sampled; None if unlimited.
 
     Raises:
-        TreeError: naming the joint and what is wrong with it.
+        TreeError: with the joint and the problem.
     """
 
     name: str
@@ -92,43 +90,43 @@ class Joint:
 
     @property
     def single(self) -> bool:
-        """Whether its position is one number."""
+        """True if the joint has one position coordinate."""
         return self.kind in ("hinge", "slide")
 
     @property
     def bent(self) -> bool:
-        """Whether its spring or its damper is no straight line."""
+        """True if its spring or damper is nonlinear."""
         return len(powers(self.damping)) > 1 or len(powers(self.stiffness)) > 1
 
     @cached_property
     def direction(self) -> Array:
-        """Its axis as a unit vector, (3,)."""
+        """The axis as a unit vector, (3,)."""
         axis = np.array(self.axis, dtype=float)
-        axis = axis / np.abs(axis).max()  # its square neither overflows nor vanishes
+        axis = axis / np.abs(axis).max()  # its square neither overflows nor underflows
         found: Array = axis / np.linalg.norm(axis)
         return found
 
 
 @dataclass(frozen=True, kw_only=True)
 class RigidBody:
-    """A body, and the joints between it and the one that carries it.
+    """A body and the joints between it and its parent.
 
     Attributes:
-        name: of the body.
-        parent: name of the body that carries it; None for the world.
-        position: of its frame in the parent's, where all joints are as at `zero`, m.
-        rpy: how its frame is turned there: about the parent's x, then y, then z axis, rad.
-        quaternion: the same otherwise, (w, x, y, z); None where `rpy` says it.
-        joints: by which it moves, one after the other; none of a body that is welded.
+        name: name of the body.
+        parent: name of the parent body; None for the world.
+        position: position of its frame in the parent's, with all joints at `zero`, m.
+        rpy: rotation of its frame there, about the parent's x, then y, then z axis, rad.
+        quaternion: the same rotation as (w, x, y, z); None if `rpy` gives it.
+        joints: joints in series; empty for a welded body.
         mass: kg.
-        center: of mass, in the body's frame, m.
+        center: center of mass in the body's frame, m.
         inertia: (ixx, iyy, izz, ixy, ixz, iyz) about the center of mass, kg m^2.
-        inertia_rpy, inertia_quaternion: how the axes of `inertia` are turned in the body's frame.
-        lift: share of its weight that does not pull on it.
-        dragged: whether a medium acts on it, as on the box of its mass and moments.
+        inertia_rpy, inertia_quaternion: rotation of the axes of `inertia` in the body's frame.
+        lift: fraction of its weight that is compensated.
+        dragged: whether a fluid acts on it, as on the box of equal mass and moments of inertia.
 
     Raises:
-        TreeError: naming the body and what is wrong with it.
+        TreeError: with the body and the problem.
     """
 
     name: str
@@ -165,21 +163,21 @@ class RigidBody:
 
     @property
     def place(self) -> Place:
-        """Of its frame in its parent's."""
+        """Pose of its frame in its parent's."""
         return _place(self.position, self.rpy, self.quaternion)
 
     @property
     def lump(self) -> Lump:
-        """Its mass in its own frame."""
+        """Its spatial inertia in its own frame."""
         own = Lump(float(self.mass), np.zeros(3), self._tensor)
         return own.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
 
     @property
     def box(self) -> tuple[Place, Array] | None:
-        """The box of the same mass and moments: its frame in the body's, and its edges, m, (3,).
+        """The box of equal mass and moments of inertia: its pose in the body, and edges, m, (3,).
 
-        Its axes are those of `inertia`, principal ones where that has products. A side on which
-        nothing stands apart, such as of a plate, is that of `FLAT`. None without mass.
+        Its axes are those of `inertia`, or the principal axes if there are products of inertia. A
+        zero second moment, as of a plate, is replaced by `FLAT`. None for a massless body.
         """
         if self.mass < FLAT:
             return None
@@ -202,12 +200,12 @@ class Site:
     """A frame on a body.
 
     Attributes:
-        body: its name; None for the world.
-        position: of its origin in the body's frame, m.
-        quaternion: how it is turned there, (w, x, y, z); None where it is not.
+        body: name of the body; None for the world.
+        position: position of its origin in the body's frame, m.
+        quaternion: its rotation there, (w, x, y, z); None for no rotation.
 
     Raises:
-        TreeError: naming what is wrong with it.
+        TreeError: with the problem.
     """
 
     body: str | None
@@ -224,31 +222,31 @@ class Site:
 
     @property
     def place(self) -> Place:
-        """In the body's frame."""
+        """Pose in the body's frame."""
         return _place(self.position, ZERO, self.quaternion)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceElement:
-    """A force F along a length s: a combination of hinges' and slides' positions, or another way.
+    """A force F along a length s: a combination of hinge and slide positions, or another path.
 
-    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
-    w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
+    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where w
+    = ds/dt and x is the distance of s outside `rest`. Each joint receives F times its coefficient.
 
     Attributes:
-        name: of the tendon or actuator.
-        joints: names of joints, each with its coefficient.
-        along: the other way; it has no armature.
+        name: name of the tendon or actuator.
+        joints: joint names, each with its coefficient.
+        along: another path instead of `joints`; it has no armature.
         bias: (b0, b1, b2).
         gain: (g0, g1, g2).
-        control: u, at which its input is held.
+        control: constant control input u.
         stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
         damping: d_1, d_2, ...
-        rest: between which lengths springs pull nothing.
-        armature: mass that moves as s does, kg or kg m^2.
+        rest: range of lengths with zero spring force.
+        armature: inertia that moves with s, kg or kg m^2.
 
     Raises:
-        TreeError: naming what is wrong with it.
+        TreeError: with the problem.
     """
 
     name: str
@@ -279,18 +277,18 @@ class ForceElement:
 
 @dataclass(frozen=True, kw_only=True)
 class Coupling:
-    """A hinge or slide that follows another: its position is multiplier * the other's + offset.
+    """A hinge or slide that follows another joint: position = multiplier * leader + offset.
 
-    It may follow several, whose positions add up, each times its multiplier.
+    It may follow several joints; their weighted positions are added.
 
     Attributes:
-        follower, leader: names of the joints; no leader where it stands at the offset.
-        multiplier: in the units of both.
+        follower, leader: names of the joints; without a leader the follower is fixed at the offset.
+        multiplier: in units of follower per leader.
         offset: rad or m.
         others: further joints that it follows, each with its multiplier.
 
     Raises:
-        TreeError: naming what is wrong with it.
+        TreeError: with the problem.
     """
 
     follower: str
@@ -306,7 +304,7 @@ class Coupling:
 
 
 def powers(value: Powers) -> tuple[float, ...]:
-    """Coefficients of the first power, the second, ...; none of those that are zero at the end."""
+    """Return the coefficients of the first, second, ... power, without trailing zeros."""
     found = value if isinstance(value, tuple) else (value,)
     while found and not found[-1]:
         found = found[:-1]
@@ -320,10 +318,10 @@ def _place(at: Triple, rpy: Triple, quaternion: Quaternion | None) -> Place:
 
 
 def _check(what: str, key: str, values: Sequence[float], count: int | None = None) -> None:
-    """Refuse what are not so many finite numbers.
+    """Check that a field holds `count` finite numbers.
 
     Raises:
-        TreeError: naming them.
+        TreeError: with the field and its value.
     """
     try:
         fine = all(math.isfinite(value) for value in values)

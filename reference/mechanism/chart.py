@@ -1,11 +1,12 @@
-"""Coordinates of a tree of which the velocities are the rates: as many as it has freedoms.
+"""Minimal coordinates of a tree, one per degree of freedom, with velocities as their rates.
 
-Of a rotation they are p = 4 tan(angle/4) times its axis, four times the modified Rodrigues
-parameters (Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.6): near to its
-rotation vector, rational both ways, smooth for all angles below a whole turn. Of a free joint they
-are those and the origin's place in the joint's frame. Forces on them are not the conjugate ones,
-since those that engines hold are not: a moment about the link's own axes, a force along the
-joint's.
+A rotation has the coordinates p = 4 tan(angle/4) axis, four times the modified Rodrigues parameters
+(Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.6). They are close to the
+rotation vector, rational in both directions, and smooth for all angles below a full turn. A free
+joint adds the position of its origin in the joint's frame.
+
+Generalized forces here are not conjugate to these coordinates. They are the forces that engines
+hold constant: a moment about the link's axes, and a force along the joint's axes.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from physics_crosscheck.reference.mechanism.tree import Kind, Tree
 AXES = ("x", "y", "z")
 
 SMALL = 1e-3
-"""Half an angle below which a series has more digits than a quotient."""
+"""Half angle, rad, below which a series is more accurate than the quotient."""
 
 
 def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
-    """Names and units of a joint's coordinates, in the order of its velocities."""
+    """Return names and units of a joint's coordinates, in the order of its velocities."""
     turning = tuple((f"{joint}:r{axis}", "rad") for axis in AXES)
     match kind:
         case "hinge":
@@ -46,7 +47,7 @@ def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
 
 
 class _Joint(NamedTuple):
-    """A ball or free joint's numbers: where they stand among q, and among the coordinates."""
+    """Slices of a ball or free joint in q (`place`, `quaternion`) and y (`turning`, `moving`)."""
 
     at: slice
     quaternion: slice
@@ -55,11 +56,11 @@ class _Joint(NamedTuple):
 
 
 class Chart:
-    """Positions y and rates of a tree's coordinates, (nv, ...) each; the batch comes last.
+    """Positions y and rates of a tree's minimal coordinates, each (nv, ...); the batch is last.
 
     Args:
         tree: the links.
-        field: the kind of numbers.
+        field: the number type.
     """
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
@@ -74,11 +75,11 @@ class Chart:
 
     @property
     def plain(self) -> bool:
-        """Whether these are the tree's own numbers: it has hinges and slides alone."""
+        """True if y equals the tree's own q: all joints are hinges or slides."""
         return not self._joints
 
     def positions(self, y: Scalars) -> Scalars:
-        """The tree's q, (nq, ...), its quaternions of any length."""
+        """Return the tree's q, (nq, ...), with quaternions of any length."""
         if self.plain:
             return y
         q = self._field.array(np.zeros((self._tree.nq, *y.shape[1:])))
@@ -92,23 +93,23 @@ class Chart:
         return q
 
     def velocities(self, y: Scalars, rate: Scalars) -> Scalars:
-        """The tree's v."""
+        """Return the tree's v."""
         return self.own(y, self.carried(y, rate))
 
     def rates(self, y: Scalars, v: Scalars) -> Scalars:
-        """Rates of the coordinates, of the tree's v."""
+        """Return the coordinate rates for the tree's v."""
         return self.given(y, self.carrying(y, v))
 
     def seconds(self, y: Scalars, v: Scalars, a: Scalars) -> Scalars:
-        """Second derivatives of the coordinates, of the tree's v and its derivative."""
+        """Return the second derivatives of the coordinates for the tree's v and its derivative."""
         return self.rates(y, a) + self._turning(y, v)
 
     def accelerations(self, y: Scalars, v: Scalars, second: Scalars) -> Scalars:
-        """The derivative of the tree's v that makes these second derivatives."""
+        """Return the derivative of the tree's v that gives these second derivatives."""
         return self.velocities(y, second - self._turning(y, v))
 
     def _turning(self, y: Scalars, v: Scalars) -> Scalars:
-        """Second derivatives of the coordinates at constant v."""
+        """Return the second derivatives of the coordinates at constant v."""
         out = 0 * v
         for joint in self._joints:
             s, angular = y[joint.turning] / 4, v[joint.turning]
@@ -124,37 +125,37 @@ class Chart:
         return out
 
     def carried(self, y: Scalars, rate: Scalars) -> Scalars:
-        """What engines keep of rates: angular velocities in place of those of rotations."""
+        """Return the velocities that engines store: angular velocity replaces the rate of p."""
         out = rate.copy()
         for joint in self._joints:
             out[joint.turning] = _unturned(y[joint.turning] / 4, rate[joint.turning])
         return out
 
     def carrying(self, y: Scalars, m: Scalars) -> Scalars:
-        """Rates of the coordinates, of what engines keep."""
+        """Return the coordinate rates for the velocities that engines store."""
         out = m.copy()
         for joint in self._joints:
             out[joint.turning] = _rate(y[joint.turning] / 4, m[joint.turning])
         return out
 
     def steady(self, y: Scalars, m: Scalars) -> Scalars:
-        """The derivative of the tree's v where m stands still: the link's axes turn beneath it."""
+        """Return the derivative of the tree's v at constant m, caused by rotating link axes."""
         v, out = self.own(y, m), 0 * m
         for joint in self._free:
             out[joint.moving] = -cross(v[joint.turning], v[joint.moving])
         return out
 
     def own(self, y: Scalars, m: Scalars) -> Scalars:
-        """The tree's v, of what engines keep."""
+        """Return the tree's v for the velocities that engines store."""
         out = m.copy()
         self._place(out, y, m, turned_back)
         return out
 
     def unturned(self, moved: Scalars, m: Scalars) -> Scalars:
-        """m as the rate of the moves whose exponentials turn bodies on, after moves (nv, ...).
+        """Return m as the rate of the rotation vectors, after displacements `moved`, (nv, ...).
 
-        The inverse of the exponential's differential (Iserles, Munthe-Kaas, Norsett and Zanna 2000,
-        Lie-group methods, Acta Numerica 9, section 2): w + T x w / 2 + k T x (T x w).
+        This is the inverse differential of the exponential map (Iserles, Munthe-Kaas, Norsett and
+        Zanna 2000, Lie-group methods, Acta Numerica 9, section 2): w + T x w / 2 + k T x (T x w).
         """
         out = m.copy()
         for joint in self._joints:
@@ -170,12 +171,12 @@ class Chart:
         return out
 
     def turned_on(self, y: Scalars, m: Scalars, h: float) -> Scalars:
-        """Coordinates after m is held for h seconds: rotations go on about one axis."""
+        """Return the coordinates after h seconds at constant m; each rotation has a fixed axis."""
         out = y + h * m
         for joint in self._joints:
             angular = m[joint.turning]
             angle = h * np.sqrt((angular * angular).sum(axis=0))
-            # sin(a/2)/|w|, which is h/2 where nothing turns
+            # sin(a/2)/|w|, which tends to h/2 as w tends to zero
             share = h / 2 * np.sinc(angle / 2 / np.pi)
             s = y[joint.turning] / 4
             square = (s * s).sum(axis=0)
@@ -187,13 +188,13 @@ class Chart:
         return out
 
     def forces(self, y: Scalars, given: Scalars) -> Scalars:
-        """Of forces on the coordinates, those on the tree's velocities."""
+        """Return forces on the tree's velocities for forces on the coordinates."""
         out = given.copy()
         self._place(out, y, given, turned_back)
         return out
 
     def given(self, y: Scalars, forces: Scalars) -> Scalars:
-        """Forces on the coordinates, of those on the tree's velocities."""
+        """Return forces on the coordinates for forces on the tree's velocities."""
         out = forces.copy()
         self._place(out, y, forces, turned)
         return out
@@ -201,7 +202,7 @@ class Chart:
     def _place(
         self, out: Scalars, y: Scalars, of: Scalars, way: Callable[[Scalars, Scalars], Scalars]
     ) -> None:
-        """The part of free joints that goes between the link's axes and the joint's."""
+        """Rotate the linear part of free joints between the link's axes and the joint's."""
         for joint in self._free:
             out[joint.moving] = way(self._turn(y, joint), of[joint.moving])
 
@@ -223,14 +224,14 @@ def _joints(tree: Tree) -> Iterator[_Joint]:
 
 
 def _rate(s: Scalars, angular: Scalars) -> Scalars:
-    """dp/dt of p = 4 s: B w, with B = (1 - s.s) 1 + 2 [s] + 2 s s^T."""
+    """Return dp/dt of p = 4 s: B w, with B = (1 - s.s) 1 + 2 [s] + 2 s s^T."""
     square, along = (s * s).sum(axis=0), (s * angular).sum(axis=0)
     found: Scalars = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
     return found
 
 
 def _unturned(s: Scalars, rate: Scalars) -> Scalars:
-    """The angular velocity of dp/dt: B^T dp/dt / (1 + s.s)^2."""
+    """Return the angular velocity for dp/dt: B^T dp/dt / (1 + s.s)^2."""
     square, along = (s * s).sum(axis=0), (s * rate).sum(axis=0)
     back = (1 - square) * rate - 2 * cross(s, rate) + 2 * s * along
     found: Scalars = back / (1 + square) ** 2

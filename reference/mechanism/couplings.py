@@ -1,4 +1,4 @@
-"""Joints that follow others: the coordinates that are left, and all of them by these."""
+"""Joint couplings: independent coordinates, and all coordinates as functions of them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from physics_crosscheck.reference.mechanism.tree import Coupling, Tree, TreeErro
 
 
 class Coupled:
-    """All of a tree's coordinates, y = G x + c, by those that follow none, x.
+    """All coordinates of a tree, y = G x + c, as functions of the independent ones, x.
 
     Attributes:
-        kept: indices of x among y.
+        kept: indices of x in y.
         matrix: G, (nv, kept).
         offset: c, (nv,).
     """
@@ -40,23 +40,23 @@ class Coupled:
             self.offset[i] += multiplier * self.offset[leader]
 
     def positions(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
-        """y, (nv, ...), of x, (kept, ...)."""
+        """Return y, (nv, ...), for x, (kept, ...)."""
         offset = field.array(self.offset).reshape(-1, *(1,) * (x.ndim - 1))
         found: Scalars = self.rates(x, field) + offset
         return found
 
     def rates(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
-        """G x, of rates or accelerations."""
+        """Return G x for rates or accelerations."""
         found: Scalars = np.tensordot(field.array(self.matrix), x, 1)
         return found
 
     def forces(self, y: Scalars, field: Field = DOUBLES) -> Scalars:
-        """G^T y: what forces on all are on those that are left."""
+        """Return G^T y: forces on all coordinates, projected onto the independent ones."""
         found: Scalars = np.tensordot(field.array(self.matrix.T), y, 1)
         return found
 
     def mass(self, whole: Scalars, field: Field = DOUBLES) -> Scalars:
-        """G^T M G, (kept, kept, ...)."""
+        """Return G^T M G, (kept, kept, ...)."""
         half = np.tensordot(field.array(self.matrix.T), whole, 1)
         both = np.tensordot(half, field.array(self.matrix), ([1], [0]))
         found: Scalars = np.moveaxis(both, -1, 1)
@@ -64,5 +64,5 @@ class Coupled:
 
 
 def _leaders(tree: Tree, one: Coupling) -> dict[int, float]:
-    """Multipliers, by the coordinates that are followed."""
+    """Return the multipliers, by index of the leading coordinate."""
     return {tree.velocities[link].start: multiplier for link, multiplier in one.leaders}

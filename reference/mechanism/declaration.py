@@ -1,7 +1,7 @@
-"""What a system folder declares: the physics, complete, with a unit and a source at every number.
+"""The declaration of a system folder: complete physics, with a unit and source for every number.
 
-The words of a declaration, and `Declaration` that holds them together. `mechanism.system.System` is
-one that is checked; nothing has a silent default.
+This module defines the parts of a declaration, and `Declaration`, which holds them.
+`mechanism.system.System` is a checked declaration. There are no hidden defaults.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ t = sp.Symbol("t", real=True)
 
 
 class LocatedError(Exception):
-    """What is wrong with a declaration.
+    """An error in a declaration.
 
     Attributes:
-        about: what it is wrong with, as it is declared: ("Scenario", its name); None if unknown.
-        file, line: where it stands, counted from 1; None if unknown.
-        kind: which kind of failure a case reports.
+        about: the faulty entry as declared, such as ("Scenario", its name); None if unknown.
+        file, line: its location, lines counted from 1; None if unknown.
+        kind: the kind of failure that a case reports.
     """
 
     kind = "declaration"
@@ -40,12 +40,12 @@ class LocatedError(Exception):
 
 
 class DeclarationError(LocatedError, ValueError):
-    """A system is declared incompletely or inconsistently; the message names what and how."""
+    """An incomplete or inconsistent declaration; the message names the entry and the problem."""
 
 
 @contextmanager
 def about(kind: str, name: str) -> Iterator[None]:
-    """Say of what is found wrong meanwhile that it is about this, unless it is known better."""
+    """Attach an entry to errors raised within the block, unless they already name one."""
     try:
         yield
     except LocatedError as error:
@@ -54,7 +54,7 @@ def about(kind: str, name: str) -> Iterator[None]:
 
 
 class _Operand:
-    """Lets a declared quantity stand in an expression as its symbol."""
+    """Arithmetic for declared quantities: each acts as its symbol in expressions."""
 
     symbol: sp.Symbol
 
@@ -94,7 +94,7 @@ class _Operand:
 
 @dataclass(frozen=True)
 class Constant(_Operand):
-    """A constant of the mechanism: its value in SI units, and where that value comes from."""
+    """A constant of the mechanism: its value in SI units and the source of that value."""
 
     name: str
     value: float
@@ -105,8 +105,8 @@ class Constant(_Operand):
     @cached_property
     def symbol(self) -> sp.Symbol:
         """Its symbol in expressions."""
-        # Positive where it is: simplification may then take roots. Others are plain reals.
-        # What is no number is refused where the system is checked.
+        # A positive symbol lets simplification take roots; others are real. Values that are not
+        # numbers are rejected when the system is checked.
         positive = isinstance(self.value, (int, float)) and self.value > 0
         return sp.Symbol(self.name, positive=True) if positive else _real(self.name)
 
@@ -152,7 +152,7 @@ class Input(_Operand):
 
 @dataclass(frozen=True)
 class Output:
-    """What is observed, as an expression of positions, velocities and constants."""
+    """An observed quantity: an expression of positions, velocities and constants."""
 
     name: str
     expression: sp.Expr
@@ -162,10 +162,10 @@ class Output:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A rest position without input: stated exactly, or searched for near a guess.
+    """A rest position without input: exact, or an initial guess for a search.
 
-    With `search=False` the position must satisfy the equations as it stands (to rounding);
-    with `search=True` it is where Newton's iteration starts.
+    With `search=False` the position must satisfy the equations as given, to rounding. With
+    `search=True` it is the starting point of Newton's method.
     """
 
     name: str
@@ -189,11 +189,11 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What equations of the source name besides: a force, a point's place, a part's energy.
+    """A further quantity in the source's equations: a force, a point's position, an energy.
 
-    It is found here from first principles (a sum of forces, an integral over a body, a derivative
-    of a place), of positions, velocities, accelerations, inputs and constants, so that what the
-    source says of it is compared with something that the source did not say.
+    Derive it from first principles: a sum of forces, an integral over a body, a derivative of a
+    position. It may depend on positions, velocities, accelerations, inputs and constants. The
+    source's equation is then compared with an independent expression.
     """
 
     name: str
@@ -203,28 +203,27 @@ class Quantity:
 
 
 CLAIMS = ("motion", "linear", "linear part", "value")
-"""What a published equation may claim; see `PublishedEquation`."""
+"""The claims of a published equation; see `PublishedEquation`."""
 
 
 @dataclass(frozen=True)
 class PublishedEquation:
-    """A numbered equation of the source as its transcript has it.
+    """A numbered equation of the source, as its transcript has it.
 
-    `text` is `left = right`, or a chain of such, and then, after commas, what stands in it for
-    what: `T_M = M*v^2/2, v = x'`. A prime is a time derivative; `±` marks a place where the
-    transcript has lost a sign. T, V, D and L = T - V are the system's energies unless a declared
-    name is one of these; `dL/dx'` and `d/dt(dL/dx')` are derivatives; a quantity of one coordinate
-    may be written as its function, `f(theta0)`, `f'(theta0)`. `states` says what is claimed:
+    `text` is `left = right`, or a chain of equalities. Definitions of symbols may follow after
+    commas: `T_M = M*v^2/2, v = x'`. A prime is a time derivative; `±` marks a sign that the
+    transcript has lost. T, V, D and L = T - V are the system's energies unless a declared name
+    replaces one. `dL/dx'` and `d/dt(dL/dx')` are derivatives. A quantity of one coordinate may be
+    written as a function: `f(theta0)`, `f'(theta0)`. `states` is the claim:
 
-    - `motion`: an equation of motion, up to a nonzero factor: that of the coordinate `of`, or,
-      where `of` is empty, that of every coordinate, which q and Q (its force) then stand for.
-    - `linear`: one of those linearized about the equilibrium that `of` names.
-    - `linear part`: the right side is the Taylor series to first order of the left one, in the
-      coordinate `of`, about the point that is called as it is with a 0 behind, such as `theta0`.
-    - `value`: the right side is what the left side names: an energy, a derivative, a quantity.
+    - `motion`: an equation of motion, up to a nonzero factor. `of` names the coordinate. If `of` is
+    empty, the equation holds for every coordinate; q is the coordinate and Q its force.
+    - `linear`: an equation of motion linearized about the equilibrium `of`.
+    - `linear part`: the right side is the first-order Taylor series of the left side in the
+    coordinate `of`. The expansion point is the coordinate's name with a 0, such as `theta0`.
+    - `value`: the right side equals the energy, derivative or quantity on the left side.
 
-    `driven` says whether the source's equation has the inputs; without, it is compared with the
-    inputs set to zero.
+    `driven` is true if the source's equation includes the inputs; otherwise they are set to zero.
     """
 
     number: str
@@ -238,12 +237,12 @@ class PublishedEquation:
 
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
-    """A mechanism as it is declared, not yet checked.
+    """A mechanism as declared, before its checks.
 
-    T, V and D are the kinetic energy, the potential energy and Rayleigh's dissipation function,
-    as sympy expressions of the coordinates' `q` and `v`, the constants and `t`. A sketch may show
-    what it looks like; quantities are for published equations alone; frames say where bodies and
-    points are in the world, so that model files can be held against that too.
+    T, V and D are the kinetic energy, the potential energy and Rayleigh's dissipation function, as
+    sympy expressions of the coordinates' `q` and `v`, the constants and `t`. A sketch is for
+    display. Quantities are only for published equations. Frames give world poses of bodies and
+    points, so that model files can be compared with them.
     """
 
     name: str
@@ -291,7 +290,7 @@ class Declaration:
 
     @property
     def values(self) -> dict[sp.Symbol, sp.Rational]:
-        """The constants' values, exactly as the doubles that they are."""
+        """The constants' values, as exact rationals of their doubles."""
         return {c.symbol: sp.Rational(c.value) for c in self.constants}
 
 

@@ -1,6 +1,7 @@
-"""Lengths, and directions of forces, that are no combination of hinges and slides.
+"""Force paths other than combinations of hinge and slide positions.
 
-Of what is pulled along: points on bodies, a frame on a body, a joint that turns or moves any way.
+A force acts along a cable through points on bodies, on a frame of a body, or on a ball or free
+joint.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ K = TypeVar("K")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mark:
-    """A frame that a link carries.
+    """A frame fixed to a link.
 
     Attributes:
-        link: its index; -1 where nothing moves it.
-        position: of its origin, in the link's frame or the world's, m, (3,).
-        rotation: of its axes there, as columns, (3, 3).
+        link: index of the link; -1 for the world.
+        position: position of its origin in the link's frame or the world's, m, (3,).
+        rotation: its axes there, as columns, (3, 3).
     """
 
     link: int
@@ -34,16 +35,16 @@ class Mark:
 
 @dataclass(frozen=True, kw_only=True)
 class CablePath(Generic[P]):
-    """Straight lines from frame to frame: s is the sum of their lengths, each times a share.
+    """A cable of straight segments between frames: s is the weighted sum of branch lengths.
 
     Attributes:
-        branches: shares, each with the frames that its lines join, two at least.
+        branches: weights, each with the frames that its segments join, at least two.
     """
 
     branches: tuple[tuple[float, tuple[P, ...]], ...]
 
     def at(self, marks: Callable[[P], Q]) -> CablePath[Q]:
-        """The same through other frames."""
+        """Return the same path through other frames."""
         return CablePath(
             branches=tuple((share, tuple(map(marks, row))) for share, row in self.branches)
         )
@@ -51,17 +52,17 @@ class CablePath(Generic[P]):
 
 @dataclass(frozen=True, kw_only=True)
 class FrameForce(Generic[P]):
-    """A force and a moment on a frame, or between two.
+    """A force and a moment on a frame, or between two frames.
 
-    Without `against`, both are along the frame's own axes, and s is zero. Otherwise they act at the
-    frame, along the axes of `against`, and their opposites at that one's origin; what carries both
-    feels nothing. s is then `gear` times where the frame is there, and times its rotation vector.
-    In either case ds/dt stands for the power of them by F.
+    Without `against`, both act along the frame's own axes, and s is zero. With `against`, they act
+    on the frame along the axes of `against`, and their reactions act at the origin of `against`.
+    Links that carry both frames receive no force. Then s is `gear` times the relative position and
+    rotation vector of the frame. In both cases ds/dt denotes the power per unit F.
 
     Attributes:
-        frame: on which it acts.
-        gear: force and moment by F, (6,).
-        against: that from which it pushes; None for none.
+        frame: the frame that receives the force.
+        gear: force and moment per unit F, (6,).
+        against: the frame that receives the reaction; None for none.
     """
 
     frame: P
@@ -69,22 +70,22 @@ class FrameForce(Generic[P]):
     against: P | None = None
 
     def at(self, marks: Callable[[P], Q]) -> FrameForce[Q]:
-        """The same on other frames."""
+        """Return the same force on other frames."""
         against = None if self.against is None else marks(self.against)
         return FrameForce(frame=marks(self.frame), gear=self.gear, against=against)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointForce(Generic[J]):
-    """A moment about a ball joint, or a force and a moment on a free one.
+    """A moment about a ball joint, or a force and a moment on a free joint.
 
-    Of a ball joint s is `gear` times its rotation vector, of a free one zero; ds/dt stands for the
-    power by F.
+    For a ball joint s is `gear` times its rotation vector; for a free joint s is zero. ds/dt
+    denotes the power per unit F.
 
     Attributes:
-        joint: on which it acts.
-        gear: a moment by F, (3,), or a force along the joint's axes and a moment, (6,).
-        in_parent: whether moments are along the axes of what carries the joint, not the link's.
+        joint: the joint that receives the force.
+        gear: moment per unit F, (3,), or force along the joint's axes and moment, (6,).
+        in_parent: whether moments are about the axes of the joint's parent, not the link's.
     """
 
     joint: J
@@ -92,9 +93,9 @@ class JointForce(Generic[J]):
     in_parent: bool = False
 
     def at(self, joint: Callable[[J], K]) -> JointForce[K]:
-        """The same on another joint."""
+        """Return the same force on another joint."""
         return JointForce(joint=joint(self.joint), gear=self.gear, in_parent=self.in_parent)
 
 
 Way = CablePath[Mark] | FrameForce[Mark] | JointForce[int]
-"""Of a tree's links, by their indices."""
+"""A force path between links of a tree, by index."""

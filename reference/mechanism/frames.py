@@ -1,4 +1,4 @@
-"""The frames and points of a system: checked as they are declared, and as a numeric function."""
+"""Frames and points of a system: their checks, and their poses as a numeric function."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from physics_crosscheck.reference.mechanism.units import (
 from physics_crosscheck.reference.mechanism.validation import dimensions
 
 ENTRIES = 12
-"""Numbers of a frame: three of its position, nine of its rotation."""
+"""Numbers per frame: three of its position, nine of its rotation."""
 
 _DIGITS = 30
 _RIGHT = sp.Float("1e-15")
-"""How far from orthonormal a rotation may be at a place: axes are told with 24 digits."""
+"""Tolerance of orthonormality of a rotation; axes are known to 24 digits."""
 
 
 def check_frames(system: Declaration) -> None:
-    """Refuse frames whose names, units or rotations can't be.
+    """Check the names, units and rotations of all frames.
 
     Raises:
-        DeclarationError: with one sentence that names what is wrong.
+        DeclarationError: with one sentence that names the problem.
     """
     known = dimensions(system)
     for frame in system.frames:
@@ -59,7 +59,7 @@ def _check_entry(
     known: Mapping[sp.Symbol, Dimension],
     where: str,
 ) -> None:
-    """An expression of positions and constants, in metres or a number."""
+    """Check that an entry is a length or a number, of positions and constants only."""
     allowed = {*system.q, *(c.symbol for c in system.constants)}
     for symbol in sorted(entry.free_symbols - allowed, key=str):
         raise DeclarationError(f"{where}: it uses {symbol}; use only positions and constants")
@@ -77,7 +77,7 @@ def _check_entry(
 
 
 def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:
-    """A rotation turns, and neither stretches nor mirrors, at places of no symmetry."""
+    """Check at two generic positions that a rotation is orthonormal and right-handed."""
     if frame.rotation is None:
         return
     if frame.rotation.shape != (3, 3):
@@ -95,7 +95,10 @@ def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:
 
 
 def frame_function(system: Declaration) -> NumericFunction:
-    """Every frame's position and rotation, of q: twelve numbers each; a point is not turned."""
+    """Return position and rotation of every frame as a function of q, twelve numbers each.
+
+    Points have the identity rotation.
+    """
     values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
     entries: list[sp.Expr] = []
     for frame in system.frames:

@@ -1,8 +1,8 @@
-"""Forward kinematics: energies of bodies in a tree of slides and hinges, exactly.
+"""Forward kinematics: exact energies of bodies in a tree of slides and hinges.
 
-A frame is made from another by a shift, a fixed turn, a hinge or a slide. Velocities are carried
-along in the frame's own axes (Luh, Walker and Paul 1980, J. Dyn. Sys. Meas. Control 102, 69-76), so
-that each joint's sines and cosines enter once and the expressions stay short.
+A frame follows from another by a shift, a fixed rotation, a hinge or a slide. Velocities are
+propagated in the frame's own axes (Luh, Walker and Paul 1980, J. Dyn. Sys. Meas. Control 102,
+69-76). Each joint's sines and cosines then appear once, and the expressions stay short.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from physics_crosscheck.reference.mechanism.declaration import Coordinate
 from physics_crosscheck.reference.mechanism.pose import Pose
 
 Triple = Sequence[Any]
-"""Three numbers or expressions: a place, an axis, moments."""
+"""Three numbers or expressions: a position, an axis, or moments of inertia."""
 
 DIGITS = 24
-"""Digits of an irrational component of an axis, kept as a rational: eight beyond a double's."""
+"""Digits of an irrational axis component, kept as a rational: eight more than a double's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +29,8 @@ class Frame:
 
     Attributes:
         rotation: 3 x 3, from its axes to the ground's.
-        origin: where it is, in the ground's axes, m.
-        velocity: of its origin, in its own axes, m/s.
+        origin: position of its origin, in the ground's axes, m.
+        velocity: velocity of its origin, in its own axes, m/s.
         spin: its angular velocity, in its own axes, rad/s.
     """
 
@@ -40,7 +40,7 @@ class Frame:
     spin: sp.ImmutableMatrix
 
     def at(self, x: Any, y: Any, z: Any) -> Frame:
-        """The frame shifted by x, y, z along its own axes, fixed to the same body."""
+        """Return the frame shifted by x, y, z along its own axes, fixed to the same body."""
         shift = _column((x, y, z))
         return Frame(
             rotation=self.rotation,
@@ -50,27 +50,27 @@ class Frame:
         )
 
     def turned(self, about: Triple, angle: Any) -> Frame:
-        """The frame turned by a fixed angle about an axis through its origin, in rad."""
+        """Return the frame rotated by a fixed angle, rad, about an axis through its origin."""
         return self._into(rotation(about, angle))
 
     def hinge(self, coordinate: Coordinate, about: Triple, zero: Any = 0) -> Frame:
-        """The frame behind a hinge through the origin; `zero` is where it is not turned."""
+        """Return the frame after a hinge through the origin; `zero` is its unrotated position."""
         frame = self.turned(about, coordinate.q - sp.sympify(zero))
         spin = _m(frame.spin + _unit(about) * coordinate.v)
         return replace(frame, spin=spin)
 
     def slide(self, coordinate: Coordinate, along: Triple, zero: Any = 0) -> Frame:
-        """The frame behind a slide; `zero` is where it is not shifted."""
+        """Return the frame after a slide; `zero` is its unshifted position."""
         axis = _unit(along)
         frame = self.at(*(axis * (coordinate.q - sp.sympify(zero))))
         velocity = _m(frame.velocity + axis * coordinate.v)
         return replace(frame, velocity=velocity)
 
     def kinetic(self, mass: Any, moments: Triple, products: Triple = (0, 0, 0)) -> sp.Expr:
-        """Kinetic energy of a body whose centre of mass is the origin, J.
+        """Return the kinetic energy, J, of a body whose centre of mass is the origin.
 
-        `moments` are Ixx, Iyy, Izz about it in the frame's axes, and `products` Ixy, Ixz, Iyz as
-        they stand in the matrix, kg*m^2.
+        `moments` are Ixx, Iyy, Izz about the centre of mass in the frame's axes. `products` are
+        Ixy, Ixz, Iyz, with the sign of the matrix entries, kg*m^2.
         """
         xx, yy, zz = moments
         xy, xz, yz = products
@@ -79,18 +79,21 @@ class Frame:
         return sp.sympify(mass) * self.velocity.dot(self.velocity) / 2 + turning / 2
 
     def weight(self, mass: Any, gravity: Triple) -> sp.Expr:
-        """Potential energy in uniform gravity of a mass at the origin, J; zero at the ground's."""
+        """Return the potential energy, J, of a mass at the origin in uniform gravity.
+
+        It is zero at the ground's origin.
+        """
         return -sp.sympify(mass) * self.origin.dot(_column(gravity))
 
     def pose(self, name: str, description: str) -> Pose:
-        """The frame by name, for a system's `frames`."""
+        """Return the frame as a named pose, for a system's `frames`."""
         return Pose(name, tuple(self.origin), description, rotation=self.rotation)
 
     def _into(self, turn: sp.ImmutableMatrix) -> Frame:
         back = turn.T
         parts = (self.rotation * turn, back * self.velocity, back * self.spin)
         if not turn.free_symbols:
-            # Numbers gather: what was a sum of sums becomes a term a velocity again.
+            # Expand numbers, so that a sum of sums becomes one term per velocity again.
             parts = tuple(part.applyfunc(sp.expand) for part in parts)
         return Frame(
             rotation=_m(parts[0]), origin=self.origin, velocity=_m(parts[1]), spin=_m(parts[2])
@@ -103,14 +106,14 @@ ground = Frame(
     velocity=sp.ImmutableMatrix.zeros(3, 1),
     spin=sp.ImmutableMatrix.zeros(3, 1),
 )
-"""The frame that does not move."""
+"""The fixed frame."""
 
 
 def rotation(about: Triple, angle: Any) -> sp.ImmutableMatrix:
-    """The matrix of a turn by an angle about an axis of any length but zero (Rodrigues).
+    """Return the rotation matrix about an axis of any nonzero length (Rodrigues).
 
     Raises:
-        ValueError: for an axis of no length.
+        ValueError: if the axis has zero length.
     """
     x, y, z = axis = _unit(about)
     cross = sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -130,7 +133,7 @@ def _unit(axis: Triple) -> sp.ImmutableMatrix:
 
 
 def _short(number: sp.Expr) -> sp.Expr:
-    """Roots as rationals of many digits: simplification is slow with them, and gains nothing."""
+    """Replace roots by rationals of many digits, since simplification with roots is slow."""
     if isinstance(number, sp.Rational):
         return number
     return sp.Rational(str(sp.N(number, DIGITS)))
@@ -141,7 +144,7 @@ def _column(three: Triple) -> sp.ImmutableMatrix:
 
 
 def _exact(value: Any) -> sp.Expr:
-    """Decimals are taken as written: 0.6 is 3/5."""
+    """Return a decimal exactly as written: 0.6 is 3/5."""
     return sp.Rational(repr(value)) if isinstance(value, float) else sp.sympify(value)
 
 

@@ -1,4 +1,4 @@
-"""Declared trees of bodies: systems whose equations follow by recursion."""
+"""Declared trees of bodies, whose equations follow by recursion."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from physics_crosscheck.reference.mechanism.tree import Fluid, Tree, TreeError
 
 @dataclass(frozen=True, kw_only=True)
 class TreeSystem(Declaration):
-    """A mechanism whose bodies are declared, and not its energies: T, V and D stand for nothing.
+    """A mechanism declared by bodies instead of energies; T, V and D are unused.
 
-    Its coordinates are those of the joints that follow no other (`reference.mechanism.chart`), in
-    the tree's order.
+    Its coordinates are the independent joint coordinates (`reference.mechanism.chart`), in the
+    tree's order.
 
     Raises:
-        DeclarationError: naming what does not fit.
+        DeclarationError: if the coordinates do not match the tree.
     """
 
     tree: Tree
@@ -40,7 +40,7 @@ class TreeSystem(Declaration):
 
 
 def tree_system(*, name: str, title: str, source: str, tree: Tree) -> TreeSystem:
-    """A tree as a system: its coordinates are those of the joints that follow none."""
+    """Return a tree as a system with the independent joint coordinates."""
     rows = [row for link in tree.links for row in coordinate_names(link.kind, link.name)]
     return TreeSystem(
         name=name,
@@ -65,20 +65,20 @@ def tree_system(*, name: str, title: str, source: str, tree: Tree) -> TreeSystem
 
 @dataclass(frozen=True, kw_only=True)
 class MultibodySystem:
-    """A mechanism as its bodies, joints and pulls: all numbers in SI units, as a model has them.
+    """A mechanism of bodies, joints and force elements, with a model's numbers in SI units.
 
     Attributes:
-        name: of the system.
-        title: what it is, in a few words.
-        source: where the numbers come from.
+        name: name of the system.
+        title: a few words about it.
+        source: source of the numbers.
         gravity: m/s^2.
-        bodies: each after the one that carries it.
+        bodies: parents before children.
         pulls: tendons and actuators.
         couplings: joints that follow others.
-        medium: in which the bodies move; None for none.
+        medium: fluid around the bodies; None for none.
 
     Raises:
-        DeclarationError: naming the body, joint or pull that does not fit.
+        DeclarationError: with the body, joint or force element that does not fit.
     """
 
     name: str
@@ -93,7 +93,7 @@ class MultibodySystem:
     def __post_init__(self) -> None:
         try:
             found = self.assembled
-            Coupled(found.tree)  # not in a circle
+            Coupled(found.tree)  # raises if joints follow each other in a cycle
         except TreeError as error:
             raise DeclarationError(str(error)) from None
         if not found.tree.links:
@@ -106,11 +106,11 @@ class MultibodySystem:
 
     @cached_property
     def assembled(self) -> Assembled:
-        """The tree, and where each body is in it."""
+        """The tree, and the location of each body in it."""
         return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.medium)
 
     @cached_property
     def tree_system(self) -> TreeSystem:
-        """The tree as a system whose equations can be asked."""
+        """The tree as a system of equations."""
         tree = self.assembled.tree
         return tree_system(name=self.name, title=self.title, source=self.source, tree=tree)

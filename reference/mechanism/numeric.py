@@ -1,4 +1,4 @@
-"""Symbolic expressions as fast numeric functions that survive a trip to another process."""
+"""Fast, picklable numeric functions compiled from symbolic expressions."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NumericFunction:
-    """A vector-valued function of vectors, compiled from its generated source.
+    """A vector-valued function of vectors, compiled from generated source.
 
-    Called with one array per argument group, each of shape (..., size of the group); returns an
-    array of shape (..., size). It is pickled as source text, so a worker needs no sympy for it.
+    Call it with one array per argument group, each of shape (..., group size). It returns an array
+    of shape (..., size). It is pickled as source text, so workers do not need sympy.
 
     Attributes:
-        source: text of the function.
+        source: source text of the function.
         groups: sizes of the argument groups.
-        size: of the value.
-        last: values of a further group that is put in, see `at`.
+        size: size of the value.
+        last: fixed values of the last argument group; see `at`.
     """
 
     source: str
@@ -35,7 +35,7 @@ class NumericFunction:
     last: tuple[float, ...] = ()
 
     def __call__(self, *arguments: Array) -> Array:
-        """Evaluate; arrays broadcast against each other in all but their last axis."""
+        """Evaluate the function; arrays broadcast against each other in all but their last axis."""
         columns: list[Any] = []
         for argument, count in zip(arguments, self.groups, strict=True):
             columns += [argument[..., i] for i in range(count)]
@@ -49,12 +49,12 @@ class NumericFunction:
 
     @cached_property
     def scalar(self) -> Callable[..., Sequence[float]]:
-        """The same function of plain numbers, one per column: the quick way for one point."""
+        """The same function of plain numbers, one per column: fastest for a single point."""
         function, last = self._function, self.last
         return (lambda *columns: function(*columns, *last)) if last else function
 
     def at(self, values: Sequence[float]) -> NumericFunction:
-        """The function with its last group put in; nothing is compiled for it."""
+        """Return the function with its last group fixed, without compiling again."""
         return replace(self, groups=self.groups[:-1], last=tuple(map(float, values)))
 
     @cached_property
@@ -72,7 +72,7 @@ class NumericFunction:
 
 @lru_cache(maxsize=256)
 def _executed(source: str) -> Callable[..., Any]:
-    """The function of a text, which sympy wrote from a parsed expression: names and operators."""
+    """Execute source that sympy generated from a parsed expression; return its function."""
     namespace: dict[str, Any] = dict(vars(np))
     exec(source, namespace)
     function: Callable[..., Any] = namespace["_lambdifygenerated"]
@@ -85,7 +85,7 @@ def compile_function(
     """Return a numeric function of the given argument groups.
 
     Raises:
-        ValueError: if an expression holds a symbol that is no argument.
+        ValueError: if an expression contains a symbol that is not an argument.
     """
     arguments = [symbol for group in groups for symbol in group]
     wanted = set[sp.Basic]().union(*(sp.sympify(e).free_symbols for e in expressions))

@@ -1,4 +1,4 @@
-"""Where a body or a point of a mechanism is in the world, by name, as a declaration has it."""
+"""Named poses of a mechanism's bodies and points in the world, as declared."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from typing import Any
 import sympy as sp
 
 WORLD = "world"
-"""What no frame may be called: a sidecar says by it how an engine's world lies in this one."""
+"""Reserved frame name: a sidecar uses it for the pose of an engine's world."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A frame that is fixed to a body, or a point of it, in the world's axes.
+    """A frame fixed to a body, or a point of a body, in the world's axes.
 
     Attributes:
-        name: by which sidecars say what it is in a model file.
-        position: of its origin, (x, y, z), expressions of positions and constants, m.
-        description: what it is.
-        rotation: 3 x 3, its columns its axes; or a unit quaternion (w, x, y, z). None for a point.
+        name: sidecars use it to map the frame to a model file.
+        position: position of its origin, (x, y, z), expressions of positions and constants, m.
+        description: a few words about it.
+        rotation: 3 x 3 with its axes as columns, or a unit quaternion (w, x, y, z); None for a
+            point.
     """
 
     name: str
@@ -34,13 +35,13 @@ class Pose:
 
     @property
     def entries(self) -> tuple[sp.Expr, ...]:
-        """The position, and of a frame its matrix row by row: 3 or 12 expressions."""
+        """The position, and for a frame also its matrix row by row: 3 or 12 expressions."""
         turn = () if self.rotation is None else tuple(self.rotation)
         return (*self.position, *turn)
 
 
 def _matrix(rotation: Any) -> sp.ImmutableMatrix:
-    """A matrix, or that of a quaternion; not orthonormal where that is not of length 1."""
+    """Return a rotation matrix, from a matrix or a quaternion; both may be unnormalized."""
     if isinstance(rotation, (tuple, list)):
         rotation = [_row(row) for row in rotation]
     elif isinstance(rotation, (str, bytes)):
@@ -62,12 +63,12 @@ def _row(row: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """A number or an expression."""
+    """Return a number or an expression."""
     if isinstance(value, (str, bytes)):
         raise _text(value)
     return sp.sympify(value)
 
 
 def _text(value: str | bytes) -> ValueError:
-    """The refusal of a text: sympy would run it as code."""
+    """Return the error for a string, which sympy would execute as code."""
     return ValueError(f"a pose contains the text {value[:60]!r}; write a number or an expression")

@@ -1,7 +1,6 @@
-"""Numbers and expressions as a declaration may have them: real, finite, of functions known here.
+"""Checks that numbers and expressions of a declaration are real, finite and supported.
 
-What is complex is refused wherever it turns up: a real part that is taken in silence would be
-another model.
+Complex values are rejected everywhere: silently using a real part would change the model.
 """
 
 from __future__ import annotations
@@ -22,29 +21,29 @@ FUNCTIONS = (
     sp.acot, sp.asec, sp.acsc, sp.atan2, sp.sinh, sp.cosh, sp.tanh, sp.coth, sp.asinh, sp.acosh,
     sp.atanh, sp.sinc,
 )  # fmt: skip
-"""What an expression may be made of, beside sums, products and powers."""
+"""Functions that an expression may contain, besides sums, products and powers."""
 
 SWITCHES = (
     sp.Heaviside, sp.Piecewise, sp.functions.elementary.piecewise.ExprCondPair,
     sp.Abs, sp.sign, sp.Max, sp.Min, sp.floor, sp.ceiling, sp.Mod,
 )  # fmt: skip
-"""What else stands in an input; where it is not smooth is told elsewhere."""
+"""Functions that an input may also contain; `mechanism.signal` finds their break points."""
 
 LARGEST = float(np.finfo(float).max)
 LONGEST = 60
-"""Characters of an expression that a message shows."""
+"""Largest number of characters of an expression in a message."""
 
 SAMPLES = 401
-"""Times at which an input is looked at between two breaks."""
+"""Sample times of an input between two breaks."""
 
 
 def expression_of(value: object, place: str) -> sp.Expr:
-    """A declared value as an expression.
+    """Return a declared value as an expression.
 
     Raises:
-        DeclarationError: for text, nothing, a truth value, a list, a matrix.
+        DeclarationError: for text, None, a bool, a list or a matrix.
     """
-    # Text would be read as code, by other rules than those of the file that it stands in.
+    # sympy would parse text as code, by other rules than Python's.
     if isinstance(value, (bool, str, bytes, type(None))):
         raise DeclarationError(f"{place} is {shown(value)}: write a number or an expression")
     try:
@@ -57,10 +56,10 @@ def expression_of(value: object, place: str) -> sp.Expr:
 
 
 def check_real(expression: sp.Expr, place: str, also: Sequence[type] = ()) -> None:
-    """Refuse what is written with I, with no number, or with functions that have no value here.
+    """Reject expressions with I, without a finite value, or with unsupported functions.
 
     Raises:
-        DeclarationError: naming the part, and what to write.
+        DeclarationError: with the offending part and the remedy.
     """
     if expression.has(sp.I):
         raise DeclarationError(
@@ -80,10 +79,10 @@ def check_real(expression: sp.Expr, place: str, also: Sequence[type] = ()) -> No
 
 
 def number_of(value: object, constants: Mapping[sp.Symbol, sp.Expr], place: str) -> float:
-    """The finite real number that a declared value is, constants put in.
+    """Return a declared value as a finite real number, with constants substituted.
 
     Raises:
-        DeclarationError: where it is none.
+        DeclarationError: if it is not a finite real number.
     """
     if isinstance(value, float) and not math.isfinite(value):
         raise DeclarationError(f"{place} is {value}, which is not a finite number")
@@ -102,10 +101,10 @@ def number_of(value: object, constants: Mapping[sp.Symbol, sp.Expr], place: str)
 
 
 def check_plain(value: object, place: str) -> None:
-    """Refuse what is not one finite real number as Python has it, such as a constant's value.
+    """Reject anything but one finite real Python number, as for a constant's value.
 
     Raises:
-        DeclarationError: naming what it is.
+        DeclarationError: with the value.
     """
     if isinstance(value, bool) or not isinstance(value, Real) or isinstance(value, sp.Basic):
         raise DeclarationError(f"{place} has no numeric value: it is {shown(value)}; write a float")
@@ -120,19 +119,19 @@ def check_plain(value: object, place: str) -> None:
 def check_over_time(
     expression: sp.Expr, values: Callable[[Array], Array], start: float, stop: float, place: str
 ) -> None:
-    """Refuse an input that is complex, infinite or nothing at a time from start to stop.
+    """Reject an input that is complex or not finite at a time from start to stop.
 
-    Looked for at many times, and in between where what stands beneath a root, a logarithm or a
-    fraction is zero.
+    The check evaluates many times. Between them it searches for zeros below roots, in logarithms
+    and in denominators.
 
     Args:
         values: the expression at given times, in doubles.
 
     Raises:
-        DeclarationError: naming the time.
+        DeclarationError: with the time.
     """
     times = np.linspace(start, stop, SAMPLES)
-    # At the very end another branch may hold.
+    # At the end itself another branch may apply.
     times[-1] = np.nextafter(stop, start)
     with np.errstate(all="ignore"):
         found = values(times)
@@ -151,7 +150,7 @@ def check_over_time(
 
 
 def _critical(expression: sp.Expr) -> set[sp.Expr]:
-    """What must not vanish between two times: beneath fractions and roots, and in logarithms."""
+    """Return expressions that must not vanish: denominators, radicands, arguments of logarithms."""
     found = set()
     for part in expression.atoms(sp.Pow, sp.log, sp.tan, sp.sec, sp.cot, sp.csc):
         if isinstance(part, sp.Pow):
@@ -166,10 +165,10 @@ def _critical(expression: sp.Expr) -> set[sp.Expr]:
 
 
 def _zero(base: sp.Expr, times: Array) -> float | None:
-    """About when it is zero between the first time and the last, those apart; None if never.
+    """Return a zero strictly between the first and the last time; None otherwise.
 
-    A polynomial's roots are counted (Sturm); of anything else signs are looked at, and looked at
-    again about each time at which it is small.
+    A polynomial's real roots are isolated (Sturm). Otherwise sign changes are searched, with a
+    finer search around each minimum of the magnitude.
     """
     start, stop = float(times[0]), float(times[-1])
     polynomial = sp.Poly(base, t) if base.is_polynomial(t) else None
@@ -184,12 +183,12 @@ def _zero(base: sp.Expr, times: Array) -> float | None:
         every = np.sort(np.concatenate([times, closer]))
         signs = np.sign(compiled(every[:, None])[:, 0])
     changed = np.flatnonzero((signs[1:] != signs[:-1]) & (signs[:-1] != 0))
-    # At the first time it may be zero, and at the last.
+    # A zero at the first or the last time is allowed.
     return float(every[changed[0]]) if changed.size and every[changed[0] + 1] < stop else None
 
 
 def _at(expression: sp.Expr, time: float) -> str:
-    """What an expression is at a time at which it is no finite real number."""
+    """Describe the value of an expression at a time where it is not finite and real."""
     with mp.workdps(20):
         try:
             value = sp.N(expression.xreplace({t: sp.Float(time, 20)}), 5)
@@ -203,9 +202,9 @@ def _at(expression: sp.Expr, time: float) -> str:
 
 
 def shown(value: object) -> str:
-    """A value in a message, on one line and not longer than a reader needs."""
+    """Return a value for a message, on one line and shortened."""
     try:
         text = " ".join((str(value) if isinstance(value, sp.Basic) else repr(value)).split())
-    except ValueError:  # an integer of too many digits to be written
+    except ValueError:  # an integer with too many digits to print
         return "a number of thousands of digits"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

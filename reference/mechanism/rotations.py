@@ -1,8 +1,8 @@
-"""Vectors and rotations over any scalar, a batch of them at once.
+"""Vectors and rotations over any number type, in batches.
 
-The components come first and the batch after them: a vector is (3, ...), a matrix (3, 3, ...), so
-that a batch is one array operation and a single value of any kind (a double, a long double, an
-mpmath number, a symbol) is the same code.
+Components come first and the batch after them: a vector is (3, ...), a matrix (3, 3, ...). A batch
+is then one array operation. The same code handles doubles, long doubles, mpmath numbers and
+symbols.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 Scalars = NDArray[Any]
-"""Numbers, or what else can be added and multiplied."""
+"""Numbers, or other objects that support addition and multiplication."""
 
 VANISHING = 1e-300
-"""Beside any square of a number that is not."""
+"""Added to squares to avoid division by zero; negligible beside any nonzero square."""
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
 @dataclass(frozen=True)
 class Field:
-    """The kind of numbers that are computed with, and their functions that are no arithmetic.
+    """A number type with its functions other than arithmetic.
 
     Attributes:
-        dtype: of arrays of them.
-        sin, cos: of arrays.
-        number: one of them from a double.
+        dtype: array type.
+        sin, cos: elementwise functions of arrays.
+        number: conversion from a double.
     """
 
     dtype: Any
@@ -39,7 +39,7 @@ class Field:
     number: Callable[[float], Any]
 
     def array(self, values: Any) -> Scalars:
-        """An array of them from doubles."""
+        """Return an array of this number type from doubles."""
         plain = np.asarray(values)
         if self.dtype is not object:
             return plain.astype(self.dtype)
@@ -54,7 +54,7 @@ LONG_DOUBLES = Field(dtype=np.longdouble, sin=np.sin, cos=np.cos, number=np.long
 
 
 def objects(sin: Callable[[Any], Any], cos: Callable[[Any], Any], number: Any) -> Field:
-    """Any other kind, by its sine and cosine: mpmath's numbers, or a library's symbols."""
+    """Return a field of objects, such as mpmath numbers or symbols, from its sine and cosine."""
     return Field(
         dtype=object,
         sin=np.frompyfunc(sin, 1, 1),
@@ -64,31 +64,31 @@ def objects(sin: Callable[[Any], Any], cos: Callable[[Any], Any], number: Any) -
 
 
 def turned(matrix: Scalars, vector: Scalars) -> Scalars:
-    """R x: (3, 3, ...) by (3, ...)."""
+    """Return R x: (3, 3, ...) by (3, ...)."""
     found: Scalars = (matrix * vector).sum(axis=1)
     return found
 
 
 def turned_back(matrix: Scalars, vector: Scalars) -> Scalars:
-    """R^T x."""
+    """Return R^T x."""
     found: Scalars = (matrix * vector[:, None]).sum(axis=0)
     return found
 
 
 def cross(one: Scalars, other: Scalars) -> Scalars:
-    """Vector product, (3, ...)."""
+    """Return the cross product, (3, ...)."""
     found: Scalars = one[_NEXT] * other[_LAST] - one[_LAST] * other[_NEXT]
     return found
 
 
 def product(one: Scalars, other: Scalars) -> Scalars:
-    """A B: (3, 3, ...) by (3, 3, ...)."""
+    """Return A B: (3, 3, ...) by (3, 3, ...)."""
     found: Scalars = (one[:, :, None] * other[None]).sum(axis=1)
     return found
 
 
 def about_axis(axis: Scalars, angle: Scalars, field: Field) -> Scalars:
-    """The rotation by an angle (...) about a unit vector (3,): Rodrigues' formula."""
+    """Return the rotation by an angle (...) about a unit vector (3,): Rodrigues' formula."""
     batch = (1,) * np.ndim(angle)
     one = axis.reshape(3, *batch)
     sin, cos = field.sin(angle), field.cos(angle)
@@ -99,15 +99,15 @@ def about_axis(axis: Scalars, angle: Scalars, field: Field) -> Scalars:
 
 
 def _skew(x: Scalars, field: Field) -> Scalars:
-    """The matrix that takes y to x cross y."""
+    """Return the matrix that maps y to x cross y."""
     zero = field.number(0.0)
     return np.array([[zero, -x[2], x[1]], [x[2], zero, -x[0]], [-x[1], x[0], zero]])
 
 
 def from_quaternion(q: Scalars) -> Scalars:
-    """The rotation of a quaternion (4, ...), its real part first; of any length but zero.
+    """Return the rotation of a quaternion (4, ...) of any nonzero length, real part first.
 
-    (w^2 - x.x) 1 + 2 x x^T + 2 w [x], by its length squared.
+    It is (w^2 - x.x) 1 + 2 x x^T + 2 w [x], divided by the squared length.
     """
     w, x, y, z = q
     rows = [
@@ -120,7 +120,7 @@ def from_quaternion(q: Scalars) -> Scalars:
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
-    """Turned about the fixed x, then y, then z: R = Rz Ry Rx, (3, 3)."""
+    """Return the rotation about the fixed x, then y, then z axis: R = Rz Ry Rx, (3, 3)."""
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -130,9 +130,9 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
 
 
 def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
-    """dq/dt of a quaternion (4, ...) whose frame turns with (3, ...), in its own axes: q (0, w)/2.
+    """Return dq/dt = q (0, w)/2 of a quaternion (4, ...), with w (3, ...) in the body frame.
 
-    Its length stays as it is.
+    The length of q stays constant.
     """
     w, x = q[0], q[1:]
     real = -(x * angular).sum(axis=0)
@@ -140,19 +140,20 @@ def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
 
 
 def quaternion_product(one: Scalars, other: Scalars) -> Scalars:
-    """Turned by the other and then by the one, (4, ...) each, the real part first."""
+    """Return the quaternion product, (4, ...) each, real part first: first `other`, then `one`."""
     w, x, v, y = one[:1], one[1:], other[:1], other[1:]
     real = w * v - (x * y).sum(axis=0)
     return np.concatenate([real, w * y + v * x + cross(x, y)])
 
 
 def rotation_vector(q: Scalars) -> Scalars:
-    """The angle, up to half a turn, times the axis, (3, ...), of a quaternion of any length.
+    """Return angle times axis, (3, ...), of a quaternion of any length; the angle is at most pi.
 
-    Of any numbers that NumPy has the arc tangent of. Where the real part is zero it jumps.
+    It supports all number types for which NumPy has the arc tangent. It jumps where the real part
+    is zero.
     """
     w, x = q[0], q[1:]
-    # A square that vanishes stands for nothing: the quotient has a limit.
+    # The quotient has a limit as x vanishes; `VANISHING` avoids 0/0.
     size = ((x * x).sum(axis=0) + VANISHING) ** 0.5
     angle = 2 * np.arctan2(size, abs(w)) * w / abs(w)
     found: Scalars = angle / size * x

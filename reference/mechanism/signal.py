@@ -1,8 +1,8 @@
-"""Inputs over time: smooth pieces between breaks, and the linear equation that generates each.
+"""Inputs over time: smooth pieces between breaks, each with the linear equation that generates it.
 
-A step, ramp, exponential, harmonic, or a sum or product of these, solves a linear equation with
-constant coefficients: u is the first component of w' = S w. Appended to the state (augmentation;
-Van Loan 1978, IEEE TAC 23(3), 395-404), it turns a forced linear system into a free one.
+A step, ramp, exponential, harmonic, or a sum or product of these solves a linear equation with
+constant coefficients: u is the first component of w' = S w. Appending w to the state (augmentation;
+Van Loan 1978, IEEE TAC 23(3), 395-404) makes a forced linear system autonomous.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunctio
 from physics_crosscheck.reference.mechanism.real import check_over_time
 
 DIGITS = 40
-"""Precision of the closed form, wherever it is asked for: a double's 16, and 24 to lose."""
+"""Digits of the closed form: the 16 of a double and 24 in reserve."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Generator:
     """A linear equation w' = S w whose first component is the signal.
 
     Attributes:
-        coefficients: c_0 ... c_(d-1) of the characteristic polynomial
-            s^d + c_(d-1) s^(d-1) + ... + c_0, to `DIGITS` digits.
-        expression: the signal, from whose derivatives the state w = (u, u', ...) is taken.
+        coefficients: c_0 ... c_(d-1) of the characteristic polynomial s^d + c_(d-1) s^(d-1) + ... +
+            c_0, to `DIGITS` digits.
+        expression: the signal, whose derivatives are the state w = (u, u', ...).
     """
 
     coefficients: tuple[mp.mpf, ...]
@@ -55,7 +55,7 @@ class Generator:
         return matrix
 
     def state(self, time: float) -> list[mp.mpf]:
-        """w = (u, u', ..., u^(d-1)) at a time, at the working precision."""
+        """Return w = (u, u', ..., u^(d-1)) at a time, at the working precision."""
         derivatives = [sp.diff(self.expression, t, i) for i in range(len(self.coefficients))]
         evaluate = sp.lambdify(t, derivatives, modules="mpmath")
         return [mp.mpf(value) for value in evaluate(mp.mpf(time))]
@@ -71,13 +71,13 @@ class Piece:
 
     @cached_property
     def generators(self) -> tuple[Generator, ...] | None:
-        """One generator per input, or None where an input has none (a chirp, say)."""
+        """One generator per input; None if an input, such as a chirp, has none."""
         found = [generator(expression) for expression in self.expressions]
         return None if None in found else tuple(g for g in found if g is not None)
 
     @cached_property
     def constant(self) -> bool:
-        """Whether no input changes over the piece."""
+        """True if all inputs are constant over the piece."""
         return all(t not in expression.free_symbols for expression in self.expressions)
 
     @cached_property
@@ -90,8 +90,8 @@ def pieces(system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
     """Split a scenario's inputs at their breaks.
 
     Raises:
-        DeclarationError: for a break whose time can't be told, or an input that is not smooth
-            in between.
+        DeclarationError: if a break time can't be determined, or an input is not smooth between
+            breaks.
     """
     values = system.values
     inputs = [_exact(sp.sympify(scenario.inputs[i]).xreplace(values)) for i in system.inputs]
@@ -128,7 +128,7 @@ def _check_values(piece: Piece, names: Sequence[str], place: str) -> None:
 
 
 def _exact(expression: sp.Expr) -> sp.Expr:
-    """Replace floats by the rationals that they are, so that 8.6 means one number everywhere."""
+    """Replace floats by their exact rationals, so that 8.6 means one number everywhere."""
     return expression.xreplace({f: sp.Rational(float(f)) for f in expression.atoms(sp.Float)})
 
 
@@ -146,7 +146,7 @@ def _breaks(expression: sp.Expr, place: str) -> set[float]:
 
 
 def _resolve(expression: sp.Expr, middle: sp.Rational) -> sp.Expr:
-    """Return the branch that holds around `middle`."""
+    """Return the branch that applies around `middle`."""
     switches = {
         h: sp.Integer(int(bool(h.args[0].subs(t, middle) > 0)))
         for h in expression.atoms(sp.Heaviside)
@@ -159,7 +159,7 @@ def _resolve(expression: sp.Expr, middle: sp.Rational) -> sp.Expr:
 
 
 def generator(expression: sp.Expr) -> Generator | None:
-    """Return the generator of a sum of c t^p exp(a t), a complex; None where there is none."""
+    """Return the generator of a sum of c t^p exp(a t), a complex; None otherwise."""
     if t not in expression.free_symbols:
         return Generator((mp.mpf(0),), expression)
     rates: dict[sp.Expr, int] = {}
@@ -173,7 +173,7 @@ def generator(expression: sp.Expr) -> Generator | None:
     polynomial = sp.Poly(
         sp.expand(sp.Mul(*((s - rate) ** (power + 1) for rate, power in rates.items()))), s
     )
-    # At a precision of its own: a piece keeps its generators, whoever asks for them first.
+    # Use a fixed precision: a piece caches its generators for all later callers.
     with mp.workdps(DIGITS):
         coefficients = [mp.mpf(sp.re(sp.N(c, DIGITS + 5))) for c in polynomial.all_coeffs()]
     return Generator(tuple(reversed(coefficients[1:])), expression)
@@ -200,15 +200,15 @@ def _rate_and_power(term: sp.Expr) -> tuple[sp.Expr, int] | None:
 
 @dataclass(frozen=True)
 class Inputs:
-    """The inputs of a motion as numbers: picklable, free of sympy."""
+    """The inputs of a motion as numbers: picklable, without sympy."""
 
     starts: tuple[float, ...]
     functions: tuple[NumericFunction, ...]
 
     def __call__(self, times: Array, slack: float = 0.0) -> Array:
-        """u at given times, shape (len(times), inputs); at a break the value from there on.
+        """Return u at given times, (len(times), inputs); at a break, the right-hand value.
 
-        A time that rounding left up to `slack` seconds short of a break counts as the break.
+        A time within `slack` seconds before a break counts as the break, to absorb rounding.
         """
         which = np.clip(np.searchsorted(self.starts, times + slack, side="right") - 1, 0, None)
         values = np.zeros((len(times), self.functions[0].size))

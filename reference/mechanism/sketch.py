@@ -1,7 +1,7 @@
-"""How a mechanism looks: shapes in a plane, their places as expressions of its coordinates.
+"""Sketch of a mechanism: plane shapes whose positions are expressions of its coordinates.
 
-A sketch is optional and nothing is computed from it; it lets a person see what moves. Lengths are
-in metres, x to the right and y up; angles in radians, counterclockwise from x.
+A sketch is optional and only for display. Lengths are in metres, x to the right and y up; angles
+are in radians, counterclockwise from x.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ BODIES = ("block", "disc", "spiral")
 
 @dataclass(frozen=True)
 class Link:
-    """What reaches from one point to another.
+    """A shape between two points.
 
     Attributes:
-        kind: one of `LINKS`; a wall has its ground on the right of the way from start to end, a
-            measure is an arrow that tells a coordinate, a line is dashed.
-        start, end: its ends.
-        label: the symbol written at it, or nothing.
+        kind: one of `LINKS`. A wall has its ground on the right, seen from start to end; a measure
+            is an arrow for a coordinate; a line is dashed.
+        start, end: its end points.
+        label: symbol next to it, or empty.
     """
 
     kind: str
@@ -37,14 +37,14 @@ class Link:
 
 @dataclass(frozen=True)
 class Body:
-    """What has a place, a size and an angle.
+    """A shape with a position, a size and an angle.
 
     Attributes:
         kind: one of `BODIES`; a disc has a mark on its radius, a spiral is a torsional spring.
         at: its centre.
-        width, height: of a block; a disc has its diameter as both.
-        angle: by which it is turned.
-        label: the symbol written at it, or nothing.
+        width, height: size of a block; a disc has its diameter as both.
+        angle: its rotation.
+        label: symbol next to it, or empty.
     """
 
     kind: str
@@ -57,7 +57,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Angle:
-    """An arc with an arrow that tells an angle, from `start` to `end`, about a point."""
+    """An arc with an arrow for an angle, from `start` to `end`, about a point."""
 
     at: Point
     radius: Any
@@ -70,7 +70,7 @@ Shape: TypeAlias = Link | Body | Angle
 
 
 def expressions(shape: Shape) -> dict[str, sp.Expr]:
-    """Every expression of a shape, by what it says."""
+    """Return every expression of a shape, by field name."""
     match shape:
         case Link():
             given = _point("start", shape.start) | _point("end", shape.end)

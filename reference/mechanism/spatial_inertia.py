@@ -1,4 +1,4 @@
-"""Bodies welded together as one: mass, center and inertia by Steiner's theorem."""
+"""Spatial inertia of welded bodies: mass, center and inertia by the parallel axis theorem."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Place(NamedTuple):
     origin: Array
 
     def of(self, inner: Place) -> Place:
-        """Where a frame is that stands in this one."""
+        """Return the pose of a frame given in this one."""
         return Place(self.rotation @ inner.rotation, self.at(inner.origin))
 
     def at(self, point: Array) -> Array:
-        """Where a point (3,) of this frame is."""
+        """Return a point (3,) of this frame in the outer frame."""
         return self.origin + self.rotation @ point
 
 
@@ -28,19 +28,19 @@ HERE = Place(np.eye(3), np.zeros(3))
 
 
 class Lump(NamedTuple):
-    """A rigid body: kg, center of mass in m, (3,), inertia about it in kg m^2, (3, 3)."""
+    """A rigid body: mass in kg, center in m, (3,), central inertia in kg m^2, (3, 3)."""
 
     mass: float
     center: Array
     inertia: Array
 
     def seen(self, place: Place) -> Lump:
-        """The same from the frame in which its own stands."""
+        """Return the same body in the outer frame."""
         rotation = place.rotation
         return Lump(self.mass, place.at(self.center), rotation @ self.inertia @ rotation.T)
 
     def with_(self, other: Lump) -> Lump:
-        """Both as one; their masses don't cancel."""
+        """Return both bodies welded together; their masses must not cancel."""
         if other.mass == 0.0:  # so that adding nothing changes no digit
             return self._replace(inertia=self.inertia + other.inertia)
         if self.mass == 0.0:

@@ -1,7 +1,7 @@
-"""A declared system, checked as it is made.
+"""A declared system, checked on construction.
 
-Whatever is missing, unknown, dimensionally impossible or not differentiable is refused with a
-sentence that names it.
+Missing, unknown, dimensionally inconsistent or non-differentiable entries are rejected with a
+sentence that names them.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from physics_crosscheck.reference.mechanism.validation import check
 
 @dataclass(frozen=True)
 class System(Declaration):
-    """A mechanism: everything from which its equations of motion follow.
+    """A mechanism: the complete data of its equations of motion.
 
     Raises:
-        DeclarationError: with one sentence that names what is missing or wrong.
+        DeclarationError: with one sentence that names the missing or wrong entry.
     """
 
     def __post_init__(self) -> None:
@@ -29,14 +29,14 @@ class System(Declaration):
         check_frames(self)
 
     def forces(self) -> tuple[sp.Expr, ...]:
-        """Generalized forces Q of the inputs, one per coordinate."""
+        """Return the generalized forces Q of the inputs, one per coordinate."""
         return tuple(
             sp.Add(*(sp.sympify(i.on.get(c, 0)) * i.symbol for i in self.inputs))
             for c in self.coordinates
         )
 
     def scenario(self, name: str) -> Scenario:
-        """Return the scenario of that name; KeyError with the known ones otherwise."""
+        """Return the scenario of that name; raise KeyError with the known names otherwise."""
         for scenario in self.scenarios:
             if scenario.name == name:
                 return scenario

@@ -1,7 +1,7 @@
-"""A tree of rigid bodies, each on one joint to the body before it.
+"""A tree of rigid bodies, each with one joint to its parent.
 
-A body that several joints carry, one after the other, is a chain of links of which the last alone
-has mass; what is welded together is one body.
+A body with several joints in series becomes a chain of links; only the last link has mass. Welded
+bodies are one link.
 """
 
 from __future__ import annotations
@@ -19,47 +19,47 @@ from physics_crosscheck.reference.mechanism.force_paths import JointForce, Way
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 Kind = Literal["hinge", "slide", "ball", "free"]
-"""Of a joint: it turns about an axis, slides along one, turns any way, or moves any way."""
+"""Kind of a joint: rotation about an axis, translation along one, any rotation, any motion."""
 
 WORLD = -1
-"""Parent of what hangs from nothing that moves."""
+"""Parent index of links attached to the world."""
 
 POSITIONS: Mapping[Kind, int] = MappingProxyType({"hinge": 1, "slide": 1, "ball": 4, "free": 7})
-"""Numbers of a joint's position: an angle or a distance; a unit quaternion, its real part first;
-a point and a quaternion."""
+"""Size of a joint's position: an angle or a distance; a unit quaternion, real part first; a point
+and a quaternion."""
 
 VELOCITIES: Mapping[Kind, int] = MappingProxyType({"hinge": 1, "slide": 1, "ball": 3, "free": 6})
-"""Numbers of a joint's velocity: those of a ball are the angular velocity, those of a free joint
-the angular velocity and the velocity of the link's origin, all in the link's own frame."""
+"""Size of a joint's velocity. A ball joint has the angular velocity; a free joint has the angular
+velocity and the velocity of the link's origin. Both are in the link's frame."""
 
 
 class TreeError(ValueError):
-    """A tree that is none; the message names the link."""
+    """An invalid tree; the message names the link."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Link:
     """A body and the joint that carries it.
 
-    The joint's frame stands still in the parent's; the link's frame is the joint's, moved by the
-    joint's position from where that is zero (the quaternion one).
+    The joint's frame is fixed in the parent's. The link's frame is the joint's frame, displaced by
+    the joint's position from zero (the identity quaternion).
 
     Attributes:
-        name: of the joint, by which its coordinate is called.
-        parent: index of the link that carries it, or `WORLD`.
-        position: of the joint's frame in the parent's, m, (3,).
-        rotation: of the joint's frame in the parent's: columns are its axes there, (3, 3).
-        kind: of the joint.
-        axis: unit vector, in both frames; of no meaning for a ball and a free joint, (3,).
+        name: name of the joint and of its coordinate.
+        parent: index of the parent link, or `WORLD`.
+        position: position of the joint's frame in the parent's, m, (3,).
+        rotation: axes of the joint's frame in the parent's, as columns, (3, 3).
+        kind: kind of the joint.
+        axis: unit vector, equal in both frames; ignored for ball and free joints, (3,).
         mass: kg.
-        center: of mass, in the link's frame, m, (3,).
+        center: center of mass, in the link's frame, m, (3,).
         inertia: about the center of mass, in the link's frame, kg m^2, (3, 3).
-        armature: added to the diagonal of the mass matrix: kg or kg m^2.
-        damping: force by velocity, against it: N s/m or N m s/rad.
+        armature: added to the diagonal of the mass matrix, kg or kg m^2.
+        damping: force opposing the velocity, N s/m or N m s/rad.
         stiffness: N/m or N m/rad.
-        rest: position at which the spring pulls nothing, as the joint's; none for a free joint.
-        lifted: mass on which gravity does not pull, kg.
-        lift: where it is, in the link's frame, m, (3,).
+        rest: joint position at which the spring force is zero; unused for a free joint.
+        lifted: mass whose weight is compensated, kg.
+        lift: position of that mass, in the link's frame, m, (3,).
     """
 
     name: str
@@ -80,9 +80,9 @@ class Link:
 
     @cached_property
     def motion(self) -> tuple[Array, Array]:
-        """What the joint's velocity does: angular and linear velocity, in the link's frame.
+        """The joint's motion subspace: angular and linear velocity in the link's frame.
 
-        Each is (3, numbers of the velocity).
+        Each is (3, size of the velocity).
         """
         still = np.zeros((3, 1))
         match self.kind:
@@ -98,21 +98,21 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class Pull:
-    """A force F along a length s that is a combination of the positions of hinges and slides.
+    """A force F along a length s, a combination of the positions of hinges and slides.
 
-    F = constant - sum of k_i x^i - sum of d_i w |w|^(i - 1), i from 1, where w = ds/dt and x is by
-    how much s is outside `rest`; on each joint acts F times its coefficient. Or s is of another
-    way, of which no armature is told.
+    F = constant - sum of k_i x^i - sum of d_i w |w|^(i - 1), i from 1, where w = ds/dt and x is the
+    distance of s outside `rest`. Each joint receives F times its coefficient. `along` replaces the
+    combination by another path, which has no armature.
 
     Attributes:
-        name: of the tendon or actuator.
+        name: name of the tendon or actuator.
         joints: coefficients by the index of the joint's link.
-        along: the other way; None where there are joints.
-        constant: N, or N m where s is an angle.
+        along: another path; None if there are joints.
+        constant: N, or N m if s is an angle.
         stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
         damping: d_1, d_2, ...
-        rest: between which lengths springs pull nothing.
-        armature: mass that moves as s does, kg or kg m^2.
+        rest: range of lengths with zero spring force.
+        armature: inertia that moves with s, kg or kg m^2.
     """
 
     name: str
@@ -127,19 +127,19 @@ class Pull:
 
 @dataclass(frozen=True, kw_only=True)
 class Bush:
-    """A spring, and a damper of higher powers, of a ball or free joint.
+    """A spring of a ball or free joint, with a damper of higher powers.
 
-    On its rotation acts the moment -(k_1 + k_2 r + k_3 r^2 ...) x, where x is the rotation vector
-    from `turn` and r its size; on a free joint's place, the same force by how far that is from
-    `place`. A damper acts on each component of the velocity, that of places along the axes of what
-    carries the joint: -(d_2 |w| + d_3 |w|^2 ...) w.
+    The moment on its rotation is -(k_1 + k_2 r + k_3 r^2 ...) x, where x is the rotation vector
+    from `turn` and r its length. On a free joint's position acts the same force, with the
+    displacement from `place`. The damper acts on each velocity component as -(d_2 |w| + d_3 |w|^2
+    ...) w; linear velocities are along the axes of the joint's parent.
 
     Attributes:
-        link: index of the joint's.
+        link: index of the joint's link.
         stiffness: k_1, k_2, ...
-        damping: d_2, d_3, ...; the first is the link's.
-        place: m.
-        turn: a unit quaternion, its real part first.
+        damping: d_2, d_3, ...; d_1 is the link's damping.
+        place: rest position, m.
+        turn: rest rotation, a unit quaternion, real part first.
     """
 
     link: int
@@ -151,14 +151,14 @@ class Bush:
 
 @dataclass(frozen=True, kw_only=True)
 class Coupling:
-    """A hinge or slide whose position follows another's: multiplier * position + offset.
+    """A hinge or slide that follows another joint: multiplier * position + offset.
 
     Attributes:
         follower: index of its link.
-        leader: index of the other's, or None where it stands at the offset.
-        multiplier: in units of both.
+        leader: index of the leading link; None if the follower is fixed at the offset.
+        multiplier: in units of follower per leader.
         offset: rad or m.
-        others: further links' indices, each with its multiplier: their positions are added.
+        others: indices of further links, each with its multiplier; their positions are added.
     """
 
     follower: int
@@ -176,12 +176,12 @@ class Coupling:
 
 @dataclass(frozen=True, kw_only=True)
 class Fluid:
-    """A fluid in which the bodies move, at rest or in a wind.
+    """A fluid around the bodies, at rest or in a wind.
 
-    It acts on each body as on the box that has the body's mass and moments (the "inertia model" of
-    the format MJCF, in its documentation under "Fluid forces"): along and about each axis of the
-    box by a drag that is quadratic in the velocity, and by the viscous resistance of a sphere of
-    the box's mean size.
+    It acts on each body as on the box of equal mass and moments of inertia (the "inertia model" of
+    the format MJCF, in its documentation under "Fluid forces"). Along and about each axis of the
+    box acts a drag quadratic in the velocity, and the viscous resistance of a sphere of the box's
+    mean size.
 
     Attributes:
         density: kg/m^3.
@@ -196,12 +196,12 @@ class Fluid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Immersed:
-    """A box on which the medium acts.
+    """A box on which the fluid acts.
 
     Attributes:
-        link: index of the link in which it stands.
-        position: of its center, in the link's frame, m, (3,).
-        rotation: of its axes there, as columns, (3, 3).
+        link: index of its link.
+        position: position of its center, in the link's frame, m, (3,).
+        rotation: its axes there, as columns, (3, 3).
         size: its edges, m, (3,).
     """
 
@@ -213,15 +213,15 @@ class Immersed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tree:
-    """Links, each after the one that carries it.
+    """Links, parents before children.
 
     Attributes:
         links: in the order of the coordinates.
         gravity: m/s^2, (3,).
-        pulls: forces that act on several joints, or are no straight line.
+        pulls: force elements on several joints, or with nonlinear coefficients.
         couplings: joints that follow others, each at most once.
-        medium: in which the bodies move; None for none.
-        immersed: on what of the bodies it acts.
+        medium: fluid around the bodies; None for none.
+        immersed: boxes on which the fluid acts.
         bushes: springs of ball and free joints.
     """
 
@@ -261,32 +261,32 @@ class Tree:
 
     @cached_property
     def positions(self) -> tuple[slice, ...]:
-        """Where each link's numbers stand among those of q."""
+        """Slice of each link's numbers in q."""
         return _slices([POSITIONS[link.kind] for link in self.links])
 
     @cached_property
     def velocities(self) -> tuple[slice, ...]:
-        """Where each link's numbers stand among those of v."""
+        """Slice of each link's numbers in v."""
         return _slices([VELOCITIES[link.kind] for link in self.links])
 
     @property
     def nq(self) -> int:
-        """Numbers of q."""
+        """Size of q."""
         return self.positions[-1].stop if self.links else 0
 
     @property
     def nv(self) -> int:
-        """Numbers of v: degrees of freedom."""
+        """Size of v."""
         return self.velocities[-1].stop if self.links else 0
 
     @property
     def freedoms(self) -> int:
-        """Coordinates that follow no other."""
+        """Number of independent coordinates, after couplings."""
         return self.nv - len(self.couplings)
 
     @property
     def zero(self) -> Array:
-        """Positions of which each is zero, quaternions one, (nq,)."""
+        """The zero position, with identity quaternions, (nq,)."""
         q = np.zeros(self.nq)
         for link, here in zip(self.links, self.positions, strict=True):
             if link.kind in ("ball", "free"):

@@ -1,4 +1,4 @@
-"""Units as dimensions, far enough to refuse what can't be physics.
+"""Units as dimensions, enough to reject physically impossible expressions.
 
 A unit is a product of powers of SI symbols, such as ``kg*m^2`` or ``N*s/m``. The radian is
 dimensionless, as in the SI Brochure (9th edition, table 4).
@@ -15,7 +15,7 @@ import sympy as sp
 
 
 class UnitError(ValueError):
-    """A unit that can't be read, or an expression whose dimensions contradict each other."""
+    """A unit that can't be parsed, or an expression with inconsistent dimensions."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def parse_unit(text: str) -> Dimension:
     """Return the dimension of a unit such as ``N*s/m``.
 
     Raises:
-        UnitError: naming the part that is no SI symbol known here.
+        UnitError: with the part that is not a known SI symbol.
     """
     if not isinstance(text, str) or not text.strip():
         raise UnitError(f"the unit {text!r} is empty; write '1' for a dimensionless number")
@@ -88,10 +88,10 @@ def parse_unit(text: str) -> Dimension:
 
 
 def dimension_of(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) -> Dimension | None:
-    """Return the dimension of an expression; None is zero, which has every dimension.
+    """Return the dimension of an expression; None for zero, which has every dimension.
 
     Raises:
-        UnitError: naming the sum, power or function whose parts contradict each other.
+        UnitError: with the sum, power or function whose parts have inconsistent dimensions.
     """
     if expression.is_zero:
         return None
@@ -125,7 +125,7 @@ def _dimension_of_product(
 
 
 def _dimension_of_angle(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) -> Dimension:
-    """The direction of a point (x, y), both of one unit."""
+    """Check that y and x of `atan2(y, x)` have one unit; the angle is dimensionless."""
     y, x = (dimension_of(argument, symbols) for argument in expression.args)
     if y is not None and x is not None and y != x:
         raise UnitError(f"{expression} compares {y} with {x}")
@@ -135,7 +135,7 @@ def _dimension_of_angle(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimensi
 def _dimension_of_function(
     expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]
 ) -> Dimension:
-    """A function such as the sine takes numbers and gives one."""
+    """Check that the arguments of a function such as the sine are dimensionless."""
     for argument in expression.args:
         dimension = dimension_of(argument, symbols)
         if dimension not in (None, ONE):

@@ -1,4 +1,4 @@
-"""The checks of a declared system: complete, consistent, dimensionally possible, differentiable."""
+"""Checks of a declared system: completeness, consistency, dimensions, differentiability."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from physics_crosscheck.reference.mechanism.units import (
 Item = TypeVar("Item", Coordinate, Input)
 
 SHORTEST = 1e-12
-"""Of a scenario's duration, s."""
+"""Shortest duration of a scenario, s."""
 
 _SMOOTHLESS = (
     sp.Abs, sp.sign, sp.Heaviside, sp.DiracDelta, sp.Piecewise, sp.Max, sp.Min,
@@ -58,10 +58,10 @@ _SMOOTHLESS = (
 
 
 def check(system: Declaration) -> None:
-    """Refuse a system that is incomplete or inconsistent.
+    """Check that a system is complete and consistent.
 
     Raises:
-        DeclarationError: with one sentence that names what is missing or wrong.
+        DeclarationError: with one sentence that names the missing or wrong entry.
     """
     where = f"system {system.name!r}"
     _check_texts(system, where)
@@ -75,7 +75,7 @@ def check(system: Declaration) -> None:
 
 
 def _check_texts(part: object, where: str) -> None:
-    """Half a pair of surrogates can be neither written nor shown."""
+    """Check that all strings are valid Unicode, without unpaired surrogates."""
     if isinstance(part, str):
         if any("\ud800" <= c <= "\udfff" for c in part):
             raise DeclarationError(f"{where}: {part!a} is not Unicode text; type it again")
@@ -111,7 +111,7 @@ def _check_names(system: Declaration, where: str) -> None:
 
 
 def _check_symbol_names(system: Declaration, where: str) -> None:
-    """Whatever may stand in an expression or an equation has a name of its own."""
+    """Check that names in expressions and equations are unique identifiers with a description."""
     seen = {"t": "the time", **{f"{c.name}_dot": "a velocity" for c in system.coordinates}}
     seen |= {f"{c.name}_ddot": "an acceleration" for c in system.coordinates}
     for kind, items in (
@@ -140,10 +140,10 @@ def _check_constant(constant: Constant, where: str) -> None:
 
 
 def _check_values(system: Declaration, where: str) -> None:
-    """Every value is a number or an expression, and real where that can be read from it."""
+    """Check that every value is a number or an expression, and real as far as that is decidable."""
     for name in ("T", "V", "D"):
         place = f"{where}: {name}"
-        # What is not differentiable is told by that.
+        # `_check_smooth` reports functions that are not differentiable.
         known = (*_SMOOTHLESS, sp.core.function.AppliedUndef)
         check_real(expression_of(getattr(system, name), place), place, also=known)
     for pushed in system.inputs:
@@ -159,10 +159,10 @@ def _check_values(system: Declaration, where: str) -> None:
 
 
 def dimensions(system: Declaration) -> dict[sp.Symbol, Dimension]:
-    """Dimension of every symbol of the system.
+    """Return the dimension of every symbol of the system.
 
     Raises:
-        UnitError: for a unit that can't be read.
+        UnitError: for a unit that can't be parsed.
     """
     found = {t: TIME}
     for coordinate in system.coordinates:
@@ -204,7 +204,7 @@ def _check_units(system: Declaration, where: str) -> None:
 def _check_formula(
     item: Output | Quantity, known: Mapping[sp.Symbol, Dimension], place: str
 ) -> None:
-    """A formula has the unit that is declared beside it."""
+    """Check that a formula has its declared unit."""
     expression = sp.sympify(item.expression)
     _check_symbols(expression, known, place)
     try:
@@ -239,7 +239,7 @@ def _check_smooth(system: Declaration, where: str) -> None:
 
 
 def _check_energies(system: Declaration, where: str) -> sp.Matrix:
-    """Returns the mass matrix: deriving it takes as long as all else here."""
+    """Check T, V and D; return the mass matrix, whose derivation is the most expensive step."""
     for name in ("T", "V", "D"):
         expression = getattr(system, name)
         allowed = {*system.q, t, *(c.symbol for c in system.constants)}
@@ -263,10 +263,10 @@ def _check_energies(system: Declaration, where: str) -> sp.Matrix:
 
 
 def _always_singular(mass: sp.Matrix, system: Declaration) -> bool:
-    """Whether the mass matrix has no inverse at any of some places, to fifty digits."""
+    """Return whether the mass matrix is singular at all of three positions, to fifty digits."""
     symbols = (*system.q, t)
     for shift in (1, 4, 9):
-        # Places of no symmetry.
+        # Generic positions, without symmetry.
         place = {s: sp.Rational(7 * i + shift, 13) for i, s in enumerate(symbols)}
         here = mass.xreplace(system.values).xreplace(place).evalf(50)
         size = sp.Mul(*(here[i, i] for i in range(here.rows)))
@@ -323,7 +323,7 @@ def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, pl
 
 
 DRAWN = (sp.Symbol, sp.Number, sp.NumberSymbol, sp.Add, sp.Mul, sp.Pow, sp.sin, sp.cos, sp.tan)
-"""What the places of a sketch may be made of."""
+"""Expression types allowed in the positions of a sketch."""
 
 
 def _check_sketch(system: Declaration, where: str) -> None:
