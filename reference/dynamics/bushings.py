@@ -1,4 +1,4 @@
-"""Springs and bent dampers of ball and free joints: forces, energies, and where they bend."""
+"""Springs and nonlinear dampers of ball and free joints: forces, energies and kinks."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from physics_crosscheck.reference.mechanism.tree import Bush, Tree
 
 
 class Bushes:
-    """What the bushes of a tree do, over one kind of numbers; the batch comes last.
+    """The bushings of a tree over one number type; the batch is last.
 
     Args:
         tree: the links.
-        field: the kind of numbers.
+        field: the number type.
     """
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
         self._tree, self._field = tree, field
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
+        """Return whether the tree has bushings."""
         return bool(self._tree.bushes)
 
     def forces(self, q: Scalars, v: Scalars) -> Scalars:
-        """On the joints, (nv, ...)."""
+        """Return their forces on the joints, (nv, ...)."""
         out = 0 * v
         for bush in self._tree.bushes:
             there = self._tree.velocities[bush.link]
@@ -49,7 +49,7 @@ class Bushes:
         return out
 
     def stored(self, q: Scalars) -> Scalars:
-        """Potential energy, joules, (...)."""
+        """Return their potential energy, joules, (...)."""
         found: Scalars = 0 * q[0]
         for bush in self._tree.bushes:
             for x in self._stretched(bush, q)[1:]:
@@ -59,7 +59,7 @@ class Bushes:
         return found
 
     def dissipated(self, q: Scalars, v: Scalars) -> Scalars:
-        """Power that dampers take, watts, (...)."""
+        """Return the power dissipated by their dampers, watts, (...)."""
         found: Scalars = 0 * v[0]
         for bush in self._tree.bushes:
             for w in self._rates(v[self._tree.velocities[bush.link]], self._turn(bush, q)):
@@ -67,7 +67,11 @@ class Bushes:
         return found
 
     def bends(self, q: Scalars, v: Scalars) -> Iterator[Scalars]:
-        """Rotations that are half a turn, and rates at which dampers turn, (m, ...) each."""
+        """Yield quantities, (m, ...), that change sign where a force is not smooth.
+
+        These are the cosine of half the rotation angle of each spring, and the rates of even-power
+        dampers.
+        """
         for bush in self._tree.bushes:
             if bush.stiffness:
                 yield self._apart(bush, q)[:1]
@@ -75,12 +79,12 @@ class Bushes:
                 yield from self._rates(v[self._tree.velocities[bush.link]], self._turn(bush, q))
 
     def _turn(self, bush: Bush, q: Scalars) -> Scalars:
-        """The joint's rotation, (3, 3, ...)."""
+        """Return the joint's rotation, (3, 3, ...)."""
         here = self._tree.positions[bush.link]
         return from_quaternion(q[here.stop - 4 : here.stop])
 
     def _apart(self, bush: Bush, q: Scalars) -> Scalars:
-        """The rotation from where the spring rests, a quaternion (4, ...)."""
+        """Return the rotation from the spring's rest, a quaternion (4, ...)."""
         here = self._tree.positions[bush.link]
         turn = q[here.stop - 4 : here.stop]
         back = np.array(bush.turn) * [1.0, -1.0, -1.0, -1.0]
@@ -89,7 +93,7 @@ class Bushes:
         return found
 
     def _stretched(self, bush: Bush, q: Scalars) -> list[Scalars]:
-        """The joint's rotation; by how much its turn, and its place, are from rest, (3, ...)."""
+        """Return the joint's rotation, and its rotation vector and displacement from rest."""
         here = self._tree.positions[bush.link]
         found = [self._turn(bush, q), rotation_vector(self._apart(bush, q))]
         if here.stop - here.start == 7:
@@ -98,11 +102,11 @@ class Bushes:
         return found
 
     def _rates(self, own: Scalars, turn: Scalars) -> list[Scalars]:
-        """Angular velocity along the link's axes, and that of a place along the joint's."""
+        """Return the angular velocity in the link's axes and the linear velocity in the joint's."""
         return [own[:3]] if len(own) == 3 else [own[:3], turned(turn, own[3:])]
 
     def _sprung(self, bush: Bush, x: Scalars) -> Scalars:
-        """By which the stretch is to be multiplied."""
+        """Return the secant stiffness: the force per unit of deflection."""
         found: Scalars = 0 * x[0]
         size = (x * x).sum(axis=0) ** 0.5 if len(bush.stiffness) > 1 else found
         for k in reversed(bush.stiffness):
@@ -110,7 +114,7 @@ class Bushes:
         return found
 
     def _damped(self, bush: Bush, w: Scalars) -> Scalars:
-        """By which each rate is to be multiplied."""
+        """Return the secant damping of each rate: the force per unit of rate."""
         found: Scalars = 0 * w
         for d in reversed(bush.damping):
             found = (found + self._field.array([d])) * abs(w)

@@ -1,4 +1,4 @@
-"""A tree's equations in coordinates of which the velocities are the rates, and that follow none."""
+"""A tree's equations of motion in its independent minimal coordinates."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 
 
 class Charted:
-    """Accelerations, masses and powers of a tree's coordinates over one kind of numbers.
+    """Accelerations, mass matrices and powers in a tree's independent coordinates.
 
-    Positions, rates and forces are (n, ...), the batch last: of all n coordinates that follow no
-    other. What follows is carried along: M and the forces are those of the whole tree, projected.
+    Positions, rates and forces are (n, ...) with the batch last, for all n independent coordinates.
+    M and the forces of the whole tree are projected onto them.
 
     Args:
         tree: the links.
-        field: the kind of numbers.
+        field: the number type.
     """
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
@@ -28,7 +28,7 @@ class Charted:
         self._coupled = Coupled(tree) if tree.couplings else None
 
     def acceleration(self, x: Scalars, rate: Scalars, forces: Scalars) -> Scalars:
-        """Second derivatives of the coordinates under forces on them."""
+        """Return the second derivatives of the coordinates under generalized forces."""
         chart = self._chart
         if chart.plain and self._coupled is None:
             return self._dynamics.acceleration(x, rate, forces)
@@ -37,13 +37,13 @@ class Charted:
         return self._left(chart.seconds(y, v, self._solved(q, asked)))
 
     def forces_for(self, x: Scalars, rate: Scalars, wanted: Scalars) -> Scalars:
-        """Forces on the coordinates that make these second derivatives."""
+        """Return the generalized forces that cause these second derivatives (inverse dynamics)."""
         y = self._state(x, rate)[0]
         asked = -self.residual(x, rate, wanted, 0 * x)
         return self._left(self._chart.given(y, self._spread(asked)))
 
     def residual(self, x: Scalars, rate: Scalars, second: Scalars, forces: Scalars) -> Scalars:
-        """What second derivatives leave of all forces, on the velocities that follow none."""
+        """Return the residual forces of given second derivatives, on the independent velocities."""
         chart = self._chart
         y, v, q = self._state(x, rate)
         a = chart.accelerations(y, v, self._all(second))
@@ -51,26 +51,30 @@ class Charted:
         return left if self._coupled is None else self._coupled.forces(left, self._field)
 
     def inertia(self, x: Scalars) -> Scalars:
-        """What such forces divide by: M of the velocities that follow none, (n, n, ...)."""
+        """Return the inertia of `residual` forces: M of the independent velocities, (n, n, ...)."""
         mass = self._dynamics.mass(self._state(x, 0 * x)[2])
         return mass if self._coupled is None else self._coupled.mass(mass, self._field)
 
     def seconds(self, x: Scalars, by: Scalars) -> Scalars:
-        """Second derivatives that accelerations add, of the velocities that follow none."""
+        """Return the second derivatives of the coordinates caused by accelerations.
+
+        The accelerations are the derivatives of the independent velocities.
+        """
         y = self._state(x, 0 * x)[0]
         return self._left(self._chart.rates(y, self._all(by)))
 
     def effect(self, x: Scalars, forces: Scalars) -> Scalars:
-        """What forces on the coordinates add to their second derivatives."""
+        """Return the change of the second derivatives caused by generalized forces."""
         y, _, q = self._state(x, 0 * x)
         asked = self._chart.forces(y, self._spread(forces))
         return self._left(self._chart.rates(y, self._solved(q, asked)))
 
     def slopes(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
-        """What numbers of the tree add to second derivatives, to first order: (n, p, B).
+        """Return first-order changes of the second derivatives by the tree's parameters, (n, p, B).
 
-        Of p = 10 links + 4 nv: what each link's motion is linear in (`Recursion.regressor`), and
-        along each velocity a damper, an armature, a spring and a force. States are (n, B).
+        The p = 10 links + 4 nv parameters are the inertial parameters of each link
+        (`Recursion.regressor`), and a damper, an armature, a spring and a constant force on each
+        velocity. States are (n, B).
         """
         y, v, _ = self._state(x, rate)
         a = self._chart.accelerations(y, v, self._all(second))
@@ -84,10 +88,10 @@ class Charted:
         return self.seconds(x[:, None], np.moveaxis(by, 0, -1))
 
     def bodies(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
-        """What second derivatives ask of the forces by each body's ten numbers: (n, 10 links, ...).
+        """Return the force regressor of each body's ten inertial parameters, (n, 10 links, ...).
 
-        Those are the numbers of `Recursion.regressor`; the forces are of velocities that follow
-        none.
+        The parameters are those of `Recursion.regressor`. The forces are on the independent
+        velocities.
         """
         y, v, q = self._state(x, rate)
         a = self._chart.accelerations(y, v, self._all(second))
@@ -95,7 +99,7 @@ class Charted:
         return found if self._coupled is None else self._coupled.forces(found, self._field)
 
     def mass(self, x: Scalars) -> Scalars:
-        """M of the kinetic energy of the rates, rate^T M rate / 2, (n, n, ...)."""
+        """Return M of the kinetic energy rate^T M rate / 2, (n, n, ...)."""
         y, _, q = self._state(x, 0 * x)
         mass = self._dynamics.mass(q)
         if not self._chart.plain:
@@ -109,7 +113,7 @@ class Charted:
         return mass if self._coupled is None else self._coupled.mass(mass, self._field)
 
     def powers(self, x: Scalars, rate: Scalars, forces: Scalars) -> Scalars:
-        """Energy, power supplied by forces, power dissipated, (3, ...)."""
+        """Return energy, power supplied by forces, and dissipated power, (3, ...)."""
         y, v, q = self._state(x, rate)
         energy = self._dynamics.kinetic(q, v) + self._dynamics.potential(q)
         supplied = (v * self._chart.forces(y, self._spread(forces))).sum(axis=0)
@@ -117,21 +121,21 @@ class Charted:
 
     @property
     def bent(self) -> bool:
-        """Whether some forces are not smooth."""
+        """True if some forces are not smooth."""
         return self._dynamics.bent
 
     def bends(self, x: Scalars, rate: Scalars) -> Scalars:
-        """Quantities where whose signs change they are not, (m, ...)."""
+        """Return quantities that change sign where a force is not smooth, (m, ...)."""
         _, v, q = self._state(x, rate)
         return self._dynamics.bends(q, v)
 
     def _state(self, x: Scalars, rate: Scalars) -> tuple[Scalars, Scalars, Scalars]:
-        """All coordinates, and the tree's own velocities and positions."""
+        """Return all coordinates, and the tree's own velocities and positions."""
         y = x if self._coupled is None else self._coupled.positions(x, self._field)
         return y, self._chart.velocities(y, self._all(rate)), self._chart.positions(y)
 
     def _solved(self, q: Scalars, asked: Scalars) -> Scalars:
-        """Accelerations of the whole tree under forces, as what follows lets them."""
+        """Return the accelerations of the whole tree under forces and couplings."""
         mass = self._dynamics.mass(q)
         if self._coupled is None:
             return solved(mass, asked)
@@ -139,15 +143,15 @@ class Charted:
         return self._all(solved(coupled.mass(mass, field), coupled.forces(asked, field)))
 
     def _all(self, rates: Scalars) -> Scalars:
-        """Of all coordinates, by those that follow none."""
+        """Return rates of all coordinates from those of the independent ones."""
         return rates if self._coupled is None else self._coupled.rates(rates, self._field)
 
     def _left(self, values: Scalars) -> Scalars:
-        """Of those that follow none."""
+        """Select the independent coordinates."""
         return values if self._coupled is None else values[self._coupled.kept]
 
     def _spread(self, forces: Scalars) -> Scalars:
-        """Forces on those that follow none, among all."""
+        """Place forces on the independent coordinates among all coordinates."""
         if self._coupled is None:
             return forces
         out = self._field.array(np.zeros((self._tree.nv, *forces.shape[1:])))

@@ -20,7 +20,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunctio
 from physics_crosscheck.reference.mechanism.system import System
 
 LONG_FORCE = 1000
-"""Operations in the forces beyond which their derivatives as formulas take long to make."""
+"""Operations in the forces above which symbolic derivatives are too slow."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Equations(EquationsOfMotion):
         system = self.system
         rate = sp.diff(self.energy, t) - self.supplied + self.dissipated
         for q, v, a, left in zip(system.q, system.v, system.a, self.residual, strict=True):
-            # The residual is zero along the motion; v times it takes the accelerations out.
+            # The residual is zero along the motion; v times it eliminates the accelerations.
             rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a - v * left
         balance = sp.simplify(sp.expand(rate))
         if balance.free_symbols & {*system.a}:
@@ -74,7 +74,7 @@ class Equations(EquationsOfMotion):
 
     @cached_property
     def linear(self) -> bool:
-        """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
+        """True if M is constant and f linear in q, v, u, homogeneous and time-invariant."""
         variables = (*self.system.q, *self.system.v, *self.system.u)
         if self.mass.free_symbols & {*variables, t}:
             return False
@@ -85,7 +85,7 @@ class Equations(EquationsOfMotion):
 
     @cached_property
     def numeric_acceleration(self) -> NumericFunction:
-        """a(q, v, u, t), constants put in; the argument groups are q, v, u, (t,)."""
+        """a(q, v, u, t) with constants substituted; the argument groups are q, v, u, (t,)."""
         return self.compile(self.acceleration)
 
     @cached_property
@@ -95,7 +95,7 @@ class Equations(EquationsOfMotion):
 
     @cached_property
     def numeric_mass(self) -> NumericFunction:
-        """M of (q, v, u, (t,)), row after row."""
+        """M of (q, v, u, (t,)), in row-major order."""
         return self.compile(list(self.mass))
 
     def acceleration_error(
@@ -108,19 +108,19 @@ class Equations(EquationsOfMotion):
         late: Array,
         rounded: bool,
     ) -> Array:
-        """Bound of the error of the accelerations, operation by operation."""
+        """Return a bound of the error of the accelerations, from a running error analysis."""
         variables = known(self.system, states, inputs, times, off=off, late=late)
         return running_error(list(self.acceleration), variables, rounded=rounded)
 
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
-        """From M da = df - dM a, number by number: the derivatives of M^-1 f are long formulas."""
+        """Return the slopes by M da = df - dM a, since derivatives of M^-1 f are long formulas."""
         if self.long:
             return super().slopes(states, inputs, times)
         return slopes_by(self._derivatives, states, inputs, times)
 
     @cached_property
     def long(self) -> bool:
-        """Whether derivatives of the forces as formulas take long to make."""
+        """True if symbolic derivatives of the forces are too slow."""
         return bool(sum(sp.count_ops(f) for f in self.force) > LONG_FORCE)
 
     @cached_property
@@ -136,7 +136,7 @@ class Equations(EquationsOfMotion):
         return [*mass, *force, *force.jacobian(variables), *slopes]
 
     def compile(self, expressions: sp.ImmutableMatrix | list[sp.Expr]) -> NumericFunction:
-        """Return expressions of q, v, u, t as a numeric function, constants put in as doubles."""
+        """Return expressions of q, v, u, t as a numeric function, with constants as doubles."""
         values = {symbol: sp.Float(value, 17) for symbol, value in self.system.values.items()}
         put_in = [sp.sympify(e).xreplace(values) for e in expressions]
         return compile_function(put_in, self.system.q, self.system.v, self.system.u, (t,))
@@ -145,7 +145,7 @@ class Equations(EquationsOfMotion):
 def known(
     system: Declaration, states: Array, inputs: Array, times: Array, *, off: Array, late: Array
 ) -> dict[sp.Symbol, Known]:
-    """Every symbol of a system's equations with its value and error; see `acceleration_error`."""
+    """Return value and error of every symbol of the equations; see `acceleration_error`."""
     none = np.zeros_like(times)
     variables = {t: (times, late)}
     variables |= {c.symbol: (np.full_like(times, c.value), none) for c in system.constants}
@@ -155,7 +155,7 @@ def known(
 
 
 def slopes_by(derivatives: NumericFunction, states: Array, inputs: Array, times: Array) -> Array:
-    """Derivatives of the accelerations, (B, n, 2n), from `Equations.derivatives` as a function."""
+    """Return the accelerations' derivatives, (B, n, 2n), by compiled `Equations.derivatives`."""
     n = states.shape[1] // 2
     values = derivatives(states[:, :n], states[:, n:], inputs, times[:, None])
     parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
@@ -170,7 +170,7 @@ def slopes_by(derivatives: NumericFunction, states: Array, inputs: Array, times:
 
 
 def _spread(force: sp.Expr) -> sp.Expr:
-    """Its terms one by one, where a person may read them."""
+    """Expand a short force into readable terms."""
     return force if sp.count_ops(force) > LONG else sp.expand(force)
 
 
@@ -187,7 +187,7 @@ def derive(system: System) -> Equations:
     )
 
 
-@lru_cache(maxsize=16)  # a model's audit and another's are of one system, in one process
+@lru_cache(maxsize=16)  # audits of several models use the same system in one process
 def _mass_and_force(
     kinetic: sp.Expr,
     potential: sp.Expr,
@@ -195,13 +195,13 @@ def _mass_and_force(
     q: tuple[sp.Symbol, ...],
     v: tuple[sp.Symbol, ...],
 ) -> tuple[sp.ImmutableMatrix, tuple[sp.Expr, ...]]:
-    """M (n, n), and what M a is without the inputs, (n,)."""
+    """Return M, (n, n), and M a without the inputs, (n,)."""
     lagrangian = kinetic - potential
     momenta = [sp.diff(lagrangian, vi) for vi in v]
     mass = sp.hessian(kinetic, v).applyfunc(tidy)
     force = []
     for qi, vi, pi in zip(q, v, momenta, strict=True):
-        # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; what is not M a goes to the right.
+        # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; all but M a moves to the right side.
         transport = sp.Add(*(sp.diff(pi, qj) * vj for qj, vj in zip(q, v, strict=True)))
         transport += sp.diff(pi, t)
         rest = sp.diff(lagrangian, qi) - sp.diff(dissipation, vi) - transport

@@ -1,4 +1,4 @@
-"""What equations of motion are to those who solve them: functions of numbers."""
+"""The numeric interface of equations of motion, for solvers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 class VectorFunction(Protocol):
     """A vector-valued function of vectors.
 
-    Called with one array per argument group, each (..., size of the group), which broadcast against
-    each other in all but their last axis; returns (..., size).
+    Call it with one array per argument group, each (..., group size). The arrays broadcast against
+    each other in all but their last axis. It returns (..., size).
     """
 
     def __call__(self, *arguments: Array) -> Array:
@@ -38,7 +38,7 @@ class EquationsOfMotion(ABC):
     @property
     @abstractmethod
     def linear(self) -> bool:
-        """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
+        """True if M is constant and f linear in q, v, u, homogeneous and time-invariant."""
 
     @property
     @abstractmethod
@@ -53,7 +53,7 @@ class EquationsOfMotion(ABC):
     @property
     @abstractmethod
     def numeric_mass(self) -> VectorFunction:
-        """M of (q, v, u, (t,)), row after row, (..., n * n)."""
+        """M of (q, v, u, (t,)), in row-major order, (..., n * n)."""
 
     @abstractmethod
     def acceleration_error(
@@ -66,20 +66,21 @@ class EquationsOfMotion(ABC):
         late: Array,
         rounded: bool,
     ) -> Array:
-        """Bound of the error of the accelerations, (..., n).
+        """Return a bound of the error of the accelerations, (..., n).
 
         Args:
             states, inputs: (..., 2n), (..., inputs).
             times: (...).
             off: error of the inputs, (..., inputs).
             late: error of the times, (...).
-            rounded: whether the operations round; else the inputs' and times' errors alone count.
+            rounded: whether to include rounding of the operations, besides errors of inputs and
+                times.
         """
 
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
-        """Derivatives of the accelerations by q and v, (B, n, 2n), at B states, inputs and times.
+        """Return derivatives of the accelerations by q and v, (B, n, 2n), at B states.
 
-        By central differences: a rate need not be known to more than a few digits.
+        They are central differences, since the caller needs only a few digits.
         """
 
         def acceleration(q: Array, v: Array) -> Array:
@@ -89,7 +90,7 @@ class EquationsOfMotion(ABC):
 
 
 def slopes_of(acceleration: Callable[[Array, Array], Array], states: Array) -> Array:
-    """Derivatives by q and v, (B, n, 2n), of a function of them, each (B, n)."""
+    """Return derivatives by q and v, (B, n, 2n), of a function of both, each (B, n)."""
     n = states.shape[1] // 2
     step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
     columns = []

@@ -1,8 +1,8 @@
-"""The source's published equations held against the derived ones: a table that is computed.
+"""Comparison of the source's published equations with the derived ones.
 
-The transcript of the source has lost signs. Each place where one is missing is entered as `±` and
-tried both ways: an equation *agrees*, *agrees up to signs* that the transcript can't decide, or
-*differs* whatever the signs were.
+The transcript of the source has lost signs. Each lost sign is entered as `±` and tried both ways.
+An equation *agrees*, *agrees up to signs* that the transcript leaves open, or *differs* for every
+choice of signs.
 """
 
 from __future__ import annotations
@@ -27,17 +27,18 @@ UP_TO_SIGNS = "agrees up to signs"
 DIFFERS = "differs"
 
 Comparison: TypeAlias = tuple[sp.Expr, sp.Expr]
-"""What is derived, and what the published expression leaves over: zero where they agree."""
+"""A derived expression, and the difference of the published one, which is zero if they agree."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Erratum:
-    """One published equation and its class.
+    """One published equation and its verdict.
 
     Attributes:
-        derived: what the derivation has in its place, in plain text: equations for a motion, an
-            expression for a value.
-        difference: published minus derived under the signs that leave least, "" where it agrees.
+        derived: the derived result in plain text: equations for a motion, an expression for a
+            value.
+        difference: published minus derived for the signs with the smallest difference; "" if they
+            agree.
     """
 
     published: PublishedEquation
@@ -49,11 +50,11 @@ class Erratum:
 def errata(equations: Equations, linearizations: tuple[Linearization, ...]) -> tuple[Erratum, ...]:
     """Compare every published equation with the derived one.
 
-    Motions are compared up to a nonzero factor that may depend on constants alone; potential
-    energies up to a constant; everything else exactly.
+    Equations of motion are compared up to a nonzero factor of constants, potential energies up to a
+    constant, and everything else exactly.
 
     Raises:
-        DeclarationError: for an equation that can't be read, or that names what is not there.
+        DeclarationError: for an equation that can't be parsed, or that uses an unknown name.
     """
     return tuple(
         _compare(published, equations, linearizations) for published in equations.system.published
@@ -72,10 +73,10 @@ def _compare(
             choices = _linear_parts(published, equations)
         case _:
             choices = _values(published, equations)
-    best = min(choices, key=_size)  # the fewest, then the plainest terms
+    best = min(choices, key=_size)  # the fewest, then the simplest terms
     agreement = UP_TO_SIGNS if "±" in published.text else AGREES
     ending = " = 0" if published.states in ("motion", "linear") else ""
-    # A chain of sides is held against one thing.
+    # All sides of a chain are compared with one derived expression.
     derived = dict.fromkeys(f"{sp.sstr(found)}{ending}" for found, _ in best)
     return Erratum(
         published=published,
@@ -92,7 +93,7 @@ def _size(choice: Sequence[Comparison]) -> int:
 
 
 def _motions(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
-    """A choice for each reading: the motion of one coordinate, or of each one in turn."""
+    """Return the comparison of each reading, for one coordinate or for every coordinate."""
     system = equations.system
     concerned: list[tuple[int, Coordinate | None]]
     if published.of:
@@ -118,7 +119,7 @@ def _motions(published: PublishedEquation, equations: Equations) -> list[list[Co
 def _linear(
     published: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
 ) -> list[list[Comparison]]:
-    """A choice for each reading and each row of the linear equations."""
+    """Return the comparisons of each reading with each row of the linear equations."""
     system = equations.system
     for linearization in linearizations:
         if linearization.equilibrium == published.of:
@@ -142,7 +143,7 @@ def _linear(
 
 
 def _linear_parts(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
-    """A choice for each reading: every further side against the first one's Taylor series."""
+    """Return comparisons of each reading: the other sides with the first side's Taylor series."""
     system = equations.system
     for coordinate in system.coordinates:
         if coordinate.name == published.of:
@@ -159,7 +160,7 @@ def _linear_parts(published: PublishedEquation, equations: Equations) -> list[li
 
 
 def _values(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
-    """A choice for each reading: every further side against what the first one names."""
+    """Return comparisons of each reading: the other sides with the quantity on the first side."""
     system = equations.system
     if not names_what_is_derived(published, system):
         raise DeclarationError(
@@ -174,7 +175,7 @@ def _values(published: PublishedEquation, equations: Equations) -> list[list[Com
         found = []
         for side in reading.sides[1:]:
             left = _left_over(side, derived)
-            # Where a potential energy is zero is free.
+            # The zero of a potential energy is arbitrary.
             constant = derived == system.V and not left.free_symbols & variables
             found.append((derived, sp.Integer(0) if constant else left))
         choices.append(found)
@@ -191,14 +192,14 @@ def _variables(equations: Equations) -> set[sp.Symbol]:
 
 
 def _undriven(derived: sp.Expr, published: PublishedEquation, equations: Equations) -> sp.Expr:
-    """What is derived, without the inputs where the source has none."""
+    """Return the derived expression, without inputs if the source has none."""
     if published.driven:
         return derived
     return derived.xreplace(dict.fromkeys(equations.system.u, sp.Integer(0)))
 
 
 def _left_over(published: sp.Expr, derived: sp.Expr) -> sp.Expr:
-    """Their difference; zero, and not only equal to it, where there is none."""
+    """Return the difference, simplified to exactly zero if the expressions are equal."""
     difference = sp.expand(published - derived)
     if difference == 0 or _is_something(difference):
         return difference
@@ -206,7 +207,7 @@ def _left_over(published: sp.Expr, derived: sp.Expr) -> sp.Expr:
 
 
 def _is_something(expression: sp.Expr) -> bool:
-    """Whether it is surely not zero, from its value at a place of no symmetry: that is quick."""
+    """Return whether a value at a generic point proves that an expression is nonzero."""
     symbols = sorted(expression.free_symbols, key=str)
     place = {symbol: sp.Rational(7 * i + 3, 11) for i, symbol in enumerate(symbols)}
     return bool(abs(sp.N(expression.xreplace(place), 30)) > 1e-12)
@@ -218,8 +219,8 @@ def _motion_left_over(reading: Reading, derived: sp.Expr, equations: Equations) 
     difference = _left_over(published, derived)
     if difference == 0:
         return difference
-    # Scale by the coefficient of an acceleration that both have; any other common factor would
-    # leave that term unequal.
+    # Scale by the coefficient of an acceleration in both; any other common factor would leave that
+    # term unequal.
     variables = _variables(equations)
     for acceleration in sorted(equations.system.a, key=str):
         ours = sp.expand(derived).coeff(acceleration)

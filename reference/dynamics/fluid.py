@@ -1,14 +1,14 @@
-"""What a medium does to the bodies of a tree: drag and viscous resistance of their boxes.
+"""Fluid forces on the bodies of a tree: drag and viscous resistance of their boxes.
 
-Of a box with edges a, b, c in a fluid of density rho and viscosity beta, whose center moves with u
-against the fluid and which turns with w, both along its own axes, the force and the moment about
-the center are, of the first axis and the others likewise,
+A box has the edges a, b, c, in a fluid of density rho and viscosity beta. Its center moves with u
+relative to the fluid, and it rotates with w, both along its own axes. The force and the moment
+about the center are, for the first axis and cyclically for the others,
 
     f = -rho b c |u| u / 2 - 3 pi beta d u,  g = -rho a (b^4 + c^4) |w| w / 64 - pi beta d^3 w,
 
-where d is the mean of the edges: a quadratic drag, whose moment is the force of the turning faces
-summed over them, and the resistance of a sphere of that diameter (Stokes). Forces have a kink in
-their second derivative where a velocity turns, and none in the first.
+where d is the mean edge. The first terms are a quadratic drag; its moment integrates the force over
+the rotating faces. The second terms are the resistance of a sphere of diameter d (Stokes). The
+second derivative of the forces jumps where a velocity changes sign; the first is continuous.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
 
 @dataclass(frozen=True)
 class _Box:
-    """What is computed with; coefficients of forces and of moments, (3,) each."""
+    """Pose and coefficients of a box; coefficients of forces and of moments, (3,) each."""
 
     position: Scalars
     rotation: Scalars
@@ -44,18 +44,18 @@ class _Box:
     turning_resistance: Scalars
 
     def place(self, beside: Scalars) -> tuple[Scalars, Scalars]:
-        """Its position and rotation beside a batch of vectors."""
+        """Return its position and rotation, shaped to broadcast with a batch of vectors."""
         tall = (1,) * (beside.ndim - 1)
         return self.position.reshape(3, *tall), self.rotation.reshape(3, 3, *tall)
 
 
 class Immersion:
-    """The forces of a tree's medium, over one kind of numbers; the batch comes last.
+    """Fluid forces on a tree over one number type; the batch is last.
 
     Args:
-        tree: the links, and what of them is immersed.
-        recursion: its kinematics, over the same numbers.
-        field: the kind of numbers, with an order.
+        tree: the links and immersed boxes.
+        recursion: the tree's kinematics over the same numbers.
+        field: the number type, which must be ordered.
     """
 
     def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
@@ -67,11 +67,11 @@ class Immersion:
             self._wind = field.array(tree.medium.wind) if any(tree.medium.wind) else None
 
     def __bool__(self) -> bool:
-        """Whether anything is immersed."""
+        """Return whether any box is immersed."""
         return bool(self._boxes)
 
     def forces(self, q: Scalars, v: Scalars) -> Scalars:
-        """On the joints, (nv, ...)."""
+        """Return the forces on the joints, (nv, ...)."""
         none = self._field.array(np.zeros((3, *v.shape[1:])))
         on: list[Acting] = [(none, none) for _ in self._tree.links]
         placements = self._recursion.placements(q)
@@ -82,12 +82,12 @@ class Immersion:
 
     @property
     def bent(self) -> bool:
-        """Whether there is a drag that turns somewhere."""
+        """True if there is a quadratic drag."""
         medium = self._tree.medium
         return bool(self) and medium is not None and medium.density > 0
 
     def bends(self, q: Scalars, v: Scalars) -> Scalars:
-        """The velocities at which drags turn, (m, ...)."""
+        """Return the velocities whose sign changes make a drag non-smooth, (m, ...)."""
         placements = self._recursion.placements(q)
         moving = self._moving(placements, v) if self.bent else ()
         return np.concatenate([0 * v[:0], *(part for _, _, one in moving for part in one)])
@@ -95,7 +95,7 @@ class Immersion:
     def _moving(
         self, placements: list[Placement], v: Scalars
     ) -> Iterator[tuple[Immersed, _Box, Moving]]:
-        """How each box moves against the medium, along its own axes, its center."""
+        """Yield each box with the velocity of its center relative to the fluid, in its own axes."""
         links = self._recursion.velocities(placements, v)
         blowing = self._blowing(placements, v)
         for one, box in zip(self._tree.immersed, self._boxes, strict=True):
@@ -107,7 +107,7 @@ class Immersion:
             yield one, box, Moving(turned_back(turn, angular), turned_back(turn, linear))
 
     def _blowing(self, placements: list[Placement], v: Scalars) -> list[Scalars]:
-        """The wind in each link's frame, (3, ...); nothing where none blows."""
+        """Return the wind in each link's frame, (3, ...); empty without wind."""
         if self._wind is None:
             return []
         wind = self._wind.reshape(3, *(1,) * (v.ndim - 1)) + 0 * v[:1]
@@ -115,7 +115,7 @@ class Immersion:
 
 
 def _dragged(box: _Box, moving: Moving) -> Acting:
-    """What acts on its link at the link's origin, in the link's frame."""
+    """Return the force on the link at the link's origin, in the link's frame."""
     angular, linear = moving
     tall = (3, *(1,) * (linear.ndim - 1))
     drag, resistance, turning_drag, turning_resistance = (

@@ -15,14 +15,14 @@ from physics_crosscheck.reference.mechanism.tree import Pull, Tree
 
 
 class _Line(NamedTuple):
-    """A pull's length, (1, ...), and the rates of it by the velocities of some slices."""
+    """A force element's length, (1, ...), and its derivatives by slices of the velocities."""
 
     pull: Pull
     length: Scalars
     columns: list[tuple[slice, Scalars]]
 
     def rate(self, v: Scalars) -> Scalars:
-        """Its rate, (1, ...)."""
+        """Return the rate of the length, (1, ...)."""
         found: Scalars = 0 * v[:1]
         for there, column in self.columns:
             found = found + (column * v[there]).sum(axis=0, keepdims=True)
@@ -30,12 +30,12 @@ class _Line(NamedTuple):
 
 
 class Pulls:
-    """What the pulls of a tree do, over one kind of numbers; the batch comes last.
+    """The force elements of a tree over one number type; the batch is last.
 
     Args:
-        tree: the links, with pulls.
-        recursion: its kinematics, over the same numbers.
-        field: the kind of numbers, with an order.
+        tree: the links and force elements.
+        recursion: the tree's kinematics over the same numbers.
+        field: the number type, which must be ordered.
     """
 
     def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
@@ -44,11 +44,11 @@ class Pulls:
         self._ways = [pull.along for pull in tree.pulls if pull.along is not None]
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
+        """Return whether the tree has force elements."""
         return bool(self._tree.pulls)
 
     def forces(self, q: Scalars, v: Scalars) -> Scalars:
-        """On the joints, (nv, ...)."""
+        """Return their forces on the joints, (nv, ...)."""
         out = 0 * v
         for line in self._along(q):
             force = self._force(line, v)
@@ -57,7 +57,7 @@ class Pulls:
         return out
 
     def mass(self) -> Scalars:
-        """Of armatures, (nv, nv)."""
+        """Return the mass matrix of their armatures, (nv, nv)."""
         out = np.zeros((self._tree.nv, self._tree.nv))
         for pull in self._tree.pulls:
             column = np.zeros(self._tree.nv)
@@ -67,7 +67,7 @@ class Pulls:
         return self._field.array(out)
 
     def stored(self, q: Scalars) -> Scalars:
-        """Potential energy of the springs, less what the constants have done, joules, (...)."""
+        """Return the potential energy of springs and constant forces, joules, (...)."""
         found: Scalars = 0 * q[0]
         for line in self._along(q):
             pull, length = line.pull, line.length
@@ -80,7 +80,7 @@ class Pulls:
         return found
 
     def dissipated(self, q: Scalars, v: Scalars) -> Scalars:
-        """Power that the dampers take, and all that has no energy, watts, (...)."""
+        """Return the power taken by dampers and non-conservative elements, watts, (...)."""
         found: Scalars = 0 * v[0]
         for line in self._along(q):
             rate = line.rate(v)
@@ -92,11 +92,15 @@ class Pulls:
 
     @property
     def bent(self) -> bool:
-        """Whether a spring has play, a damper an even power, or a length a jump."""
+        """True if a spring has a dead band, a damper an even power, or a length a jump."""
         return any(_plays(pull) or _turns(pull) or _jumps(pull) for pull in self._tree.pulls)
 
     def bends(self, q: Scalars, v: Scalars) -> Scalars:
-        """Lengths beyond the ends of play, rates of dampers, and where lengths jump, (m, ...)."""
+        """Return quantities, (m, ...), that change sign where a force is not smooth.
+
+        These are the deflections at the ends of dead bands, the rates of even-power dampers, and
+        the cosines whose zeros make lengths jump.
+        """
         found = [0 * v[:0]]
         for line in self._along(q) if self.bent else ():
             pull = line.pull
@@ -105,12 +109,12 @@ class Pulls:
             if _turns(pull):
                 found.append(line.rate(v))
             if _jumps(pull):
-                assert isinstance(pull.along, (JointForce, FrameForce))  # others have no angle
+                assert isinstance(pull.along, (JointForce, FrameForce))  # other paths have no angle
                 found.append(self._lines.turning(pull.along, q))
         return np.concatenate(found)
 
     def _along(self, q: Scalars) -> Iterator[_Line]:
-        """Each with its length."""
+        """Yield each element with its length."""
         lines = iter(self._lines.at(self._ways, q) if self._ways else ())
         for pull in self._tree.pulls:
             if pull.along is not None:
@@ -126,7 +130,7 @@ class Pulls:
             yield _Line(pull, length, columns)
 
     def _force(self, line: _Line, v: Scalars) -> Scalars:
-        """F, (1, ...)."""
+        """Return F, (1, ...)."""
         pull, rate = line.pull, line.rate(v)
         force = self._number(pull.constant) - self._sprung(pull, line.length)
         found: Scalars = force - self._damped(pull, rate) * rate
@@ -148,24 +152,24 @@ class Pulls:
         return found
 
     def _damped(self, pull: Pull, rate: Scalars) -> Scalars:
-        """By which the rate is to be multiplied."""
+        """Return the secant damping: the force per unit of rate."""
         found, size = 0 * rate, abs(rate) if len(pull.damping) > 1 else rate
         for d in reversed(pull.damping):
             found = found * size + self._number(d)
         return found
 
     def _number(self, value: float) -> Scalars:
-        """(1,): it broadcasts against every batch."""
+        """Return a number as (1,), which broadcasts against every batch."""
         return self._field.array([value])
 
 
 def _stores(pull: Pull) -> bool:
-    """Whether its force is the slope of an energy: its way is that of the length."""
+    """Return whether an element is conservative: its force acts along its length."""
     return pull.along is None or isinstance(pull.along, CablePath)
 
 
 def _jumps(pull: Pull) -> bool:
-    """Whether its force depends on a rotation vector, which jumps at half a turn."""
+    """Return whether the force depends on a rotation vector, which jumps at half a turn."""
     one = pull.along
     if not pull.stiffness or one is None or isinstance(one, CablePath):
         return False
@@ -175,10 +179,10 @@ def _jumps(pull: Pull) -> bool:
 
 
 def _plays(pull: Pull) -> bool:
-    """Whether its spring begins to pull somewhere."""
+    """Return whether the spring has a dead band."""
     return bool(pull.stiffness) and pull.rest[0] != pull.rest[1]
 
 
 def _turns(pull: Pull) -> bool:
-    """Whether its damper has a power that is not smooth where it turns: w |w|, w |w|^3, ..."""
+    """Return whether the damper has even powers, such as w |w| and w |w|^3."""
     return any(pull.damping[1::2])

@@ -1,7 +1,7 @@
-"""Equations of motion of a small tree as formulas: polynomials of sines, cosines and velocities.
+"""Equations of motion of a small tree as polynomials of sines, cosines and velocities.
 
-They come by the same recursion as the numbers, over polynomials; sin^2 is 1 - cos^2 in them. So
-their size is known before anything is written, and nothing is simplified without end.
+They come from the same recursion as the numeric equations, over polynomials with sin^2 replaced by
+1 - cos^2. Their size is thus known before they are printed, without open-ended simplification.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from physics_crosscheck.reference.mechanism.rotations import Scalars, objects
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 MOST_JOINTS = 3
-"""Beyond, there are too many terms to be read, whatever the masses are."""
+"""With more joints the formulas are too long to read."""
 
 MOST_TERMS = 80
-"""Products in all of M and f: a page."""
+"""Largest number of products in M and f: about a page."""
 
 NOTHING = 1e-9
-"""Of an equation's largest coefficient: what angles with the digits of a file leave of zeros."""
+"""Relative to an equation's largest coefficient: smaller ones come from rounded angles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Formulas:
 
 
 def formulas(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> Formulas | str:
-    """The equations without forces on the joints; or why they are none to be read.
+    """Return the equations without joint forces, or the reason why they can't be printed.
 
     Args:
         tree: the bodies.
@@ -84,19 +84,19 @@ def _written(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> 
 
 
 def _array(values: Any) -> Scalars:
-    """A batch of one, (n, 1)."""
+    """Return a batch of one, (n, 1)."""
     found = np.empty((len(values), 1), dtype=object)
     found[:, 0] = values
     return found
 
 
 def _short(polynomial: Any, circles: list[Any]) -> Any:
-    """With sin^2 + cos^2 = 1 put in."""
+    """Substitute sin^2 + cos^2 = 1."""
     return polynomial.rem(circles)
 
 
 def _without_nothing(row: list[Any]) -> list[Any]:
-    """A row of M and f without what rounding leaves of zeros."""
+    """Return a row of M and f without coefficients that are rounded zeros."""
     largest = max((abs(c) for one in row for c in one.values()), default=0)
     return [
         type(one)(one.ring, {m: c for m, c in one.items() if abs(c) > NOTHING * largest})

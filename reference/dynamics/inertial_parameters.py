@@ -1,4 +1,4 @@
-"""The ten numbers of each body in which forces are linear, and trees that differ in them alone."""
+"""The ten inertial parameters of each body, and differences of trees in these alone."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _TREES = ("pulls", "couplings", "bushes")
 
 
 def ten(link: Link) -> Array:
-    """Mass, mass times center (3), and inertia about the origin, xx, yy, zz, xy, xz, yz, (10,).
+    """Return the ten inertial parameters of a link, (10,), as in `Recursion.regressor`.
 
-    As in `Recursion.regressor`.
+    They are mass, mass times center (3), and inertia about the origin, xx, yy, zz, xy, xz, yz.
     """
     c = link.center
     about = link.inertia + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
@@ -26,7 +26,7 @@ def ten(link: Link) -> Array:
 
 
 def bodies_apart(one: Tree, other: Tree) -> Array | None:
-    """How far the bodies of two trees are apart, (10 links,); None where anything else is."""
+    """Return differences of inertial parameters, (10 links,); None if anything else differs."""
     same = (
         len(one.links) == len(other.links)
         and one.medium is None
@@ -46,7 +46,7 @@ def bodies_apart(one: Tree, other: Tree) -> Array | None:
 
 
 def _carried_alike(one: Link, other: Link) -> bool:
-    """Whether nothing but the bodies of two links may be different."""
+    """Return whether two links differ at most in their inertial parameters."""
     for name in _LINKS:
         mine, theirs = getattr(one, name), getattr(other, name)
         if mine is not theirs and not np.array_equal(mine, theirs):

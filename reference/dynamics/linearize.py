@@ -1,6 +1,6 @@
-"""Taylor series of the equations, and to first order their linearization about an equilibrium.
+"""Taylor series of the equations, and their linearization about an equilibrium.
 
-The source's Eq. 3.1 (Taylor series of order n about a point) and Eq. 3.2 (its first order).
+See the source's Eq. 3.1 (Taylor series of order n about a point) and Eq. 3.2 (first order).
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.real import shown
 
 DIGITS = 60
-"""Working precision of the linear algebra: a defective eigenvalue keeps half of it."""
+"""Working precision of the linear algebra; a defective eigenvalue keeps half of the digits."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Linearization:
-    """M a + C v + K q = F u about an equilibrium, and the same as y' = A y + B u, z = Cy y + D u.
+    """M a + C v + K q = F u about an equilibrium, also as y' = A y + B u, z = Cy y + D u.
 
-    q, v, z are deviations from the equilibrium; y = (q, v). The symbolic matrices hold the
-    constants' symbols; the arrays are the same with the constants put in, correctly rounded.
+    q, v, z are deviations from the equilibrium; y = (q, v). The symbolic matrices keep the
+    constants' symbols. The arrays have the constants substituted, correctly rounded.
     """
 
     equilibrium: str
@@ -53,10 +53,10 @@ class Linearization:
 
 
 def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
-    """Return the equations linearized about an equilibrium, which is checked or found.
+    """Return the equations linearized about an equilibrium, which is checked or searched for.
 
     Raises:
-        DeclarationError: where a stated equilibrium is none, or a search finds none.
+        DeclarationError: if a declared position is not an equilibrium, or a search fails.
     """
     with about("Equilibrium", equilibrium.name):
         return _linearized(equations, equilibrium)
@@ -140,7 +140,7 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
         place = dict(zip(system.q, at, strict=True))
         for coordinate, expression in zip(system.coordinates, pull, strict=True):
             left = expression.xreplace(place)
-            # First the number: it is quick, and mostly settles it.
+            # Check the number first: it is fast and usually decides.
             number = sp.N(left.xreplace(values), 30)
             if not (number.is_real and number.is_finite):
                 raise DeclarationError(
@@ -156,7 +156,7 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
                 )
         return at
     pull = [p for p in pull if p != 0]
-    # A coordinate that no force depends on, such as a cart's on a level rail, stays where it is.
+    # A coordinate without any force, such as a cart's on a level rail, keeps its position.
     held = {q for q in system.q if not any(p.has(q) for p in pull)}
     free = [q for q in system.q if q not in held]
     stays = {q: p for q, p in zip(system.q, at, strict=True) if q in held}
@@ -179,16 +179,16 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
 
 
 def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational], where: str) -> mp.matrix:
-    """A matrix of the constants with their values put in, at mpmath's working precision.
+    """Return a matrix with the constants substituted, at mpmath's working precision.
 
     Raises:
-        DeclarationError: where an entry is no finite real number.
+        DeclarationError: if an entry is not a finite real number.
     """
     try:
         if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
             found = to_mp(matrix.subs(values))
         else:
-            # One by one they would be put in for minutes.
+            # Substitution one by one would take minutes.
             function = sp.lambdify(list(values), sp.Matrix(matrix), modules="mpmath", cse=True)
             found = function(*(mp.mpf(v.p) / v.q for v in values.values()))
         finite = all(isinstance(entry, mp.mpf) and mp.isfinite(entry) for entry in found)
@@ -211,7 +211,10 @@ def _recognized(root: mp.mpf) -> sp.Expr:
 
 
 def taylor(expression: sp.Expr, point: Mapping[sp.Symbol, sp.Expr], order: int) -> sp.Expr:
-    """Taylor polynomial of given order about a point, in any number of variables (Eq. 3.1)."""
+    """Return the Taylor polynomial of given order about a point, in any number of variables.
+
+    See the source's Eq. 3.1.
+    """
     step = sp.Dummy("step")
     moved = expression.subs(
         {symbol: at + step * (symbol - at) for symbol, at in point.items()}, simultaneous=True
@@ -221,14 +224,14 @@ def taylor(expression: sp.Expr, point: Mapping[sp.Symbol, sp.Expr], order: int) 
 
 
 def classify(inputs: int, outputs: int) -> str:
-    """SISO, SIMO, MISO or MIMO (the source's Fig. 2.8 and 2.9); 'autonomous' without input."""
+    """Return SISO, SIMO, MISO or MIMO (the source's Fig. 2.8 and 2.9), or 'autonomous'."""
     if inputs == 0:
         return "autonomous"
     return f"{'S' if inputs == 1 else 'M'}I{'S' if outputs == 1 else 'M'}O"
 
 
 def to_mp(matrix: sp.Matrix) -> mp.matrix:
-    """A numeric sympy matrix at mpmath's working precision."""
+    """Return a numeric sympy matrix at mpmath's working precision."""
     if not matrix.rows or not matrix.cols:
         return mp.matrix(matrix.rows, matrix.cols)
     rows: Sequence[Sequence[sp.Expr]] = matrix.tolist()
@@ -236,7 +239,7 @@ def to_mp(matrix: sp.Matrix) -> mp.matrix:
 
 
 def to_array(matrix: mp.matrix) -> Array:
-    """An mpmath matrix rounded to doubles."""
+    """Return an mpmath matrix rounded to doubles."""
     out = np.zeros((matrix.rows, matrix.cols))
     for i in range(matrix.rows):
         for j in range(matrix.cols):

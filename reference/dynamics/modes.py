@@ -20,13 +20,13 @@ s = sp.Symbol("s")
 
 @dataclass(frozen=True, kw_only=True)
 class Pole:
-    """An eigenvalue of A, with the share of each coordinate in its motion.
+    """An eigenvalue of A.
 
     Attributes:
-        value: eigenvalue, 1/s; of a complex pair the one with positive imaginary part.
-        multiplicity: how often it occurs (pairs counted once).
+        value: eigenvalue, 1/s; for a complex pair, the one with positive imaginary part.
+        multiplicity: number of occurrences (pairs counted once).
         frequency: |value|, rad/s; 0 for a rigid-body mode.
-        damping: -Re(value)/|value|; nan where the frequency is 0.
+        damping: -Re(value)/|value|; nan if the frequency is 0.
     """
 
     value: complex
@@ -37,9 +37,10 @@ class Pole:
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """A mode of M a + K q = 0: frequency (rad/s) and shape, largest entry 1; 0 is rigid-body.
+    """A mode of M a + K q = 0: frequency (rad/s) and shape with largest entry 1.
 
-    A negative stiffness (an upright pendulum) has no frequency but a growth rate, in 1/s.
+    The frequency of a rigid-body mode is 0. A negative stiffness (an upright pendulum) has a growth
+    rate, in 1/s, instead of a frequency.
     """
 
     frequency: float
@@ -48,15 +49,15 @@ class Mode:
 
     @property
     def rigid(self) -> bool:
-        """Whether the mode is a rigid-body motion: neither frequency nor growth."""
+        """True for a rigid-body mode, which has neither frequency nor growth."""
         return self.frequency == 0 and self.growth == 0
 
 
 def poles(linearization: Linearization) -> tuple[Pole, ...]:
-    """Eigenvalues of A, slowest first.
+    """Return the eigenvalues of A, slowest first.
 
-    They are found with 60 digits, so that a defective double root (a rigid-body mode, critical
-    damping) comes out as equal roots rather than split by the square root of epsilon.
+    They are computed with 60 digits. A defective double root (a rigid-body mode, critical damping)
+    then yields equal roots instead of a pair split by the square root of epsilon.
     """
     with mp.workdps(DIGITS):
         found, _ = mp.eig(linearization.exact["A"], left=False, right=True)
@@ -88,13 +89,13 @@ def poles(linearization: Linearization) -> tuple[Pole, ...]:
 
 
 def modes(linearization: Linearization) -> tuple[Mode, ...]:
-    """Undamped modes from the symmetric pencil (K, M), slowest first.
+    """Return undamped modes from the symmetric pencil (K, M), slowest first.
 
-    Shapes of repeated roots are M-orthogonal (LAPACK dsygvd); a rigid-body mode is told by the
-    stiffness having no effect on it, to rounding.
+    Shapes of repeated roots are M-orthogonal (LAPACK dsygvd). A mode whose stiffness is zero, to
+    rounding, is a rigid-body mode.
     """
     m, k = to_array(linearization.exact["M"]), to_array(linearization.exact["K"])
-    from scipy.linalg import eigh  # a part of a second, in every command
+    from scipy.linalg import eigh  # slow import, not needed by every command
 
     values, shapes = eigh((k + k.T) / 2, m)
     scale = float(np.max(np.abs(values))) or 1.0
@@ -113,9 +114,12 @@ def modes(linearization: Linearization) -> tuple[Mode, ...]:
 
 
 def damped_shapes(linearization: Linearization) -> list[tuple[complex, NDArray[np.complex128]]]:
-    """Complex shapes of the damped modes: (eigenvalue, q part of its vector, largest entry 1)."""
-    # From the poles, which are exact to a double: eig of A in doubles splits a rigid-body mode's
-    # double zero into a pair that seems to oscillate.
+    """Return complex shapes of the damped modes as (eigenvalue, q part of its vector).
+
+    The largest entry of each shape is 1.
+    """
+    # Use the poles, which are exact to a double. The double zero of a rigid-body mode would split
+    # into an oscillating pair if A were analyzed in doubles.
     m, c, k = (to_array(linearization.exact[name]) for name in ("M", "C", "K"))
     result = []
     for pole in poles(linearization):
@@ -130,9 +134,9 @@ def damped_shapes(linearization: Linearization) -> list[tuple[complex, NDArray[n
 
 
 def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
-    """Outputs over inputs, symbolic in `s` and the constants: Cy (s I - A)^-1 B + D.
+    """Return outputs over inputs, symbolic in `s` and the constants: Cy (s I - A)^-1 B + D.
 
-    It is formed from M s^2 + C s + K, whose inverse is half the size.
+    They are computed from M s^2 + C s + K, whose inverse is half the size.
     """
     n = linearization.mass.rows
     dynamic = sp.Matrix(
@@ -150,7 +154,7 @@ def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
 
 
 def _numeric_transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
-    """The same with the constants put in: as formulas of many constants they fill pages."""
+    """Return transfer functions with numeric constants, since symbolic ones would fill pages."""
     m, c, k, f, cy, d = (
         sp.Matrix(rows.rows, rows.cols, lambda i, j, rows=rows: sp.Float(rows[i, j], DIGITS))
         for rows in (linearization.exact[name] for name in ("M", "C", "K", "F", "Cy", "D"))
@@ -170,7 +174,7 @@ def _numeric_transfer_functions(linearization: Linearization) -> sp.ImmutableMat
 
 
 def _shown(polynomial: sp.Expr) -> sp.Expr:
-    """Coefficients to fifteen digits; those that are rounding alone are nothing."""
+    """Round coefficients to fifteen digits, and set those that are only rounding to zero."""
     terms = sp.Poly(polynomial, s).all_coeffs()
     size = max((abs(c) for c in terms), default=sp.Integer(0))
     kept = [sp.N(c, 15) if abs(c) > size * sp.Float(10) ** -40 else sp.Integer(0) for c in terms]
@@ -180,6 +184,6 @@ def _shown(polynomial: sp.Expr) -> sp.Expr:
 def evaluate_transfer(
     system: System, functions: sp.ImmutableMatrix, frequencies: Array
 ) -> NDArray[np.complex128]:
-    """Transfer functions at s = j w: shape (len(frequencies), outputs, inputs)."""
+    """Return the transfer functions at s = j w, (len(frequencies), outputs, inputs)."""
     numeric = sp.lambdify(s, functions.subs(system.values).evalf(20), modules="numpy")
     return np.array([numeric(1j * w) for w in frequencies], dtype=np.complex128)

@@ -1,4 +1,4 @@
-"""How the source writes: a published equation's text read as expressions of the system."""
+"""Parser of the source's notation: text of a published equation to expressions of the system."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from physics_crosscheck.reference.mechanism.declaration import (
 from physics_crosscheck.reference.mechanism.system import System
 
 Names: TypeAlias = dict[str, sp.Expr | Callable[..., sp.Expr]]
-"""What each word of a text stands for."""
+"""The meaning of each word of a text."""
 
 ENERGIES = ("T", "V", "D", "L")
 
 MOST_DEGREE = 400
-"""Of a side: its terms, a power as often as its exponent says."""
+"""Largest degree of a side: its number of terms, counting powers by their exponents."""
 
 MOST_SIGNS = 8
-"""Of an equation, whose signs are tried in every combination."""
+"""Largest number of signs `±` in an equation; every combination is tried."""
 
 _FUNCTIONS = {
     name: getattr(sp, name)
@@ -43,11 +43,11 @@ _FUNCTIONS = {
 
 @dataclass(frozen=True)
 class Reading:
-    """An equation as one choice of its lost signs has it.
+    """An equation with one choice of its lost signs.
 
     Attributes:
-        sides: the expressions that it puts equal, two or more.
-        point: where a linear part is taken, zero for other claims.
+        sides: its sides, two or more.
+        point: expansion point of a linear part; zero for other claims.
     """
 
     sides: tuple[sp.Expr, ...]
@@ -62,10 +62,10 @@ def readings(
     Args:
         published: the equation.
         system: the system whose names it uses.
-        coordinate: what q and Q of a statement about every coordinate stand for.
+        coordinate: replaces q and Q in an equation for every coordinate.
 
     Raises:
-        DeclarationError: for a text that can't be read, or a name that is declared nowhere.
+        DeclarationError: for a text that can't be parsed, or an undeclared name.
     """
     with about("PublishedEquation", published.number):
         return _readings(published, system, coordinate)
@@ -102,9 +102,9 @@ def _readings(
 
 
 def names_what_is_derived(published: PublishedEquation, system: System) -> bool:
-    """Whether the left side is one energy, quantity or derivative, and no other side names it.
+    """Return whether the left side is one energy, quantity or derivative, unused on other sides.
 
-    Anything else would be compared with a copy of itself.
+    Otherwise the equation would be compared with itself.
     """
     named = "|".join((*ENERGIES, *(q.name for q in system.quantities)))
     derivative = rf"d(?:{named})/d\w+'?"
@@ -116,7 +116,7 @@ def names_what_is_derived(published: PublishedEquation, system: System) -> bool:
 
 
 def _names(system: System, coordinate: Coordinate | None) -> Names:
-    """Energies first: a declared name that is one of theirs takes its place."""
+    """Return the meaning of each name; declared names override energies."""
     names: Names = {"T": system.T, "V": system.V, "D": system.D, "L": system.T - system.V}
     if coordinate is not None:
         names["Q"] = system.forces()[system.coordinates.index(coordinate)]
@@ -125,13 +125,13 @@ def _names(system: System, coordinate: Coordinate | None) -> Names:
     names |= {q.name: _tidied(sp.sympify(q.expression)) for q in system.quantities}
 
     def rate(expression: sp.Expr) -> sp.Expr:
-        """Its time derivative along any motion."""
+        """Return the time derivative along any motion."""
         each = zip(system.q, system.v, system.a, strict=True)
         terms = (sp.diff(expression, q) * v + sp.diff(expression, v) * a for q, v, a in each)
         return sp.Add(sp.diff(expression, t), *terms)
 
     def value(function: sp.Expr, order: int, argument: sp.Expr) -> sp.Expr:
-        """A function of one coordinate, or its derivative, where that is the argument."""
+        """Return a function of one coordinate, or its derivative, at the argument."""
         variables = [q for q in system.q if function.has(q)]
         if len(variables) != 1:
             raise ValueError(f"{function} is not a function of one coordinate")
@@ -145,12 +145,12 @@ def _names(system: System, coordinate: Coordinate | None) -> Names:
 
 @cache
 def _tidied(expression: sp.Expr) -> sp.Expr:
-    """A quantity as it is shown; every equation of a system asks for it."""
+    """Return a simplified quantity; the cache serves all equations of a system."""
     return tidy(expression)
 
 
 def _spelled(text: str, system: System, coordinate: Coordinate | None) -> str:
-    """The text in words that the parser knows: `_rate(...)` for d/dt(...), `x_dot` for x'."""
+    """Translate notation to parser names: `_rate(...)` for d/dt(...), `x_dot` for x'."""
     numbered = itertools.count()
     text = re.sub("±", lambda _: f"+ sign_{next(numbered)}*", text)
     quantities = [q.name for q in system.quantities]
@@ -171,7 +171,7 @@ def _spelled(text: str, system: System, coordinate: Coordinate | None) -> str:
 
 
 def _split(text: str) -> list[str]:
-    """The equation, and what stands in it for what: commas outside parentheses are between."""
+    """Split a text into the equation and its definitions, at commas outside parentheses."""
     parts, depth = [""], 0
     for letter in text:
         depth += (letter == "(") - (letter == ")")
@@ -183,13 +183,13 @@ def _split(text: str) -> list[str]:
 
 
 def _set(setting: str, names: Names, system: System) -> None:
-    """Enter what a word, or its square, stands for in this equation: `v_m^2 = v_x^2 + v_y^2`."""
+    """Define a name, or its square, for this equation: `v_m^2 = v_x^2 + v_y^2`."""
     left, right = setting.split("=")
     found = re.fullmatch(r"(\w+)(\*\*2)?", left.strip())
     if found is None:
         raise ValueError(f"{left.strip()!r} is not a name")
     name = found[1]
-    # The Lagrangian's own definition is a claim; another declared word would change its meaning.
+    # The Lagrangian's own definition is a claim; redefining another word would change its meaning.
     if name != "L" and name in names and not any(name == f"{c.name}0" for c in system.coordinates):
         raise ValueError(f"{name} is declared already")
     expression = _parsed(right, names)
@@ -205,11 +205,11 @@ def _parsed(text: str, names: Names) -> sp.Expr:
 
 
 def _check_size(node: ast.expr) -> int:
-    """The degree of a side, once it is known to be arithmetic that can be computed.
+    """Return the degree of a side, after checking that it is plain arithmetic.
 
     Raises:
-        ValueError: for what is neither numbers, names, arithmetic nor functions of these, and for
-            powers that would keep a worker busy.
+        ValueError: for anything but numbers, names, arithmetic and functions, and for powers that
+            would take too long to expand.
     """
     match node:
         case ast.Constant(value=int() | float()) | ast.Name():

@@ -1,4 +1,4 @@
-"""Lengths of ways, and what a force of one along each does on a tree's velocities."""
+"""Lengths of force paths, and their derivatives by a tree's velocities."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from physics_crosscheck.reference.mechanism.rotations import (
 from physics_crosscheck.reference.mechanism.tree import WORLD, Link, Tree
 
 Line = tuple[Scalars, Scalars]
-"""A length, (1, ...), and its rates by the velocities, or what stands for them, (nv, ...)."""
+"""A length, (1, ...), and its derivatives by the velocities (power per unit force), (nv, ...)."""
 
 
 class Lines:
-    """Of the ways of a tree, over one kind of numbers; the batch comes last.
+    """Lengths of a tree's force paths over one number type; the batch is last.
 
     Args:
         tree: the links.
-        recursion: its kinematics, over the same numbers.
-        field: the kind of numbers.
+        recursion: the tree's kinematics over the same numbers.
+        field: the number type.
     """
 
     def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
@@ -48,7 +48,7 @@ class Lines:
         self._fixed = cache(self._quaternion_of)
 
     def at(self, ways: list[Way], q: Scalars) -> list[Line]:
-        """Each way's line."""
+        """Return each path's length and derivatives."""
         placements = self._recursion.placements(q)
         poses = self._recursion.poses_of(placements)
         found: list[Line] = []
@@ -64,10 +64,10 @@ class Lines:
         return found
 
     def turning(self, way: JointForce[int] | FrameForce[Mark], q: Scalars) -> Scalars:
-        """The cosine of half of the angle that s is told of, (1, ...): where it turns, s jumps."""
+        """Return the cosine of half the path's angle, (1, ...); s jumps where it changes sign."""
         if isinstance(way, JointForce):
             return self._quaternion(way.joint, q)[:1]
-        assert way.against is not None  # else there is no angle
+        assert way.against is not None  # otherwise there is no angle
         return self._turn(way.against, way.frame, q)[:1]
 
     def _joint(self, way: JointForce[int], q: Scalars) -> Line:
@@ -89,7 +89,8 @@ class Lines:
         return q[here.stop - 4 : here.stop]
 
     def _turn(self, one: Mark, other: Mark, q: Scalars) -> Scalars:
-        """The quaternion (4, ...) of a frame in another; where joints turn on, it does."""
+        """Return the quaternion (4, ...) of a frame in another, continuous in the joint
+        positions."""
         back = self._attitude(one, q)
         back = np.concatenate([back[:1], -back[1:]])
         found: Scalars = quaternion_product(back, self._attitude(other, q))
@@ -113,8 +114,8 @@ class Lines:
         return whole
 
     def _quaternion_of(self, fixed: Mark | Link) -> Scalars:
-        """How a frame is turned in what carries it, (4,)."""
-        from scipy.spatial.transform import Rotation  # a part of a second, in every command
+        """Return the quaternion of a frame in its parent, (4,)."""
+        from scipy.spatial.transform import Rotation  # slow import, not needed by every command
 
         turn = Rotation.from_matrix(fixed.rotation).as_quat(scalar_first=True)
         return self._field.array(turn)
@@ -170,7 +171,7 @@ class Lines:
         return length, row
 
     def _above(self, link: int) -> set[int]:
-        """A link and those that carry it."""
+        """Return the indices of a link and its ancestors."""
         found: set[int] = set()
         while link != WORLD:
             found.add(link)
@@ -186,7 +187,7 @@ class Lines:
         return [(none, none) for _ in self._tree.links]
 
     def _marked(self, mark: Mark, poses: list[Placement], q: Scalars) -> Placement:
-        """A frame in the world."""
+        """Return a frame's pose in the world."""
         tall = (1,) * (q.ndim - 1)
         rotation = self._field.array(mark.rotation).reshape(3, 3, *tall) + 0 * q[:1]
         origin = self._field.array(mark.position).reshape(3, *tall) + 0 * q[:1]

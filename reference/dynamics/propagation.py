@@ -1,6 +1,7 @@
-"""What the links of a tree hand on to each other: places, motions, masses and forces.
+"""Quantities that links of a tree pass to each other: poses, motions, inertias and forces.
 
-As in `reference.dynamics.recursion`: usual accelerations of points, in each link's own frame.
+As in `reference.dynamics.recursion`, accelerations are the usual ones of points, in each link's own
+frame.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ INERTIAS = np.array([
         (np.eye(3)[i], np.eye(3)[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     )
 ]).swapaxes(0, 1)  # fmt: skip
-"""The matrices of which an inertia is a sum, xx, yy, zz, xy, xz, yz, (3, 6, 3): rows first."""
+"""Basis matrices of an inertia, for xx, yy, zz, xy, xz, yz, (3, 6, 3): rows first."""
 
 
 class Placement(NamedTuple):
@@ -38,7 +39,7 @@ class Placement(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """Angular velocity of a link, and the velocity of its origin, (3, ...) each."""
+    """Angular velocity of a link and velocity of its origin, (3, ...) each."""
 
     angular: Scalars
     linear: Scalars
@@ -50,9 +51,9 @@ Acting = tuple[Scalars, Scalars]
 
 @dataclass(frozen=True)
 class LinkNumbers:
-    """A link's numbers, as those that are computed with; single ones are arrays (1,).
+    """A link's constants in the number type of the recursion; scalars are arrays (1,).
 
-    Libraries of symbols have ideas of their own about a symbol times an array.
+    Libraries of symbols treat a product of symbol and array in their own way.
     """
 
     placement: Placement
@@ -66,7 +67,7 @@ class LinkNumbers:
 
 
 class Composite(NamedTuple):
-    """Mass, its first moment (3, ...) and inertia (3, 3, ...), about a frame's origin."""
+    """Mass, first moment (3, ...) and inertia (3, 3, ...), about a frame's origin."""
 
     mass: Scalars
     moment: Scalars
@@ -75,7 +76,7 @@ class Composite(NamedTuple):
     def momentum(
         self, turning: Scalars, sliding: Scalars, rows: slice, batch: tuple[int, ...]
     ) -> Columns:
-        """Linear momentum, and angular momentum about the origin, of a joint's velocities."""
+        """Return linear momentum, and angular momentum about the origin, per joint velocity."""
         ones = (1,) * len(batch)
         angular, linear = (part.reshape(3, -1, *ones) for part in (turning, sliding))
         first = self.moment[:, None]
@@ -86,7 +87,7 @@ class Composite(NamedTuple):
         return Columns(np.broadcast_to(force, shape), np.broadcast_to(moment, shape), which)
 
     def seen(self, placed: Placement, field: Field) -> Composite:
-        """The same from the frame in which its own is placed (Steiner)."""
+        """Return the same body in the outer frame (parallel axis theorem)."""
         r, moment = placed.origin, turned(placed.rotation, self.moment)
         inertia = self.inertia.reshape(3, 3, *self.inertia.shape[2:] or (1,) * (r.ndim - 1))
         own = product(product(placed.rotation, inertia), np.swapaxes(placed.rotation, 0, 1))
@@ -99,7 +100,7 @@ class Composite(NamedTuple):
         )
 
     def with_(self, other: Composite) -> Composite:
-        """Both together."""
+        """Return the composite of both bodies."""
         one = self.inertia
         inertia = one.reshape(3, 3, *(1,) * (other.inertia.ndim - 2)) if one.ndim == 2 else one
         return Composite(
@@ -108,7 +109,7 @@ class Composite(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """What accelerations of some velocities, `which`, ask for at a link: (3, columns, ...) each."""
+    """Forces at a link for unit accelerations of some velocities, `which`: (3, columns, ...)."""
 
     force: Scalars
     moment: Scalars
@@ -116,18 +117,18 @@ class Columns(NamedTuple):
 
     @staticmethod
     def none(field: Field, batch: tuple[int, ...]) -> Columns:
-        """Of no velocity."""
+        """Return columns of no velocity."""
         empty = field.array(np.zeros((3, 0, *batch)))
         return Columns(empty, empty, np.arange(0))
 
     def beside(self, other: Columns) -> Columns:
-        """Both."""
+        """Return the columns of both."""
         pairs = zip(self[:2], other[:2], strict=True)
         force, moment = (np.concatenate(pair, axis=1) for pair in pairs)
         return Columns(force, moment, np.concatenate([self.which, other.which]))
 
     def carried(self, placed: Placement) -> Columns:
-        """The same at the frame in which the link's is placed."""
+        """Return the same columns in the parent's frame."""
         return Columns(*carried_down(placed, self.force, self.moment), self.which)
 
 
@@ -139,7 +140,7 @@ class LinkMotion(NamedTuple):
     linear: Scalars
 
     def asks(self, one: LinkNumbers) -> tuple[Scalars, Scalars]:
-        """Force, and moment about the origin, that move the link so (Newton, Euler)."""
+        """Return the force, and moment about the origin, that cause this motion (Newton, Euler)."""
         center = tall(one.center, self.linear.shape[1:])
         w, dw = self.angular, self.turning
         force = one.mass * (self.linear + cross(dw, center) + cross(w, cross(w, center)))
@@ -147,7 +148,7 @@ class LinkMotion(NamedTuple):
         return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
 
     def asks_each(self, field: Field) -> tuple[Scalars, Scalars]:
-        """The same of each of the ten numbers in which it is linear, (3, 10, ...)."""
+        """Return the derivatives of this wrench by the ten inertial parameters, (3, 10, ...)."""
         w, dw = self.angular[:, None], self.turning[:, None]
         eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (self.linear.ndim - 1))
         centers = cross(dw, eye) + cross(w, cross(w, eye))
@@ -161,7 +162,7 @@ class LinkMotion(NamedTuple):
     def carrying(
         self, here: Placement, one: LinkNumbers, v: Scalars, a: Scalars | None
     ) -> LinkMotion:
-        """The motion of a link that this one carries, its joint's velocities constant without a."""
+        """Return the motion of a child link; without `a` its joint velocities are constant."""
         w, r = self.angular, here.origin
         carried = turned_back(here.rotation, w)
         turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
@@ -175,13 +176,13 @@ class LinkMotion(NamedTuple):
 
 
 def carried_down(placed: Placement, force: Scalars, moment: Scalars) -> tuple[Scalars, Scalars]:
-    """Columns of forces and moments, (3, columns, ...), at the frame in which the link's is."""
+    """Return columns of forces and moments, (3, columns, ...), in the parent's frame."""
     force, moment = (product(placed.rotation, part) for part in (force, moment))
     return force, moment + cross(placed.origin[:, None], force)
 
 
 def numbers_of(link: Link, field: Field) -> LinkNumbers:
-    """A link's numbers in a field."""
+    """Return a link's constants in a number type."""
     turning, sliding = link.motion
     return LinkNumbers(
         placement=Placement(field.array(link.rotation), field.array(link.position)),
@@ -196,12 +197,12 @@ def numbers_of(link: Link, field: Field) -> LinkNumbers:
 
 
 def tall(vector: Scalars, batch: tuple[int, ...]) -> Scalars:
-    """A vector (3,) beside a batch, (3, 1, ...)."""
+    """Return a vector (3,) shaped to broadcast with a batch, (3, 1, ...)."""
     return vector.reshape(3, *(1,) * len(batch))
 
 
 def widened(body: Composite, here: Placement) -> Composite:
-    """A body whose inertia may be one for the whole batch, beside a batch."""
+    """Return a body whose inertia broadcasts with a batch."""
     if body.inertia.ndim > 2 or here.origin.ndim == 1:
         return body
     return body._replace(inertia=body.inertia.reshape(3, 3, *(1,) * (here.origin.ndim - 1)))

@@ -1,9 +1,9 @@
 """Equations of motion M(q) a = f(q, v) of a tree, by recursion along its links.
 
-Featherstone, Rigid Body Dynamics Algorithms (2008): the recursive Newton-Euler algorithm (section
-5.3) for the forces that velocities and gravity ask for, the composite-rigid-body algorithm (section
-6.2) for the mass matrix. Accelerations of points are the usual ones, not the spatial ones, so that
-every line can be read as mechanics; all in each link's own frame.
+Source: Featherstone, Rigid Body Dynamics Algorithms (2008). The bias force comes from the recursive
+Newton-Euler algorithm (section 5.3), the mass matrix from the composite-rigid-body algorithm
+(section 6.2). Accelerations of points are the usual ones, not the spatial ones. All quantities are
+in each link's own frame.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 
 class Recursion:
-    """The equations of a tree over one kind of numbers.
+    """The equations of a tree over one number type.
 
-    Positions are (nq, ...), velocities (nv, ...): the batch comes last.
+    Positions are (nq, ...), velocities (nv, ...); the batch is last.
 
     Args:
         tree: the links.
-        field: the kind of numbers.
+        field: the number type.
     """
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
@@ -54,16 +54,16 @@ class Recursion:
         self._gravity = field.array(tree.gravity)
 
     def placements(self, q: Scalars) -> list[Placement]:
-        """Each link's frame in its parent's."""
+        """Return each link's frame in its parent's."""
         rows = zip(self.tree.links, self._links, self.tree.positions, strict=True)
         return [self._placed(link.kind, one, q[here]) for link, one, here in rows]
 
     def poses(self, q: Scalars) -> list[Placement]:
-        """Each link's frame in the world."""
+        """Return each link's frame in the world."""
         return self.poses_of(self.placements(q))
 
     def poses_of(self, placements: list[Placement]) -> list[Placement]:
-        """The same, of each link's frame in its parent's."""
+        """Return each link's frame in the world, from the frames in the parents."""
         found: list[Placement] = []
         for link, own in zip(self.tree.links, placements, strict=True):
             if link.parent == WORLD:
@@ -75,7 +75,7 @@ class Recursion:
         return found
 
     def rates(self, q: Scalars, v: Scalars) -> Scalars:
-        """dq/dt, (nq, ...)."""
+        """Return dq/dt, (nq, ...)."""
         parts = []
         rows = zip(self.tree.links, self.tree.positions, self.tree.velocities, strict=True)
         for link, here, there in rows:
@@ -91,7 +91,7 @@ class Recursion:
         return np.concatenate(parts)
 
     def mass(self, q: Scalars) -> Scalars:
-        """The mass matrix, (nv, nv, ...), armatures included."""
+        """Return the mass matrix, (nv, nv, ...), armatures included."""
         placements, tree = self.placements(q), self.tree
         bodies, batch = self._composites(placements), q.shape[1:]
         out = self._field.array(np.zeros((tree.nv, tree.nv, *batch)))
@@ -110,9 +110,9 @@ class Recursion:
         return out
 
     def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
-        """Forces that the joints must give for accelerations `a`, of zero without, (nv, ...).
+        """Return joint forces for accelerations `a`, by default 0: the bias force, (nv, ...).
 
-        Of bodies and gravity alone: no springs, dampers or armatures.
+        It includes bodies and gravity only, without springs, dampers or armatures.
         """
         placements = self.placements(q)
         motions = self._motions(placements, v, a)
@@ -120,11 +120,11 @@ class Recursion:
         return self.handed_down(placements, forces)
 
     def regressor(self, q: Scalars, v: Scalars, a: Scalars) -> Scalars:
-        """What `bias` is times, in which it is linear: (nv, 10 links, ...).
+        """Return the regressor of `bias` by the inertial parameters, (nv, 10 links, ...).
 
-        Of each link those are its mass, mass times center of mass (3), and inertia about its
-        origin, xx, yy, zz, xy, xz, yz (Atkeson, An and Hollerbach 1986, Int. J. Robotics Research
-        5(3)).
+        The parameters of each link are its mass, mass times center of mass (3), and inertia about
+        its origin, xx, yy, zz, xy, xz, yz (Atkeson, An and Hollerbach 1986, Int. J. Robotics
+        Research 5(3)).
         """
         placements, tree = self.placements(q), self.tree
         out = self._field.array(np.zeros((tree.nv, 10 * len(tree.links), *v.shape[1:])))
@@ -140,7 +140,7 @@ class Recursion:
         return out
 
     def lift(self, q: Scalars) -> Scalars:
-        """What acts on the joints because gravity does not pull on what is lifted, (nv, ...)."""
+        """Return the joint forces of compensated weights, (nv, ...)."""
         batch, forces = q.shape[1:], list[Acting]()
         for link, pose in zip(self.tree.links, self.poses(q), strict=True):
             up = self._field.array([-link.lifted]) * tall(self._gravity, batch)
@@ -151,7 +151,7 @@ class Recursion:
     def _motions(
         self, placements: list[Placement], v: Scalars, a: Scalars | None
     ) -> list[LinkMotion]:
-        """How each link moves, seen from what falls with gravity."""
+        """Return the motion of each link, relative to a freely falling frame."""
         tree, batch = self.tree, v.shape[1:]
         still = self._field.array(np.zeros((3, *batch)))
         up = still - tall(self._gravity, batch)
@@ -164,7 +164,7 @@ class Recursion:
         return found
 
     def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:
-        """Of each link, in its own frame, (3, ...) each."""
+        """Return the velocity of each link, in its own frame, (3, ...) each."""
         found: list[Moving] = []
         still = self._field.array(np.zeros((3, *v.shape[1:])))
         rows = zip(self.tree.links, self._links, placements, self.tree.velocities, strict=True)
@@ -181,11 +181,11 @@ class Recursion:
         return found
 
     def handed_down(self, placements: list[Placement], forces: list[Acting]) -> Scalars:
-        """What forces, and moments about origins, on the links do on the joints, (nv, ...).
+        """Return the joint forces of forces, and moments about origins, on the links, (nv, ...).
 
         Args:
             placements: each link's frame in its parent's.
-            forces: on each link, in its own frame, (3, ...) each; it is written over.
+            forces: on each link, in its own frame, (3, ...) each; overwritten.
         """
         tree = self.tree
         out: list[Scalars] = [forces[0][0]] * len(tree.links)
@@ -199,7 +199,7 @@ class Recursion:
         return np.concatenate(out)
 
     def _felt(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
-        """What a joint's velocities feel of a force and its moment about the link's origin."""
+        """Return the joint force of a force and its moment about the link's origin."""
         one = self._links[link]
         found: Scalars = np.tensordot(one.turning.T, moment, 1)
         found = found + np.tensordot(one.sliding.T, force, 1)
@@ -223,7 +223,7 @@ class Recursion:
         )
 
     def _composites(self, placements: list[Placement]) -> list[Composite]:
-        """Each link with all that it carries, in its own frame."""
+        """Return the composite body of each link and its descendants, in the link's frame."""
         bodies = [
             Composite(
                 one.mass, tall(one.mass * one.center, here.origin.shape[1:]), self._about(one)
@@ -236,7 +236,7 @@ class Recursion:
         return [widened(one, here) for one, here in zip(bodies, placements, strict=True)]
 
     def _about(self, one: LinkNumbers) -> Scalars:
-        """Inertia about the link's origin, (3, 3)."""
+        """Return the inertia about the link's origin, (3, 3)."""
         c = one.center
         eye = self._field.array(np.eye(3))
         moved = (c * c).sum(keepdims=True) * eye - c[:, None] * c[None]

@@ -1,7 +1,7 @@
-"""Running error analysis: how far doubles may miss the value of an expression, to first order.
+"""Running error analysis: first-order bounds of rounding errors of expressions in doubles.
 
-Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3: every operation adds
-its own rounding to what its operands bring along, through its partial derivatives.
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3. Every
+operation adds its own rounding to the errors of its operands, weighted by its partial derivatives.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ UNIT = float(np.finfo(float).eps) / 2
 """Largest relative error of a sum, a product, a quotient or a root."""
 
 LIBRARY = 4 * UNIT
-"""That of a sine, an exponential or another function: numpy's are good to some units."""
+"""Largest relative error of a sine, an exponential or another function in numpy."""
 
 Known = tuple[Array, Array]
-"""A value and the bound of its error, of one shape."""
+"""A value and its error bound, of one shape."""
 
 
 def running_error(
     expressions: Sequence[sp.Expr], variables: Mapping[sp.Symbol, Known], rounded: bool = True
 ) -> Array:
-    """Bounds of the errors of expressions, (..., len(expressions)).
+    """Return error bounds of expressions, (..., len(expressions)).
 
     Args:
         expressions: of the variables alone.
         variables: values and errors, all of one shape (...).
-        rounded: whether the operations round; else the variables' errors alone are carried along.
+        rounded: whether to include rounding of the operations, besides the variables' errors.
     """
     known: dict[sp.Basic, Known] = dict(variables)
     shape = np.broadcast_shapes(*(np.shape(value) for value, _ in known.values()))
@@ -61,7 +61,7 @@ def _walk(expression: sp.Expr, known: dict[sp.Basic, Known], rounded: float) -> 
 
 
 def _operation(expression: sp.Expr, operands: Sequence[Known]) -> tuple[Array, Array, Array]:
-    """Value, error that the operands bring along, and rounding of the operation itself."""
+    """Return the value, the propagated error of the operands, and the operation's own rounding."""
     values = [value for value, _ in operands]
     errors = [error for _, error in operands]
     match expression:
@@ -87,7 +87,7 @@ def _operation(expression: sp.Expr, operands: Sequence[Known]) -> tuple[Array, A
 
 @lru_cache(maxsize=64)
 def _with_slopes(function: type[sp.Expr], count: int) -> Callable[..., Sequence[Array]]:
-    """A function of so many operands, and its derivatives by them."""
+    """Return a function of `count` operands with its partial derivatives."""
     places = sp.symbols(f"x:{count}")
     form = function(*places)
     compiled: Callable[..., Sequence[Array]] = sp.lambdify(
@@ -101,6 +101,6 @@ def _function(
 ) -> tuple[Array, Array, Array]:
     compiled = _with_slopes(expression.func, len(values))
     value, *slopes = (np.asarray(found) for found in compiled(*values))
-    # An operand that is exact brings nothing along, even where the slope by it has no value.
+    # An exact operand adds no error, even where its derivative has no value.
     carried = sum(np.where(e > 0, np.abs(s) * e, 0.0) for s, e in zip(slopes, errors, strict=True))
     return value, np.asarray(carried), LIBRARY * np.abs(value)

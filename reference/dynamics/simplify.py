@@ -1,18 +1,19 @@
-"""Simplification that ends: sympy's own for short expressions, none for long ones."""
+"""Bounded simplification: sympy's own for short expressions, none for long ones."""
 
 from __future__ import annotations
 
 import sympy as sp
 
 LONG = 80
-"""Operations beyond which `simplify` takes seconds an expression, and minutes for an arm."""
+"""Operations above which `simplify` takes seconds per expression, and minutes for an arm."""
 
 
 def tidy(expression: sp.Expr) -> sp.Expr:
-    """An equal expression: the shortest that sympy finds, or where it is long the same.
+    """Return an equal expression: simplified if short, unchanged if long.
 
-    A long one is not expanded either: nested, as an arm's kinematics leaves it, it is shorter. Nor
-    is one with the digits of a position that was searched for: factoring those is endless.
+    A long expression is not expanded either: an arm's nested kinematics are shorter. Expressions
+    with floats, such as a position found by a search, count as long earlier, since factoring floats
+    may not end.
     """
     if sp.count_ops(expression) > LONG // (4 if expression.has(sp.Float) else 1):
         return expression
@@ -20,9 +21,9 @@ def tidy(expression: sp.Expr) -> sp.Expr:
 
 
 def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
-    """matrix^-1 right for a symmetric n x n matrix and an n x 1 column, by minors, unexpanded.
+    """Return matrix^-1 right for a symmetric n x n matrix and an n x 1 column, by minors.
 
-    sympy's own `det` expands as it goes: minutes for an arm, and formulas that round worse.
+    sympy's own `det` expands intermediate results, which takes minutes for an arm and rounds worse.
     """
     n = matrix.rows
     known: dict[tuple[tuple[int, ...], tuple[int, ...]], sp.Expr] = {((), ()): sp.Integer(1)}

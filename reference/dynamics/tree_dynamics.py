@@ -1,4 +1,4 @@
-"""What moves a tree: springs, dampers, forces on its joints; its accelerations and energies."""
+"""Forces on a tree of bodies, and its accelerations and energies."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
 
 class Dynamics:
-    """Accelerations and energies of a tree over one kind of numbers.
+    """Accelerations and energies of a tree over one number type.
 
-    Positions are (nq, ...), velocities and forces (nv, ...): the batch comes last.
+    Positions are (nq, ...), velocities and forces (nv, ...); the batch is last.
 
     Args:
         tree: the links.
-        field: the kind of numbers.
+        field: the number type.
     """
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
@@ -40,7 +40,7 @@ class Dynamics:
         )
 
     def springs(self, q: Scalars) -> Scalars:
-        """What springs ask of the joints: k (q - rest), (nv, ...)."""
+        """Return k (q - rest) of the joint springs, (nv, ...)."""
         out = self._field.array(np.zeros((self.tree.nv, *q.shape[1:])))
         rows = zip(self.tree.links, self.tree.positions, self.tree.velocities, strict=True)
         for link, here, there in rows:
@@ -49,7 +49,7 @@ class Dynamics:
         return out
 
     def mass(self, q: Scalars) -> Scalars:
-        """The mass matrix, all armatures included, (nv, nv, ...)."""
+        """Return the mass matrix, all armatures included, (nv, nv, ...)."""
         mass = self.recursion.mass(q)
         if not self._pulls:
             return mass
@@ -58,7 +58,7 @@ class Dynamics:
         return found
 
     def force(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
-        """f of M(q) a = f(q, v, u): what is left for accelerations, (nv, ...).
+        """Return f of M(q) a = f(q, v, u), (nv, ...).
 
         Args:
             q, v: state.
@@ -67,9 +67,9 @@ class Dynamics:
         return self._left(self.recursion.bias(q, v), q, v, u)
 
     def residual(self, q: Scalars, v: Scalars, a: Scalars, u: Scalars) -> Scalars:
-        """f(q, v, u) - M(q) a, what accelerations leave of the forces, (nv, ...).
+        """Return the residual force f(q, v, u) - M(q) a, (nv, ...).
 
-        Without the mass matrix, and so by far the cheaper way to hold accelerations against a tree.
+        It needs no mass matrix, so it is the cheapest way to compare accelerations with a tree.
         """
         bodies = self.recursion.bias(q, v, a) + self._along(self._armature, a) * a
         if self._pulls:
@@ -77,7 +77,7 @@ class Dynamics:
         return self._left(bodies, q, v, u)
 
     def _left(self, bodies: Scalars, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
-        """What all but the bodies leave."""
+        """Return the sum of all forces, minus the inertial forces `bodies`."""
         damping = self._along(self._damping, v) * v
         left: Scalars = u - bodies - self._turned_armature(v) - self.springs(q) - damping
         if self._pulls:
@@ -89,13 +89,14 @@ class Dynamics:
         return left + self.recursion.lift(q) if self._lifts else left
 
     def _along(self, numbers: Scalars, like: Scalars) -> Scalars:
-        """(nv,) beside a batch."""
+        """Shape (nv,) to broadcast with a batch."""
         return numbers.reshape(-1, *(1,) * (like.ndim - 1))
 
     def _turned_armature(self, v: Scalars) -> Scalars:
-        """What a free joint's armature asks because its velocity is told in a frame that turns.
+        """Return the force m w x u of a free joint's armature, (nv, ...).
 
-        It is a mass that has no moment and feels no gravity: m w x u, (nv, ...).
+        It occurs because the velocity is in a rotating frame. The armature is a mass without moment
+        of inertia and weight.
         """
         out = 0 * v
         for link, there in zip(self.tree.links, self.tree.velocities, strict=True):
@@ -107,26 +108,26 @@ class Dynamics:
 
     @property
     def bent(self) -> bool:
-        """Whether some forces are not smooth."""
+        """True if some forces are not smooth."""
         return self._pulls.bent or self._immersion.bent or bool(self._bushes)
 
     def bends(self, q: Scalars, v: Scalars) -> Scalars:
-        """Quantities where whose signs change forces are not smooth, (m, ...)."""
+        """Return quantities that change sign where a force is not smooth, (m, ...)."""
         own = self._bushes.bends(q, v)
         return np.concatenate([self._pulls.bends(q, v), self._immersion.bends(q, v), *own])
 
     def acceleration(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
-        """a = M^-1 f, (nv, ...)."""
+        """Return a = M^-1 f, (nv, ...)."""
         return solved(self.mass(q), self.force(q, v, u))
 
     def kinetic(self, q: Scalars, v: Scalars) -> Scalars:
-        """T = v^T M v / 2, joules, (...)."""
+        """Return T = v^T M v / 2, joules, (...)."""
         mass = self.mass(q)
         found: Scalars = (v * (mass * v).sum(axis=1)).sum(axis=0) / 2
         return found
 
     def potential(self, q: Scalars) -> Scalars:
-        """V of gravity and springs, joules, (...)."""
+        """Return V of gravity and springs, joules, (...)."""
         gravity = self._field.array(self.tree.gravity)
         found: Scalars = 0 * q.sum(axis=0, keepdims=True)
         rows = zip(self.tree.links, self.tree.positions, self.recursion.poses(q), strict=True)
@@ -147,7 +148,7 @@ class Dynamics:
         return whole
 
     def dissipated(self, q: Scalars, v: Scalars) -> Scalars:
-        """Power that dampers take, and the medium, watts, (...)."""
+        """Return the power dissipated by dampers and the fluid, watts, (...)."""
         found: Scalars = (self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v * v).sum(axis=0)
         for one in (self._pulls, self._bushes):
             found = found + one.dissipated(q, v) if one else found
@@ -156,14 +157,14 @@ class Dynamics:
         return found
 
     def _array(self, number: float) -> Scalars:
-        """(1,): it broadcasts against every batch."""
+        """Return a number as (1,), which broadcasts against every batch."""
         return self._field.array([number])
 
 
 def solved(mass: Scalars, force: Scalars) -> Scalars:
-    """M^-1 f of a symmetric positive definite M, (n, n, ...), and f, (n, ...).
+    """Return M^-1 f for a symmetric positive definite M, (n, n, ...), and f, (n, ...).
 
-    Doubles by LAPACK; of any other numbers, by the factors L D L^T, which need no roots.
+    Doubles use LAPACK. Other numbers use the factors L D L^T, which need no roots.
     """
     if mass.dtype == np.float64 and force.dtype == np.float64:
         axes = (*range(2, mass.ndim), 0, 1)

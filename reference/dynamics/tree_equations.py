@@ -15,21 +15,21 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, Scalars
 
 AT_ONCE = 2000
-"""States that one recursion takes: more of them no longer save time, and ask for memory."""
+"""States per recursion; more of them cost memory without saving time."""
 
 MARGIN = 4.0
-"""Rounding is seen at some states and bounded at all, by so many times the largest seen."""
+"""Factor from the largest rounding observed at some states to the bound at all states."""
 
 
 @dataclass(frozen=True)
 class TreeEquations(EquationsOfMotion):
-    """The equations of a tree."""
+    """The equations of motion of a tree."""
 
     system: TreeSystem
 
     @property
     def linear(self) -> bool:
-        """They are solved as if they were not, even where they are."""
+        """False: trees are always solved as nonlinear systems."""
         return False
 
     @cached_property
@@ -44,25 +44,25 @@ class TreeEquations(EquationsOfMotion):
 
     @cached_property
     def numeric_mass(self) -> TreeFunction:
-        """M of (q, v, u, (t,)), row after row."""
+        """M of (q, v, u, (t,)), in row-major order."""
         return TreeFunction(self._masses, self.system.tree.freedoms)
 
     @cached_property
     def turning(self) -> Array:
-        """Which coordinates are angles, (n,)."""
+        """Mask of the coordinates that are angles, (n,)."""
         return np.array([c.unit == "rad" for c in self.system.coordinates], dtype=bool)
 
     def pushed_acceleration(self, q: Array, v: Array, forces: Array) -> Array:
-        """Accelerations under forces on the coordinates, all (..., n)."""
+        """Return accelerations under generalized forces, all (..., n)."""
         shape = np.broadcast_shapes(q.shape, v.shape, forces.shape)
         at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
         return _last(self._doubles.acceleration(*at))
 
     def pushed_slopes(self, states: Array, forces: Array) -> Array:
-        """Derivatives of the accelerations under held forces by q and v, (B, n, 2n).
+        """Return derivatives of accelerations under constant forces by q and v, (B, n, 2n).
 
-        By central differences of what known accelerations leave of the forces: that takes one mass
-        matrix a state, where differences of accelerations take one a component.
+        They are central differences of the residual force at fixed accelerations. That needs one
+        mass matrix per state; differences of accelerations need one per component.
 
         Args:
             states: (B, 2n).
@@ -74,7 +74,7 @@ class TreeEquations(EquationsOfMotion):
         inverse = np.linalg.inv(np.moveaxis(own.inertia(x), -1, 0))
 
         def left(steps: Array) -> Scalars:
-            """Forces left over, (n, columns, B), at states moved by (2n, columns)."""
+            """Return residual forces, (n, columns, B), at states displaced by (2n, columns)."""
             like = (n, steps.shape[1], len(states))
             moved = (x[:, None] + steps[:n, :, None], rate[:, None] + steps[n:, :, None])
             known = (np.broadcast_to(part[:, None], like) for part in (second, pushed))
@@ -91,29 +91,29 @@ class TreeEquations(EquationsOfMotion):
         return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
 
     def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
-        """Forces on the coordinates that make accelerations, all (..., n)."""
+        """Return the generalized forces that cause accelerations, all (..., n)."""
         return _last(self._doubles.forces_for(*map(_first, (q, v, wanted))))
 
     def inertia(self, q: Array) -> Array:
-        """M of the velocities at positions (B, n), (B, n, n): definite wherever that of T is."""
+        """Return M of the velocities at positions (B, n), (B, n, n); definite wherever T is."""
         found: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
         return found
 
     def slopes_by_number(self, q: Array, v: Array, a: Array) -> Array:
-        """What numbers of the tree add to accelerations, (K, n, p), of states all (K, n)."""
+        """Return derivatives of accelerations by the tree's parameters, (K, n, p), at K states."""
         return np.moveaxis(self._doubles.slopes(*map(_first, (q, v, a))), -1, 0)
 
     @property
     def bent(self) -> bool:
-        """Whether some of its forces are not smooth."""
+        """True if some forces are not smooth."""
         return self._doubles.bent
 
     def bends(self, q: Array, v: Array) -> Array:
-        """Quantities where whose signs change forces are not smooth, (..., m), of (..., n) each."""
+        """Return quantities that change sign where a force is not smooth, (..., m)."""
         return _last(self._doubles.bends(_first(q), _first(v)))
 
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
-        """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
+        """Return a bound of the rounding of accelerations at states (..., n): (n,)."""
         at = [_first(part) for part in (q, v, forces)]
         long = Charted(self.system.tree, LONG_DOUBLES)
         exact = long.acceleration(*map(LONG_DOUBLES.array, at))
@@ -123,7 +123,7 @@ class TreeEquations(EquationsOfMotion):
 
     @cached_property
     def pushes(self) -> Array:
-        """Forces on the coordinates by inputs, (n, inputs)."""
+        """Generalized forces per unit input, (n, inputs)."""
         inputs = self.system.inputs
         rows = [[float(one.on.get(c, 0)) for one in inputs] for c in self.system.coordinates]
         return np.array(rows).reshape(len(rows), len(inputs))
@@ -138,7 +138,7 @@ class TreeEquations(EquationsOfMotion):
         late: Array,
         rounded: bool,
     ) -> Array:
-        """Bound of the error of the accelerations: what long doubles make otherwise of them."""
+        """Return a bound of the error of the accelerations, from a comparison with long doubles."""
         n = self.system.tree.freedoms
         q, v, u = (_first(part) for part in (states[..., :n], states[..., n:], inputs))
         inverse = np.stack(
@@ -175,10 +175,10 @@ class TreeEquations(EquationsOfMotion):
 
 @dataclass(frozen=True)
 class TreeFunction:
-    """A function of (q, v, u), the batch last, as one of (q, v, u, (t,)) with the batch first.
+    """A function of (q, v, u) with the batch last, called as (q, v, u, (t,)) with it first.
 
     Attributes:
-        freedoms: of the tree, the length of q.
+        freedoms: degrees of freedom of the tree, the length of q.
     """
 
     function: Callable[[Array, Array, Array], Array]
@@ -191,7 +191,7 @@ class TreeFunction:
         return _last(self.function(q, v, u))
 
     def scalar(self, *columns: float) -> Sequence[float]:
-        """The same of plain numbers: q, v, u and t."""
+        """Return the same function of plain numbers: q, v, u and t."""
         n = self.freedoms
         q, v, u = np.array(columns[:n]), np.array(columns[n : 2 * n]), np.array(columns[2 * n : -1])
         found: list[float] = self.function(q, v, u).tolist()
@@ -199,15 +199,15 @@ class TreeFunction:
 
 
 def _first(values: Array) -> Scalars:
-    """The last axis first."""
+    """Move the last axis to the front."""
     return np.moveaxis(values, -1, 0)
 
 
 def _last(values: Scalars) -> Array:
-    """The first axis last."""
+    """Move the first axis to the end."""
     return np.moveaxis(values, 0, -1)
 
 
 def _beside(column: Array, like: Array) -> Array:
-    """A column (n,) at every state of a batch (n, ...)."""
+    """Repeat a column (n,) at every state of a batch (n, ...)."""
     return np.broadcast_to(column.reshape(-1, *(1,) * (like.ndim - 1)), like.shape)
