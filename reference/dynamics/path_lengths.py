@@ -89,8 +89,7 @@ class Lines:
         return q[here.stop - 4 : here.stop]
 
     def _turn(self, one: Mark, other: Mark, q: Scalars) -> Scalars:
-        """Return the quaternion (4, ...) of a frame in another, continuous in the joint
-        positions."""
+        """Return the quaternion (4, ...) of a frame in another, continuous in q."""
         back = self._attitude(one, q)
         back = np.concatenate([back[:1], -back[1:]])
         found: Scalars = quaternion_product(back, self._attitude(other, q))

@@ -1,1 +1,1 @@
-"""Solutions of the equations of motion, with bounds of their errors."""
+"""Solutions of the equations of motion, with error bounds."""

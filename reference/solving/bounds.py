@@ -1,4 +1,4 @@
-"""How far a reference motion may be off: over a segment, and from the start of the motion on."""
+"""Error bounds of a reference motion: over a segment, and accumulated from its start."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from physics_crosscheck.reference.solving.integrate import field_of
 from physics_crosscheck.reference.solving.motion import Span, chebyshev_nodes
 
 LOOKED_AT = slice(None, None, 5)
-"""Nodes of a segment at which rounding is looked at: its start, its middle and its end."""
+"""Nodes of a segment at which rounding is estimated: start, middle and end."""
 
 BLOCKS = 256
-"""Boxes that are carried along a motion, at most, beside those of the present block."""
+"""Largest number of error boxes propagated along a motion, besides those of the current block."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +44,8 @@ def bounds(
     """Return the bounds of solved segments.
 
     Args:
-        segments: with the bound of the solution itself.
-        exact: whether they were solved with more digits than double has, the inputs' values too.
+        segments: the segments, with the bound of their solution method.
+        exact: whether they, and the inputs' values, were computed with more digits than a double.
         flow: transition matrices of the segments, (K, 2n, 2n), if they are known.
     """
     flows, turned, rates = [], [], []
@@ -71,7 +71,7 @@ def bounds(
 
 
 def each(spans: Sequence[Span], signals: Sequence[Piece]) -> Iterator[tuple[slice, Span, Piece]]:
-    """The rows of each span's segments, the span, and the inputs over it."""
+    """Yield the rows of each span's segments, the span, and the inputs over it."""
     first = 0
     for span, piece in zip(spans, signals, strict=True):
         yield slice(first, first + span.count), span, piece
@@ -79,10 +79,10 @@ def each(spans: Sequence[Span], signals: Sequence[Piece]) -> Iterator[tuple[slic
 
 
 def transitions(field: Field, times: Array, states: Array, length: float) -> Array:
-    """Derivatives of B segments' ends by their starts, (B, 2n, 2n).
+    """Return the derivatives of B segments' ends by their starts, (B, 2n, 2n).
 
-    Differences of two steps of the classical Runge-Kutta method: over a twentieth of the fastest
-    period they are good to 1e-6 of themselves, and a bound needs two digits.
+    They are differences of two steps of the classical Runge-Kutta method. Over a twentieth of the
+    fastest period their relative error is 1e-6; a bound needs two digits.
     """
     size = np.maximum(np.max(np.abs(states), axis=0), 1e-6)
     base = _two_steps(field, times, states, length)
@@ -115,13 +115,13 @@ def rounded_away(
     flow: Array,
     rounded: bool,
 ) -> Array:
-    """What rounding of the accelerations makes of the ends of B segments, (B, 2n).
+    """Return the effect of rounded accelerations on the ends of B segments, (B, 2n).
 
     Args:
-        times: at which they start, (B,).
+        times: start times, (B,).
         nodes: states at the Chebyshev nodes, (B, NODES, 2n).
-        flow: `transitions` of them.
-        rounded: whether doubles evaluate the accelerations' own terms.
+        flow: `transitions` of the segments.
+        rounded: whether the accelerations' own terms are evaluated in doubles.
     """
     forces = _acceleration_error(equations, piece, times, nodes, length, rounded=rounded)
     return _turned(flow, forces, length)
@@ -136,13 +136,13 @@ def _acceleration_error(
     *,
     rounded: bool,
 ) -> Array:
-    """Bound of the error of the accelerations over B segments, (B, n).
+    """Return a bound of the error of the accelerations over B segments, (B, n).
 
-    A time within a segment is t = t_k + c h, and t_k = t_0 + k H: four roundings, of which the two
-    sums are half a unit in the last place of t each, and the products no more than that together.
-    So t is off by 3 units of roundoff of itself, an input u(t) by its slope times that, besides the
-    rounding of its own terms (the phase w t of sin(w t) by one more), and the accelerations by
-    what inputs and time, and where doubles evaluate them their own terms, make of it.
+    A time within a segment is t = t_k + c h, with t_k = t_0 + k H. Of these four roundings, each
+    sum costs half a unit in the last place of t, and both products together cost at most as much.
+    So t has a relative error of 3 units of roundoff. An input u(t) has its slope times that error,
+    plus the rounding of its own terms; the phase w t of sin(w t) adds one more. The accelerations
+    have the effect of both, plus the rounding of their own terms if doubles evaluate them.
     """
     n = nodes.shape[-1] // 2
     at = times[:, None] + length * chebyshev_nodes()[LOOKED_AT]
@@ -160,10 +160,11 @@ def _acceleration_error(
 
 
 def _turned(flow: Array, forces: Array, length: float) -> Array:
-    """What errors of the accelerations, (B, n), make of the ends of B segments, (B, 2n).
+    """Return the effect of acceleration errors, (B, n), on the ends of B segments, (B, 2n).
 
-    The integral of |transition from s to the end| [0, error] over the segment, by the trapezoidal
-    rule: H for velocities, H^2 / 2 for positions, times what the equations make of it.
+    It is the integral of |transition from s to the end| [0, error] over the segment, by the
+    trapezoidal rule: H for velocities, H^2 / 2 for positions, times the transition of the
+    equations.
     """
     jolt = np.concatenate([np.zeros_like(forces), forces], axis=1)
     carried = np.einsum("bij,bj->bi", np.abs(flow), jolt)
@@ -172,9 +173,9 @@ def _turned(flow: Array, forces: Array, length: float) -> Array:
 
 
 def _rounded(segments: Segments, times: Array, rates: Array) -> Array:
-    """Bound of the error of states that are known with more digits, (K + 1, 2n).
+    """Return a bound of the error of states that are computed with more digits, (K + 1, 2n).
 
-    A state is rounded to doubles, and so is the time at which it is taken.
+    It contains the rounding of a state, and of its time, to doubles.
     """
     states = np.concatenate([segments.start, segments.end[-1:]])
     slopes = np.abs(np.concatenate([rates[:1], rates]))
@@ -187,16 +188,16 @@ def _rounded(segments: Segments, times: Array, rates: Array) -> Array:
 def _chained(
     segments: Segments, times: Array, lengths: Array, flows: Array, rates: Array, bound: Array
 ) -> Array:
-    """Bound of the error of the states along the chain of segments, (K + 1, 2n).
+    """Return a bound of the error of the states along the chain of segments, (K + 1, 2n).
 
-    The motion errs by e_k at the start of segment k. The equations carry it to the segment's end,
-    and the next start lies off the end that was found: e_(k+1) = F_k e_k + (start - end), F_k the
-    transition. That is known with its sign. The ends are known to their bound b: to first order
-    sum_j |F_k ... F_(j+1)| b besides, the products taken before the magnitudes, which alone would
-    grow with each turn (the wrapping effect; Nedialkov, Jackson, Corliss 1999, Applied Mathematics
-    and Computation 105(1), section 4).
+    The motion has the error e_k at the start of segment k. The equations propagate it to the
+    segment's end, and the next start differs from that end: e_(k+1) = F_k e_k + (start - end), with
+    F_k the transition. This part is known with its sign. The ends have the bound b, which adds
+    sum_j |F_k ... F_(j+1)| b to first order. The products are taken before the magnitudes;
+    otherwise the bound would grow with each rotation (the wrapping effect; Nedialkov, Jackson,
+    Corliss 1999, Applied Mathematics and Computation 105(1), section 4).
     """
-    # The next start's time is a double, and not just where the segment ends.
+    # The next start's time is a double, which differs from the segment's end by rounding.
     late = np.diff(times) - lengths
     starts = np.concatenate([segments.start[1:], segments.end[-1:]])
     size = np.maximum(np.max(np.abs(segments.end), axis=0), 1e-300)
@@ -215,14 +216,14 @@ def _chained(
 
 @dataclass(frozen=True, kw_only=True)
 class _Spread:
-    """Boxes of what is not known, each with the transition from where it was met to here.
+    """Error boxes, each with the transition from its origin to the current segment.
 
     Attributes:
-        past: boxes of whole blocks, (J, 2n), with
-        past_turns: their transitions, (J, 2n, 2n); and of the segments since then
-        recent: and
-        recent_turns: likewise.
-        block: segments to a block, which keeps long motions from taking the square of their length.
+        past: boxes of complete blocks, (J, 2n).
+        past_turns: their transitions, (J, 2n, 2n).
+        recent: boxes of the segments since the last complete block.
+        recent_turns: their transitions.
+        block: segments per block; blocks keep the cost from growing with the square of the length.
     """
 
     past: Array
@@ -233,12 +234,12 @@ class _Spread:
 
     @staticmethod
     def none(size: int, block: int) -> _Spread:
-        """Everything is known."""
+        """Return an empty set of boxes."""
         boxes, turns = np.zeros((0, size)), np.zeros((0, size, size))
         return _Spread(past=boxes, past_turns=turns, recent=boxes, recent_turns=turns, block=block)
 
     def carried(self, turn: Array, box: Array) -> _Spread:
-        """A segment later, at whose end a box is added."""
+        """Return the boxes one segment later, with a new box at its end."""
         past, past_turns = self.past, turn @ self.past_turns
         recent = np.concatenate([self.recent, box[None]])
         here = np.eye(len(box))[None]
@@ -257,7 +258,7 @@ class _Spread:
 
     @property
     def size(self) -> Array:
-        """The box around all of it, (2n,)."""
+        """The box that encloses the sum of all boxes, (2n,)."""
         return _sum(self.past, self.past_turns) + _sum(self.recent, self.recent_turns)
 
 

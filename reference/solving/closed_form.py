@@ -1,7 +1,7 @@
-"""Linear systems solved in closed form: the matrix exponential, with more digits than double has.
+"""Closed-form solution of linear systems by the matrix exponential, with extra digits.
 
-With inputs that a linear equation generates, the generator's state is appended to the system's
-(Van Loan 1978), and a segment is one product with exp(A H).
+If a linear equation generates the inputs, the generator's state is appended to the system's (Van
+Loan 1978). A segment is then one product with exp(A H).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Segments:
 
 
 def augmented(linearization: Linearization, generators: Sequence[Generator]) -> mp.matrix:
-    """[[A, B e], [0, S]]: the system with the generators of its inputs appended."""
+    """Return [[A, B e], [0, S]]: the system with the generators of its inputs appended."""
     a, b = linearization.exact["A"], linearization.exact["B"]
     size = a.rows + sum(g.matrix.rows for g in generators)
     matrix = mp.zeros(size)
@@ -55,8 +55,8 @@ def solve_closed_form(
 ) -> Segments:
     """Solve all segments of a linear system.
 
-    Each span is stepped with `DIGITS` digits from its first state. A segment starts from that
-    state rounded to doubles; what the rounding moves is carried to its end through exp(A H).
+    Each span is stepped with `DIGITS` digits from its first state. A segment starts from that state
+    rounded to doubles; the rounding is propagated to the segment's end through exp(A H).
     """
     size = len(start)
     origin = np.concatenate([linearization.position, np.zeros(size // 2)])
@@ -65,7 +65,7 @@ def solve_closed_form(
         state = [mp.mpf(y) - mp.mpf(o) for y, o in zip(start, origin, strict=True)]
         for span, piece in zip(spans, signals, strict=True):
             generators = piece.generators
-            assert generators is not None  # the caller has looked
+            assert generators is not None  # checked by the caller
             matrix = augmented(linearization, generators)
             full = list(state)
             for generator in generators:
@@ -80,7 +80,7 @@ def solve_closed_form(
             forward = np.array([[float(v) for v in row[:size]] for row in rows[:size]])
             times.append(span.start + span.length * np.arange(span.count))
             starts.append(rounded[:-1, :size])
-            # A segment starts `lost` below the exact state, and so ends below it.
+            # A segment starts `lost` below the exact state, so it also ends below it.
             ends.append(rounded[1:, :size] + (lost[1:] - lost[:-1] @ forward.T))
             nodes.append(_inner(matrix, span, rounded[:-1])[:, :, :size])
             nodes[-1][:, -1] = rounded[1:, :size]
@@ -109,10 +109,10 @@ def _inner(matrix: mp.matrix, span: Span, states: Array) -> Array:
 def state_at(
     linearization: Linearization, start: Sequence[float], piece: Piece, time: float
 ) -> list[mp.mpf]:
-    """State after `time` seconds under the inputs of one piece, with `DIGITS` digits.
+    """Return the state after `time` seconds under the inputs of one piece, with `DIGITS` digits.
 
     Raises:
-        ValueError: where an input has no generator.
+        ValueError: if an input has no generator.
     """
     if piece.generators is None:
         raise ValueError("no linear equation generates an input of this piece")

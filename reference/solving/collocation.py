@@ -1,7 +1,7 @@
-"""Many short segments at once by Gauss collocation, in numbers alone.
+"""Gauss collocation of many short segments at once.
 
-Eight stages, order 16 (Hairer, Norsett, Wanner, Solving ODEs I, II.7). It has a file of its own
-because what solves no other way need not load scipy, which takes half a second.
+It has eight stages and order 16 (Hairer, Norsett, Wanner, Solving ODEs I, II.7). This module does
+not import scipy, whose import takes half a second.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ STAGES = 8
 
 ITERATIONS = 60
 CONVERGED = 4e-16
-"""Change of the stages' rates, relative to the largest of each component, that ends iterations."""
+"""Iteration ends at this change of the stages' rates, relative to the largest of each component."""
 
 NOISE = 1e-12
-"""A change below this is rounding, once two more iterations do not halve it."""
+"""A change below this is rounding if two more iterations do not halve it."""
 
 ROUNDED = 1e-10
-"""Where rounding moves rates to and fro, as of a light finger on a heavy body, a change that falls
-no more is of this size at most; the two solutions are held against each other all the same."""
+"""Largest accepted change that no longer decreases. Rounding disturbs some systems more, such as a
+light finger on a heavy body. The two solutions are compared in any case."""
 
 STAGNATED = 1e-6
-"""A last change below this is rounding; equations that do not converge change by far more."""
+"""A final change below this is rounding; divergence leaves a much larger one."""
 
 Field = Callable[[Array, Array], Array]
 """dy/dt of (times (...,), states (..., 2n))."""
@@ -49,20 +49,20 @@ def collocate(
     names: Sequence[str] = (),
     converged: float = CONVERGED,
 ) -> tuple[Array, Array]:
-    """Integrate B segments at once: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
+    """Integrate B segments: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
 
-    Two steps a segment; each stage equation is solved by fixed-point iteration, to rounding.
+    A segment takes two steps. Fixed-point iteration solves each stage equation to rounding.
 
     Args:
         field: dy/dt.
-        times: at which they start, (B,).
-        states: at which they start, (B, 2n).
-        length: of each, seconds.
-        names: of the components, for a message.
-        converged: change of the stages' rates that ends iterations, where less will do.
+        times: start times, (B,).
+        states: start states, (B, 2n).
+        length: seconds per segment.
+        names: names of the components, for messages.
+        converged: change of the stages' rates that ends the iteration.
 
     Raises:
-        ReferenceError: where the stage equations don't converge.
+        ReferenceError: if the stage equations do not converge.
     """
     nodes, weights, matrix, integrals = gauss(STAGES)
     half = length / 2
@@ -90,17 +90,17 @@ def collocate(
 
 
 def _weighted(matrix: Array, slopes: Array) -> Array:
-    """Weighted sums (B, S, 2n) of the stages' rates (B, S, 2n), as one product of matrices."""
+    """Return weighted sums (B, S, 2n) of the stages' rates (B, S, 2n), as one matrix product."""
     return np.tensordot(matrix, slopes, axes=(1, 1)).swapaxes(0, 1)
 
 
 def _iterated(
     rates: Callable[[Array], Array], slopes: Array, names: Sequence[str], converged: float
 ) -> Array:
-    """The rates at the stages (B, STAGES, 2n) that the rates there reproduce, by iteration.
+    """Iterate the rates at the stages, (B, STAGES, 2n), to a fixed point.
 
     Raises:
-        ReferenceError: where they don't converge, with the component that changes most.
+        ReferenceError: if they do not converge, with the component that changes most.
     """
     before, last, change = np.inf, np.inf, np.inf
     for _ in range(ITERATIONS):
@@ -109,7 +109,7 @@ def _iterated(
         size = np.max(np.abs(new), axis=(0, 1)) + 1e-300
         changes = np.max(np.abs(new - slopes), axis=(0, 1)) / size
         change, slopes = float(np.max(changes)), new
-        # What no longer shrinks is rounding, of which some equations have more than others.
+        # A change that no longer shrinks is rounding, which is larger in some equations.
         if change < converged or before / 2 < change < NOISE or last <= change < ROUNDED:
             return slopes
         if not np.isfinite(change):
@@ -130,11 +130,11 @@ def _iterated(
 
 @lru_cache(maxsize=8)
 def gauss(stages: int) -> tuple[Array, Array, Array, Callable[[float], Array]]:
-    """Gauss collocation: nodes, weights, the matrix of its stages, and integrals from 0 to c."""
+    """Return the nodes, weights and matrix of Gauss collocation, and integrals from 0 to c."""
     points, weights = np.polynomial.legendre.leggauss(stages)
     nodes = (points + 1) / 2
-    # Integral of each Lagrange basis polynomial from 0 to c, through Legendre's own integrals:
-    # l_j(x) = sum_k (2k+1)/2 w_j P_k(x_j) P_k(x), exact for Gauss points.
+    # Integrate each Lagrange basis polynomial from 0 to c through Legendre's integrals: l_j(x) =
+    # sum_k (2k+1)/2 w_j P_k(x_j) P_k(x), exact for Gauss points.
     degrees = np.arange(stages)
     values = np.polynomial.legendre.legvander(points, stages - 1)
     coefficients = (2 * degrees[:, None] + 1) / 2 * (values * weights[:, None]).T

@@ -1,10 +1,10 @@
-"""Which states tell a mechanism's numbers apart: few of many, so that slopes are well conditioned.
+"""Choice of states that identify a mechanism's parameters best (D-optimal design).
 
-The states of a robot that identify its numbers best are those whose information has the largest
-determinant (Armstrong 1989, Int. J. Robotics Research 8(6); Swevers et al. 1997, IEEE Trans.
-Robotics and Automation 13(5)). That choice is the same in whichever numbers the slopes are told, as
-long as these span the same changes: so a tree's own stand for those of any file that says it. The
-states are taken one after the other, as in the first half of Fedorov's exchange (1972).
+The best states have the information matrix with the largest determinant (Armstrong 1989, Int. J.
+Robotics Research 8(6); Swevers et al. 1997, IEEE Trans. Robotics and Automation 13(5)). The choice
+does not depend on the parametrization, as long as it spans the same changes. A tree's own
+parameters can therefore replace those of any file. States are chosen one by one, as in the first
+half of Fedorov's exchange (1972).
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ import numpy as np
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 INDEPENDENT = 1e-9
-"""Of the largest singular value of the slopes, its columns of length one: less is that of numbers
-that no motion tells apart."""
+"""Threshold of singular values, relative to the largest, with columns of the slopes normalized.
+Smaller ones belong to parameters that no motion can distinguish."""
 
 PRIOR = 1e-6
-"""Information that is there from the start, of each direction in all states: so that the first
-states, which are less than the numbers, have a determinant."""
+"""Initial information in each direction, relative to that of all states. It makes the determinant
+nonzero while there are fewer states than parameters."""
 
 
 def telling(rows: Array, count: int) -> list[int]:
-    """The states that tell numbers best apart, the most telling first.
+    """Select the states that identify the parameters best, the most informative first.
 
     Args:
-        rows: what each of K states shows of p numbers, in units of what is uncertain, (K, m, p).
-        count: how many states, at most K.
+        rows: sensitivity of each of K states to p parameters, in units of its uncertainty, (K, m,
+            p).
+        count: number of states, at most K.
     """
     white = _whitened(rows)
     states, m, r = white.shape
@@ -40,7 +41,7 @@ def telling(rows: Array, count: int) -> list[int]:
         best = int(np.argmax(gain))
         left[best] = False
         found.append(best)
-        # The inverse of the information loses what the state shows (Woodbury).
+        # The inverse information decreases by the state's information (Woodbury).
         by = np.linalg.solve(np.linalg.cholesky(shown[best]), white[best] @ known)
         known = known - by.T @ by
         both = (flat @ by.T).reshape(states, m, m)
@@ -49,7 +50,7 @@ def telling(rows: Array, count: int) -> list[int]:
 
 
 def _whitened(rows: Array) -> Array:
-    """In directions that can be told apart, each of length one in all states, (K, m, r)."""
+    """Return the sensitivities in identifiable directions, each of unit length, (K, m, r)."""
     states, m, _ = rows.shape
     flat = rows.reshape(states * m, -1)
     length = np.sqrt((flat * flat).sum(axis=0))

@@ -1,7 +1,7 @@
-"""A system's equations with its constants as arguments: derived and compiled once, for any values.
+"""A system's equations with its constants as arguments, derived and compiled once.
 
-A motion at other constants costs no derivation, no compilation and no symbol: `Family.at` puts
-numbers in. The reference motion is found by multiple shooting (`solving.shooting`).
+A motion at other constants needs no derivation or compilation: `Family.at` substitutes numbers. The
+reference motion is found by multiple shooting (`solving.shooting`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Family:
 
     Attributes:
         equations: with symbols for the constants.
-        acceleration, power, mass, derivatives: functions whose last group are the constants.
+        acceleration, power, mass, derivatives: functions whose last argument group is the
+            constants.
     """
 
     equations: Equations
@@ -49,7 +50,7 @@ class Family:
 
     @staticmethod
     def of(equations: Equations) -> Family:
-        """Compile everything once."""
+        """Compile the equations of a system."""
         one, system = equations, equations.system
         symbols = [c.symbol for c in system.constants]
 
@@ -66,7 +67,7 @@ class Family:
 
     @cached_property
     def declared(self) -> Declaration:
-        """What the system declares, without its checks, which other values need not repeat."""
+        """The system's declaration, without the checks of `System`."""
         system = self.equations.system
         return Declaration(**{f.name: getattr(system, f.name) for f in fields(Declaration)})
 
@@ -75,7 +76,7 @@ class Family:
         return {}
 
     def signals(self, system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
-        """The inputs of a scenario; those that no constant stands in are resolved once."""
+        """Return the inputs of a scenario; those without constants are resolved once."""
         symbols = {c.symbol for c in system.constants}
         free = set[sp.Basic]().union(
             *(sp.sympify(scenario.inputs[i]).free_symbols for i in system.inputs)
@@ -87,7 +88,7 @@ class Family:
         return self._signals[scenario.name]
 
     def at(self, constants: Mapping[str, float]) -> DrawnEquations:
-        """The equations at values of the constants; those that are not named keep their own."""
+        """Return the equations for the given constants; others keep their declared values."""
         system = self.declared
         changed = tuple(
             replace(c, value=float(constants.get(c.name, c.value))) for c in system.constants
@@ -97,19 +98,19 @@ class Family:
 
 @dataclass(frozen=True)
 class DrawnEquations(EquationsOfMotion):
-    """A family's equations at some values of the constants, those of `system`."""
+    """A family's equations at one set of constants, those of `system`."""
 
     family: Family
     system: Declaration
 
     @cached_property
     def values(self) -> tuple[float, ...]:
-        """Of the constants, as they are declared."""
+        """Values of the constants, in declared order."""
         return tuple(float(c.value) for c in self.system.constants)
 
     @property
     def linear(self) -> bool:
-        """Whatever the values."""
+        """True if the equations are linear, for any constants."""
         return self.family.equations.linear
 
     @cached_property
@@ -124,7 +125,7 @@ class DrawnEquations(EquationsOfMotion):
 
     @cached_property
     def numeric_mass(self) -> NumericFunction:
-        """M of (q, v, u, (t,)), row after row."""
+        """M of (q, v, u, (t,)), in row-major order."""
         return self.family.mass.at(self.values)
 
     def acceleration_error(
@@ -137,20 +138,20 @@ class DrawnEquations(EquationsOfMotion):
         late: Array,
         rounded: bool,
     ) -> Array:
-        """Bound of the error of the accelerations, operation by operation."""
+        """Return a bound of the error of the accelerations, from a running error analysis."""
         variables = known(self.system, states, inputs, times, off=off, late=late)
         expressions = list(self.family.equations.acceleration)
         return running_error(expressions, variables, rounded=rounded)
 
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
-        """Number by number from the derivatives of M and f."""
+        """Return the slopes, computed numerically from the derivatives of M and f."""
         if self.family.derivatives is None:
             return super().slopes(states, inputs, times)
         return slopes_by(self.family.derivatives.at(self.values), states, inputs, times)
 
 
 def solve_drawn(equations: DrawnEquations, scenario: Scenario) -> Motion:
-    """The reference motion of a scenario at drawn constants; no global bound is found.
+    """Return the reference motion of a scenario at sampled constants, without a global bound.
 
     Raises:
         DeclarationError, ReferenceError: as `reference.solving.solve.solve`.

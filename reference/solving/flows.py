@@ -1,9 +1,9 @@
-"""What becomes of a tree's short segments when the tree is another: exactly, and to first order.
+"""Effect of a changed tree on its short segments, exact and to first order.
 
-A segment is solved by Gauss collocation with a few stages. A changed tree leaves forces at them,
-which one recursion finds; what these do to the end is a linear problem whose matrix all changes
-share. So the slope of a number costs one recursion, and not a solution; that of a body's mass,
-center or moments not even that, since forces are linear in those of all bodies.
+A segment is solved by Gauss collocation with a few stages. A changed tree leaves residual forces at
+the stages, which one recursion computes. Their effect on the end is a linear problem whose matrix
+is the same for all changes. So the derivative by one parameter costs one recursion instead of a
+solution. Inertial parameters need not even that, because forces are linear in them.
 """
 
 from __future__ import annotations
@@ -26,17 +26,16 @@ STAGES = 4
 ITERATIONS = 60
 
 CONVERGED = 1e-15
-"""Change of the stages, relative to the largest of their kind, with which their equations end."""
+"""Iteration ends at this change of the stages, relative to the largest of each component."""
 
 HOPELESS, EVERY = 0.25, 5
-"""In so many iterations the change must shrink to this share: else 60 are not enough."""
+"""Within `EVERY` iterations the change must shrink to this share; otherwise 60 do not suffice."""
 
 ACCEPTED = 1e-11
-"""Where rounding goes on, a change of this is enough."""
+"""Accepted change if rounding prevents further convergence."""
 
 NUDGE, LEAST = 1e-7, 1e-3
-"""Share of a state's size by which it is moved for the slopes of the accelerations, and its least
-size."""
+"""Perturbation of a state for the Jacobian, as a share of its size, and the smallest size."""
 
 TINY = 1e-300
 
@@ -45,17 +44,17 @@ _Step = Callable[[Scalars], Scalars]
 
 
 class Flow:
-    """B segments of one length, in the n coordinates of a tree's equations.
+    """B segments of one length, in the n independent coordinates of a tree.
 
     Args:
         tree: the links.
         start: states (y, rates), (B, 2 n).
-        forces: on the coordinates, held, (B, n).
+        forces: constant generalized forces, (B, n).
         length: seconds.
-        stages: of the collocation, whose order is twice of it.
+        stages: stages of the collocation; its order is twice as large.
 
     Raises:
-        ReferenceError: where they can't be solved.
+        ReferenceError: if the segments can't be solved.
     """
 
     def __init__(
@@ -68,10 +67,10 @@ class Flow:
         self._take(tree, self._iterated(Charted(tree)))
 
     def at(self, tree: Tree) -> Flow:
-        """The segments of another tree, with the same linear problem: near enough for its slopes.
+        """Return the segments of another tree, solved with this tree's Jacobian.
 
         Raises:
-            ReferenceError: where they can't be solved.
+            ReferenceError: if they can't be solved.
         """
         _ = self._to_ends
         found = Flow.__new__(Flow)
@@ -81,22 +80,22 @@ class Flow:
 
     @property
     def end(self) -> Array:
-        """Where the segments end, (B, 2 n)."""
+        """Ends of the segments, (B, 2 n)."""
         moved = self._length * np.einsum("s,xbs->bx", self._weights, self._slopes)
         found: Array = self._start[..., 0].T + moved
         return found
 
     def apart(self, other: Flow) -> Array:
-        """Where these segments end, beside those of another tree from the same states, (B, 2 n)."""
+        """Return the ends minus those of another tree from the same states, (B, 2 n)."""
         by = self._slopes - other._slopes
         found: Array = self._length * np.einsum("s,xbs->bx", self._weights, by)
         return found
 
     def variation(self, changed: Tree) -> Array:
-        """How a tree that is little changed moves the ends, to first order, (B, 2 n).
+        """Return the first-order displacement of the ends for a slightly changed tree, (B, 2 n).
 
         Raises:
-            ReferenceError: where its forces are not finite.
+            ReferenceError: if the changed tree's forces are not finite.
         """
         by = self._pushed(self._forces_apart(changed))
         field = np.concatenate([np.zeros_like(by), by])
@@ -106,20 +105,20 @@ class Flow:
         return found
 
     def moved(self, changed: Tree) -> Array:
-        """How a changed tree moves the ends, (B, 2 n).
+        """Return the displacement of the ends for a changed tree, (B, 2 n).
 
         Raises:
-            ReferenceError: where it can't be solved.
+            ReferenceError: if it can't be solved.
         """
         return self.at(changed).apart(self)
 
     def _take(self, tree: Tree, slopes: Scalars) -> None:
-        """The tree, and the rates of its states at the stages, (2 n, B, stages)."""
+        """Store a tree and the rates of its states at the stages, (2 n, B, stages)."""
         self.tree, self._own, self._slopes = tree, Charted(tree), slopes
         self._stages = self._staged(slopes)
 
     def _forces_apart(self, changed: Tree) -> Scalars:
-        """What a changed tree leaves of the forces at the stages, beside this one."""
+        """Return the residual forces of a changed tree at the stages, minus this tree's."""
         by = bodies_apart(changed, self.tree)
         if by is None:
             return self._residual(changed, self._stages) - self._left
@@ -129,30 +128,30 @@ class Flow:
 
     @cached_property
     def _bodies(self) -> Scalars:
-        """What the bodies' numbers ask of the forces: in these they are linear."""
+        """Regressor of the forces at the stages by the bodies' inertial parameters."""
         n = self.tree.freedoms
         return self._own.bodies(self._stages[:n], self._stages[n:], self._slopes[n:])
 
     @cached_property
     def _left(self) -> Scalars:
-        """What rounding leaves of the tree's own forces."""
+        """Residual of the tree's own forces, caused by rounding."""
         return self._residual(self.tree, self._stages)
 
     @cached_property
     def _inverse(self) -> Scalars:
-        """Of the mass matrix at the stages, (n, n, B, stages)."""
+        """Inverse mass matrix at the stages, (n, n, B, stages)."""
         mass = self._own.inertia(self._stages[: self.tree.freedoms])
         mass = np.moveaxis(mass, (0, 1), (-2, -1))
         found: Scalars = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
         return found
 
     def _residual(self, tree: Tree, states: Scalars) -> Scalars:
-        """What the accelerations that are known leave of a tree's forces, at states near theirs."""
+        """Return a tree's residual forces at the known accelerations."""
         n = tree.freedoms
         return Charted(tree).residual(states[:n], states[n:], self._slopes[n:], self._forces)
 
     def _pushed(self, forces: Scalars) -> Scalars:
-        """What such forces add to the second derivatives of the coordinates."""
+        """Return the change of the coordinates' second derivatives caused by forces."""
         by = np.einsum("ij...,j...->i...", self._inverse, forces)
         return self._own.seconds(self._stages[: self.tree.freedoms], by)
 
@@ -167,12 +166,12 @@ class Flow:
         )
 
     def _iterated(self, own: Charted) -> Scalars:
-        """The rates at the stages, by iteration from where the segments start."""
+        """Return the rates at the stages, iterated from the segments' starts."""
         slopes = self._field(own, np.repeat(self._start, self._count, axis=2))
         return self._solved(own, slopes, lambda left: left)
 
     def _corrected(self, own: Charted) -> Scalars:
-        """The same of a changed tree, by Newton's method with the linear problem that is known."""
+        """Return the rates of a changed tree, by Newton's method with the known Jacobian."""
         return self._solved(own, self._slopes, self._newton)
 
     def _newton(self, left: Scalars) -> Scalars:
@@ -213,15 +212,15 @@ class Flow:
 
     @cached_property
     def _to_ends(self) -> Array:
-        """From rates that a change adds at the stages to the ends, (B, 2 n, stages 2 n)."""
+        """Map from added rates at the stages to the ends, (B, 2 n, stages 2 n)."""
         weights = np.kron(self._length * self._weights, np.eye(len(self._stages)))
         found: Array = weights @ self._resolvent
         return found
 
     def _jacobian(self) -> Array:
-        """Of the rates by the states at the stages, (B, stages, 2 n, 2 n), by differences.
+        """Return the Jacobian of the rates at the stages, (B, stages, 2 n, 2 n), by differences.
 
-        Accelerations by what their change leaves of the forces: that takes no mass matrix.
+        Differences of accelerations come from residual forces, which need no mass matrix.
         """
         size, n = len(self._stages), self.tree.freedoms
         units = np.eye(size)[:, :, None, None]
@@ -235,5 +234,5 @@ class Flow:
 
 
 def _flat(field: Scalars) -> Array:
-    """(x, B, stages) as columns (B, stages x, 1)."""
+    """Reshape (x, B, stages) to columns (B, stages x, 1)."""
     return np.moveaxis(field, (0, 1, 2), (2, 0, 1)).reshape(field.shape[1], -1, 1)

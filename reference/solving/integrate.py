@@ -1,7 +1,7 @@
-"""Nonlinear systems solved segment by segment, twice, by methods that share nothing.
+"""Numerical solution of nonlinear systems, segment by segment, by two independent methods.
 
-Gauss collocation (`solving.collocation`) integrates all segments at once; scipy's DOP853, or
-heyoka's Taylor series where it is installed, checks it.
+Gauss collocation (`solving.collocation`) integrates all segments at once. scipy's DOP853 checks it,
+or heyoka's Taylor series if heyoka is installed.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from physics_crosscheck.reference.solving.collocation import ReferenceError as R
 from physics_crosscheck.reference.solving.motion import Span
 
 AGREEMENT = 1e-12
-"""Largest distance of the two integrations over a segment, relative to the motion's size."""
+"""Largest difference of the two integrations over a segment, relative to the motion's size."""
 
 MOST_OPERATIONS = 2500
-"""Length of the equations beyond which heyoka's compilation takes minutes."""
+"""Operations in the equations above which heyoka's compilation takes minutes."""
 
 
 def field_of(equations: EquationsOfMotion, piece: Piece) -> Field:
-    """dy/dt under the inputs of one piece, vectorized."""
+    """Return dy/dt under the inputs of one piece, vectorized."""
     acceleration = equations.numeric_acceleration
     n = len(equations.system.coordinates)
 
@@ -51,8 +51,8 @@ def trajectory(
     times: Array,
     rtol: float = 1e-13,
 ) -> Array:
-    """States at given ascending times, (len(times), 2n), by DOP853; breaks of the input are hit."""
-    from scipy.integrate import solve_ivp  # a part of a second, in every command
+    """Return states at ascending times, (len(times), 2n), by DOP853 between input breaks."""
+    from scipy.integrate import solve_ivp  # slow import, not needed by every command
 
     acceleration = equations.numeric_acceleration.scalar
     n = len(equations.system.coordinates)
@@ -93,7 +93,7 @@ def solve_numerically(
     """Solve all segments of a nonlinear system.
 
     Raises:
-        ReferenceError: where the two integrations are more than `AGREEMENT` apart over a segment.
+        ReferenceError: if the two integrations differ by more than `AGREEMENT` over a segment.
     """
     times = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
     starts = trajectory(equations, start, signals, times)
@@ -128,17 +128,17 @@ def solve_numerically(
 
 
 def held_together(end: Array, checked: Array) -> Array:
-    """Bound of the error of ends (K, 2n), (2n,), from a second integration of them.
+    """Return an error bound, (2n,), of ends (K, 2n), from a second integration of them.
 
     Raises:
-        ReferenceError: where the two are more than `AGREEMENT` apart.
+        ReferenceError: if the two differ by more than `AGREEMENT`.
     """
     apart = np.max(np.abs(end - checked), axis=0)
     size = np.max(np.abs(end), axis=0)
     n = len(size) // 2
     sizes = np.concatenate([np.full(n, size[:n].max()), np.full(n, size[n:].max())])
     allowed = AGREEMENT * np.maximum(sizes, 1e-300)
-    if not np.all(apart <= allowed):  # so that nan is refused as well
+    if not np.all(apart <= allowed):  # so that nan is rejected as well
         worst = int(np.argmax(apart / allowed))
         raise ReferenceError(
             f"two integrations of component {worst} are {apart[worst]:.1e} apart over a segment"
@@ -150,17 +150,17 @@ def held_together(end: Array, checked: Array) -> Array:
 def by_runge_kutta(
     field: Field, times: Array, states: Array, length: float, *, rounded: bool = False
 ) -> Array:
-    """All segments as one system, by DOP853 near its smallest tolerance, in four steps at least.
+    """Integrate all segments as one system, by DOP853 with at least four steps.
 
     Args:
         field: dy/dt.
-        times, states: at which they start, (B,) and (B, 2n).
-        length: of each, seconds.
-        rounded: whether rates are rounded by more than their last digits, so that a smaller
-            tolerance than `AGREEMENT`, of the largest of a component's like, would have the steps
-            shrink for ever.
+        times, states: start times and states, (B,) and (B, 2n).
+        length: seconds per segment.
+        rounded: whether rates have more rounding than their last digits. Then the tolerance is
+            `AGREEMENT` of the largest component of the same kind; a smaller one would shrink the
+            steps without end.
     """
-    from scipy.integrate import solve_ivp  # a part of a second, in every command
+    from scipy.integrate import solve_ivp  # slow import, not needed by every command
 
     shape, half = states.shape, states.shape[-1] // 2
     rtol, atol = 3e-14, np.full(states.size, 1e-16)
@@ -193,21 +193,21 @@ def _size(equations: Equations) -> int:
 
 
 def heyoka_installed() -> bool:
-    """Whether the extra `heyoka` is there."""
+    """Return whether the extra `heyoka` is installed."""
     return importlib.util.find_spec("heyoka") is not None
 
 
 def _taylor_series(
     equations: Equations, piece: Piece, times: Array, states: Array, length: float
 ) -> Array:
-    """Each segment by heyoka's adaptive Taylor series, at the precision of a double."""
+    """Integrate each segment by heyoka's adaptive Taylor series, in double precision."""
     import heyoka as hy
 
     from physics_crosscheck.reference.mechanism.declaration import t
 
     system = equations.system
     inputs = dict(zip(system.u, piece.expressions, strict=True))
-    # from_sympy refuses rationals: every number goes in as a float. evalf alone would leave those
+    # from_sympy rejects rationals, so every number becomes a float. evalf alone would leave those
     # within a function's argument, such as sin((4 + t/3)*t).
     right = [
         sp.sympify(e)

@@ -1,4 +1,4 @@
-"""How far the linear equations hold: their error against the nonlinear ones, over amplitude."""
+"""Validity of the linear equations: their error against the nonlinear ones, over amplitude."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LinearityError:
     Attributes:
         mode: index of the mode, slowest first.
         period: its linear period, seconds.
-        amplitudes: starting displacements, largest entry of the shape, rad or m.
+        amplitudes: initial displacements of the largest entry of the shape, rad or m.
         errors: largest |linear - nonlinear| position over one period, relative to the amplitude.
     """
 
@@ -37,8 +37,8 @@ class LinearityError:
 def linearity(equations: Equations, linearization: Linearization) -> tuple[LinearityError, ...]:
     """Release each mode at rest at growing amplitudes, and compare over one of its periods.
 
-    Linear equations have no such error, a rigid-body mode has no period, and about an unstable
-    equilibrium the motion leaves whatever its amplitude: none of these has an entry.
+    There are no entries for linear equations, rigid-body modes (which have no period), and unstable
+    equilibria (which the motion leaves at any amplitude).
     """
     shapes = modes(linearization)
     if equations.linear or any(mode.growth > 0 for mode in shapes):
@@ -52,7 +52,7 @@ def linearity(equations: Equations, linearization: Linearization) -> tuple[Linea
         period = 2 * np.pi / mode.frequency
         times = np.linspace(0.0, period, 101)
         still = Piece(start=0.0, stop=period, expressions=tuple(0 * u for u in equations.system.u))
-        from scipy.linalg import expm  # a part of a second, in every command
+        from scipy.linalg import expm  # slow import, not needed by every command
 
         flow: Array = expm(matrix[None] * times[:, None, None])
         errors = []

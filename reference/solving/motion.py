@@ -1,4 +1,4 @@
-"""The reference motion: states from which segments start, and where each must end."""
+"""The reference motion: start states of segments, and their exact ends."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import Inputs
 
 NODES = 11
-"""Chebyshev-Lobatto points a segment: degree 10 over a twentieth of the fastest period."""
+"""Chebyshev-Lobatto points per segment: degree 10 over a twentieth of the fastest period."""
 
 INTERPOLATION = 2e-14
-"""By which degree 10 errs at most, of the amplitude, as measured on every built-in scenario; degree
-8 leaves 7e-12."""
+"""Largest error of degree 10, relative to the amplitude, measured on every built-in scenario;
+degree 8 has 7e-12."""
 
 
 def chebyshev_nodes() -> Array:
-    """Chebyshev points of the second kind on [0, 1], ascending, both ends included."""
+    """Return Chebyshev points of the second kind on [0, 1], ascending, both ends included."""
     nodes: Array = (1 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2
     return nodes
 
@@ -36,21 +36,21 @@ class Span:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A scenario solved: K segments of a system with n coordinates; all in SI units.
+    """A solved scenario: K segments of a system with n coordinates, in SI units.
 
     Attributes:
         t: start times of the segments, (K,).
         start: states (q, v) there, (K, 2n), rounded to doubles.
         end: states that the equations reach from `start` at the segments' ends, (K, 2n).
-        bound: bound of the error of `end`, per component, (2n,); that of the inputs' values as
-            doubles, and of the times at which they are taken, included.
-        global_bound: bound of the error of `start`, and of the last end, against the motion that
-            the equations make of the very first state, (K + 1, 2n); infinite where none is known.
+        bound: error bound of `end`, per component, (2n,). It includes the rounding of the inputs'
+            values and of their times to doubles.
+        global_bound: error bound of `start`, and of the last end, against the motion from the first
+            state, (K + 1, 2n); infinite if unknown.
         nodes: states at the Chebyshev points of each segment, (K, NODES, 2n).
-        spans: how the segments tile the duration.
+        spans: tiling of the duration by segments.
         inputs: u(t), the right-hand value at a break.
         fastest: the fastest rate along the motion, rad/s.
-        method: how the states were found and checked.
+        method: how the states were computed and checked.
     """
 
     t: Array
@@ -71,7 +71,7 @@ class Motion:
 
     @cached_property
     def varying(self) -> bool:
-        """Whether an input changes over any segment."""
+        """True if an input changes over any segment."""
         return not all(span.constant_input for span in self.spans)
 
     @cached_property
@@ -81,7 +81,7 @@ class Motion:
 
     @cached_property
     def movement(self) -> Array:
-        """How far each component moves over a segment at most, (2n,)."""
+        """Largest movement of each component over a segment, (2n,)."""
         reach: Array = np.max(np.abs(self.end - self.start), axis=0)
         return reach
 
@@ -92,9 +92,9 @@ class Motion:
         return size
 
     def global_bound_at(self, times: Array) -> Array:
-        """Bound of the error of `at` against the motion from the start, (len(times), 2n).
+        """Return an error bound of `at` against the motion from the start, (len(times), 2n).
 
-        That of the neighbouring states, and of the interpolation between them.
+        It combines the bounds of the neighbouring states and of the interpolation.
         """
         which = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 1)
         chain = np.maximum(self.global_bound[which], self.global_bound[which + 1])
@@ -102,7 +102,7 @@ class Motion:
         return bound
 
     def at(self, times: Array) -> Array:
-        """States at given times within the motion, (len(times), 2n), by barycentric interpolation.
+        """Return states at times within the motion, (len(times), 2n), by barycentric interpolation.
 
         Source: Berrut and Trefethen 2004, SIAM Review 46(3), eq. 4.2 and 5.4.
         """

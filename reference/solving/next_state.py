@@ -1,8 +1,8 @@
-"""The next state by an integrator's rule, of the equations: what an engine's very step must be.
+"""The next state of the equations by an integrator's rule, to compare with an engine's step.
 
-`next_states` takes the rules that engines document, and knows none of the engines. A step starts
-from positions q and velocities m, such as an engine keeps; of a rotation these are no rates
-(`reference.solving.tree_stepping`).
+`next_states` implements the rules that engines document, without reference to any engine. A step
+starts from positions q and velocities m as an engine stores them. For rotations m is not the rate
+of q (`reference.solving.tree_stepping`).
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ Scheme = Literal["semi-implicit Euler", "Runge-Kutta 4"]
 
 
 class Stepped(ABC):
-    """M(q) dm/dt = f(q, m, u), as integrators ask it; positions and velocities are (B, n)."""
+    """M(q) dm/dt = f(q, m, u) for integrators; positions and velocities are (B, n)."""
 
     @abstractmethod
     def velocities(self, q: Array, rate: Array) -> Array:
-        """Those that a step keeps, of rates."""
+        """Return the velocities that a step stores, for coordinate rates."""
 
     @abstractmethod
     def rates(self, q: Array, m: Array) -> Array:
-        """Of velocities."""
+        """Return the coordinate rates for stored velocities."""
 
     @abstractmethod
     def mass(self, q: Array) -> Array:
-        """M, (B, n, n)."""
+        """Return M, (B, n, n)."""
 
     @abstractmethod
     def force(self, q: Array, m: Array, u: Array) -> Array:
-        """f under inputs or forces u, (B, n)."""
+        """Return f under inputs or forces u, (B, n)."""
 
     @abstractmethod
     def advanced(self, q: Array, m: Array, h: float) -> Array:
-        """Positions after m is held for h seconds."""
+        """Return the positions after h seconds at constant m."""
 
     @abstractmethod
     def unturned(self, moved: Array, m: Array) -> Array:
-        """m as the rate of what `advanced` moves by, after moves (B, n)."""
+        """Return m as the rate of the displacement in `advanced`, after displacements (B, n)."""
 
 
 class SteppedEquations(Stepped):
-    """Equations whose velocities are rates, and in which time does not stand; u are inputs."""
+    """Time-invariant equations whose velocities are coordinate rates; u are inputs."""
 
     def __init__(self, equations: Equations) -> None:
         self._mass = equations.numeric_mass
@@ -60,18 +60,18 @@ class SteppedEquations(Stepped):
         self._inputs = len(equations.system.inputs)
         self._still = not set(equations.system.q) & equations.mass.free_symbols
         self._constant: Array | None = None
-        """Of a mass in which no coordinate stands: asked for once, of thousands of steps."""
+        """The mass matrix if no coordinate occurs in it, cached for thousands of steps."""
 
     def velocities(self, q: Array, rate: Array) -> Array:
-        """The rates."""
+        """Return the rates."""
         return rate
 
     def rates(self, q: Array, m: Array) -> Array:
-        """The velocities."""
+        """Return the velocities."""
         return m
 
     def mass(self, q: Array) -> Array:
-        """M, (B, n, n)."""
+        """Return M, (B, n, n)."""
         if self._constant is not None:
             return np.broadcast_to(self._constant, (len(q), *self._constant.shape))
         n, none = q.shape[1], np.zeros((len(q), self._inputs + 1))
@@ -81,58 +81,58 @@ class SteppedEquations(Stepped):
         return found
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
-        """f, (B, n)."""
+        """Return f, (B, n)."""
         return self._force(q, m, u, np.zeros((len(q), 1)))
 
     def advanced(self, q: Array, m: Array, h: float) -> Array:
-        """q + h m."""
+        """Return q + h m."""
         return q + h * m
 
     def unturned(self, moved: Array, m: Array) -> Array:
-        """m."""
+        """Return m."""
         return m
 
 
 def stepped_equations(equations: Equations) -> SteppedEquations | None:
-    """None where time stands in the equations: no engine's step knows it."""
+    """Return the equations for stepping; None if they depend on time, unlike an engine's step."""
     timed = any(t in e.free_symbols for e in (*equations.mass, *equations.force))
     return None if timed else SteppedEquations(equations)
 
 
 class SteppedBodies(Stepped):
-    """A tree of bodies, its coordinates in some order; u are forces on them.
+    """A tree of bodies with its coordinates in some order; u are generalized forces.
 
     Args:
         tree: the links.
-        order: which of the tree's coordinates each one is, (n,).
+        order: index of each coordinate among the tree's, (n,).
     """
 
     def __init__(self, tree: Tree, order: list[int]) -> None:
         self._tree, self._order, self._back = SteppedTree(tree), order, np.argsort(order)
 
     def velocities(self, q: Array, rate: Array) -> Array:
-        """Angular ones of rotations."""
+        """Return angular velocities for rotations, rates otherwise."""
         return self._there(self._tree.velocities(*map(self._here, (q, rate))))
 
     def rates(self, q: Array, m: Array) -> Array:
-        """Of the coordinates."""
+        """Return the coordinate rates."""
         return self._there(self._tree.rates(*map(self._here, (q, m))))
 
     def mass(self, q: Array) -> Array:
-        """M, (B, n, n)."""
+        """Return M, (B, n, n)."""
         found = np.moveaxis(self._tree.mass(self._here(q)), -1, 0)
         return found[:, self._order][:, :, self._order]
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
-        """f, (B, n)."""
+        """Return f, (B, n)."""
         return self._there(self._tree.force(*map(self._here, (q, m, u))))
 
     def advanced(self, q: Array, m: Array, h: float) -> Array:
-        """Rotations go on about one axis."""
+        """Return the positions after h seconds; each rotation has a fixed axis."""
         return self._there(self._tree.advanced(self._here(q), self._here(m), h))
 
     def unturned(self, moved: Array, m: Array) -> Array:
-        """By the inverse of the exponential's differential."""
+        """Return m by the inverse differential of the exponential map."""
         return self._there(self._tree.unturned(*map(self._here, (moved, m))))
 
     def _here(self, values: Array) -> Array:
@@ -155,24 +155,23 @@ def next_states(
     coupled: NDArray[np.bool_] | None = None,
     steps: int = 1,
 ) -> Array:
-    """States (B, 2n) after steps of h seconds, by a rule on the equations.
+    """Return states (B, 2n) after steps of h seconds, by a rule on the equations.
 
     Args:
         stepped: the mechanism.
         states: q and rates, (B, 2n).
-        u: held over each step, (B, steps, inputs).
+        u: constant over each step, (B, steps, inputs).
         h: seconds.
-        scheme: "semi-implicit Euler" is m + h a, then q advanced by the new m; "Runge-Kutta 4" the
-            classical rule, and of Munthe-Kaas where bodies turn.
-        damping: D of (M + h D) a = f, (n, n), taken at the step's end; None: f is all at its start.
-        stiffness: K of (M + h D + h^2 K) a = f - h K m, (n, n): of springs taken where the new m
-            takes them.
-        by_velocity: D is -df/dm of all that there is instead,
-        coupled: of these pairs alone, (n, n); None: of all.
-        steps: how many.
+        scheme: "semi-implicit Euler" is m + h a, then q advanced by the new m. "Runge-Kutta 4" is
+            the classical rule, or the Munthe-Kaas rule for rotating bodies.
+        damping: D of (M + h D) a = f, (n, n), implicit damping; None for an explicit f.
+        stiffness: K of (M + h D + h^2 K) a = f - h K m, (n, n), implicit springs.
+        by_velocity: use D = -df/dm of all forces instead of `damping`.
+        coupled: with `by_velocity`, mask of the pairs in D, (n, n); None for all pairs.
+        steps: number of steps.
 
     Returns:
-        What is not finite where a motion blows up on the way.
+        The states; not finite if the motion blows up.
     """
     n = states.shape[1] // 2
     q: Array = states[:, :n]
@@ -192,9 +191,10 @@ def next_states(
 
 @dataclass(frozen=True)
 class _Late:
-    """What of the forces is taken at a step's end: `mass` beside M, (n, n) or (B, n, n).
+    """Implicit terms of a step: `mass` is added to M, (n, n) or (B, n, n).
 
-    And a share of them by the velocity at its start, (n, n); None: none.
+    `by_velocity`, (n, n), times the velocity at the step's start is subtracted from the forces;
+    None for no such term.
     """
 
     mass: Array
@@ -202,7 +202,7 @@ class _Late:
 
     @staticmethod
     def of(h: float, damping: Array | None, stiffness: Array | None) -> _Late | None:
-        """Of D and K, where there are any."""
+        """Return the implicit terms of D and K; None if there are neither."""
         if stiffness is None:
             return None if damping is None else _Late(h * damping, None)
         springs = h * stiffness
@@ -221,12 +221,12 @@ def _acceleration(stepped: Stepped, q: Array, m: Array, u: Array, late: _Late | 
             return (columns / left)[:, :, 0]
     try:
         return np.linalg.solve(left, columns).astype(float)[:, :, 0]
-    except np.linalg.LinAlgError:  # a motion that has blown up has masses of any kind
+    except np.linalg.LinAlgError:  # the mass matrix is arbitrary once a motion has blown up
         return np.full_like(q, np.nan)
 
 
 def _by_velocity(stepped: Stepped, q: Array, m: Array, u: Array) -> Array:
-    """-df/dm, (B, n, n): of forces of second degree in m central differences are exact."""
+    """Return -df/dm, (B, n, n), by central differences, exact for forces quadratic in m."""
     columns = []
     for i, size in enumerate(np.maximum(np.max(np.abs(m), axis=0), 1e-3)):
         moved = size * np.eye(m.shape[1])[i]
@@ -236,9 +236,10 @@ def _by_velocity(stepped: Stepped, q: Array, m: Array, u: Array) -> Array:
 
 
 def _runge_kutta(stepped: Stepped, q: Array, m: Array, u: Array, h: float) -> tuple[Array, Array]:
-    """Of Munthe-Kaas where bodies turn (1999, Appl. Numer. Math. 29, 115-127), else the classical.
+    """Take one step of classical Runge-Kutta, of Munthe-Kaas' method for rotating bodies.
 
-    What is summed are moves from the step's start, so that rotations keep the order.
+    Displacements from the step's start are summed, which keeps the order for rotations (Munthe-Kaas
+    1999, Appl. Numer. Math. 29, 115-127).
     """
     rates, accelerations = [m], [_acceleration(stepped, q, m, u, None)]
     for share in (0.5, 0.5, 1.0):

@@ -1,9 +1,9 @@
-"""Segments of a tree whose numbers are others: where its equations take the same states.
+"""Segments of a tree with changed parameters, from the same states and forces.
 
-States that tell numbers apart are chosen once, and solved once by two methods. Of a tree with other
-numbers the same states tell as much, and its segments are near: Newton's method comes to them from
-the ones that are known, with the linear problem that is known (`solving.flows`). So another draw
-of a robot's numbers costs some recursions, and none of what the first one did.
+Informative states are chosen once, and solved once by two methods. They stay informative for other
+parameters, and the new segments are close to the known ones. Newton's method starts from the known
+segments with the known Jacobian (`solving.flows`). Each further sample of parameters then costs
+only a few recursions.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.samples import Samples, rate_of, rounding_of, solved
 
 QUICKER = 1.5
-"""Up to this ratio of their rates one length suits both trees. Quicker ones get shorter segments,
-and are solved by two methods as the first."""
+"""Largest ratio of rates for which both trees share one segment length. Faster trees get shorter
+segments, solved by two methods like the first."""
 
 STAGES = 6
-"""Of the collocation, order 12: what it errs by is beyond rounding over a twentieth of the fastest
-period. Order 8 was up to 1e-12 of the movement off."""
+"""Stages of the collocation, order 12. Its error is below rounding over a twentieth of the fastest
+period; order 8 had an error of up to 1e-12 of the movement."""
 
 UNCERTAIN = 4.0
-"""By how many times what it errs by for the known segments it may err for those of a draw."""
+"""Factor from the collocation's error for the known segments to that for a sample."""
 
 
 class Resolved:
-    """Segments of a tree, and those of trees like it.
+    """Segments of a tree, and those of trees with other parameters.
 
     Args:
-        system: of the tree whose segments they are.
-        known: these.
+        system: system of the tree.
+        known: its solved segments.
 
     Raises:
-        ReferenceError: where the collocation doesn't come to the ends that are known.
+        ReferenceError: if the collocation does not reproduce the known ends.
     """
 
     def __init__(self, system: TreeSystem, known: Samples) -> None:
@@ -50,10 +50,10 @@ class Resolved:
         self._off: Array = np.max(np.abs(self._flow.end - known.end), axis=0)
 
     def at(self, tree: Tree) -> Samples:
-        """The same states and forces; where another tree with the same joints takes them.
+        """Return the segments of another tree with the same joints, from the same states.
 
         Raises:
-            ReferenceError: where it can't be solved.
+            ReferenceError: if they can't be solved.
         """
         known, equations = self._known, TreeEquations(replace(self._system, tree=tree))
         ratio = rate_of(equations, known.start, known.forces) / self._rate
@@ -62,7 +62,7 @@ class Resolved:
         if ratio <= QUICKER:
             try:
                 return self._near(equations, fastest)
-            except ReferenceError:  # it is not near
+            except ReferenceError:  # the tree is too different
                 pass
         return solved(equations, known.start, known.forces, length, fastest)
 

@@ -1,8 +1,8 @@
-"""States of a tree, and where its equations take them over a short segment.
+"""Sampled states of a tree, and their short segments of motion.
 
-A robot has more joints than one motion can try; its equations hold at every state. So segments
-start anywhere within the limits, each under forces of its own that are held: of many states at
-random, those that tell the tree's numbers best apart (`reference.solving.excitation`).
+A robot has more joints than one motion can excite, but its equations hold at every state. Segments
+start anywhere within the joint limits, each under its own constant forces. The most informative of
+many random states are used (`reference.solving.excitation`).
 """
 
 from __future__ import annotations
@@ -21,56 +21,57 @@ from physics_crosscheck.reference.solving.integrate import by_runge_kutta
 from physics_crosscheck.reference.solving.switching import unbent
 
 SEGMENTS_A_PERIOD = 30
-"""Of the fastest motion at any of the states: an engine's steps leave the seventh power of it."""
+"""Segments per period of the fastest motion at any state; an engine's step error falls with the
+seventh power of it."""
 
 REACH = 1.0
-"""How far positions are drawn from home where there are no limits: rad or m."""
+"""Sampling range of unlimited positions around home, rad or m."""
 
 FAR = np.pi
-"""Limits further from home than this stand for none: rad or m."""
+"""Limits farther from home than this are ignored, rad or m."""
 
 COUPLED_A_PERIOD = 20
-"""The same where joints follow others: there rounding weighs more, which short segments raise."""
+"""Segments per period if joints are coupled; shorter segments would increase rounding there."""
 
 DRAWN, ROWS, TIMES = 400, 6000, 2
-"""How many states are drawn: so many, or fewer, so that they have about so many accelerations
-together; never fewer than so many times those that are taken."""
+"""Number of sampled states: `DRAWN`, or fewer, such that they have about `ROWS` accelerations; at
+least `TIMES` the selected states."""
 
 LOOKED_AT = 24
-"""States at which rates are taken, each by 4 n accelerations."""
+"""Largest number of states at which rates are computed, each by 4 n accelerations."""
 
 SLOWEST = 1.0
-"""Rate of motions where nothing swings, rad/s."""
+"""Rate of motions if nothing oscillates, rad/s."""
 
 LIVELIEST = 20.0
-"""Rate of motions that are drawn, at most, rad/s: stiff servos settle faster than robots move."""
+"""Largest rate of sampled motions, rad/s; stiff servos settle faster than robots move."""
 
 QUICKEST = 1e9
-"""Rate beyond which no position moves by more than its last digits while a joint settles, rad/s."""
+"""Rate above which positions move by rounding only while a joint settles, rad/s."""
 
 SINGULAR = 1e-13
-"""Of a mass matrix with a diagonal of ones: a smaller eigenvalue is rounding."""
+"""Threshold of eigenvalues of a mass matrix with unit diagonal; smaller ones are rounding."""
 
 APART = 1e-9
-"""Of the largest of a component's like: two solutions further apart are no reference. Nearer ones
-are in the bound, by what they are apart."""
+"""Largest difference of the two solutions, relative to the largest component of its kind. Smaller
+differences enter the bound."""
 
 GROWTH = 2.0
-"""By how much the equations may turn up an error within a segment: e^(2 pi / 20) is 1.37."""
+"""Factor by which the equations may amplify an error within a segment; e^(2 pi / 20) is 1.37."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Samples:
-    """K segments of a tree of n coordinates; all in SI units.
+    """K segments of a tree of n coordinates, in SI units.
 
     Attributes:
-        start: states (q, v), (K, 2n), the most telling first.
-        forces: on the coordinates, held, (K, n).
-        length: of each, seconds.
-        end: where the equations take them, (K, 2n).
-        bound: of the error of `end`, per component, (2n,).
-        fastest: rate at any of the states, rad/s.
-        bent: whether forces bend, as a drag does, which grows with the square of a velocity.
+        start: states (q, v), (K, 2n), the most informative first.
+        forces: constant generalized forces, (K, n).
+        length: seconds per segment.
+        end: states at the segments' ends, (K, 2n).
+        bound: error bound of `end`, per component, (2n,).
+        fastest: fastest rate at any of the states, rad/s.
+        bent: whether forces are not smooth, as a drag quadratic in the velocity.
     """
 
     start: Array
@@ -83,11 +84,11 @@ class Samples:
 
     @property
     def t(self) -> Array:
-        """Start times, (K,): none, since no motion joins the segments."""
+        """Start times, (K,): nan, since no motion joins the segments."""
         return np.full(len(self.start), np.nan)
 
     def ordered(self, order: Sequence[int]) -> Samples:
-        """The same with the coordinates in another order."""
+        """Return the same segments with the coordinates in another order."""
         n = len(order)
         both = [*order, *(n + i for i in order)]
         return replace(
@@ -100,16 +101,16 @@ class Samples:
 
 
 def samples(equations: TreeEquations, limits: Array, home: Array, count: int, seed: int) -> Samples:
-    """Draw states and forces, take the most telling, and solve.
+    """Sample states and forces, select the most informative, and solve.
 
     Args:
-        limits: of the positions, (n, 2), infinite where there are none.
-        home: positions about which they are drawn then, (n,).
-        count: how many are taken.
-        seed: of the draw.
+        limits: limits of the positions, (n, 2), infinite if unlimited.
+        home: center of the sampling range of unlimited positions, (n,).
+        count: number of selected states.
+        seed: seed of the random numbers.
 
     Raises:
-        ReferenceError: where the mass matrix is singular, or the two solutions are apart.
+        ReferenceError: if the mass matrix is singular, or the two solutions differ.
     """
     many = candidates(equations, limits, home, count, seed)
     chosen = telling(many.rows(equations), count)
@@ -132,10 +133,12 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
 def solved(
     equations: TreeEquations, start: Array, forces: Array, length: float, fastest: float
 ) -> Samples:
-    """Where equations take states, by two methods; the fields of `Samples` as arguments.
+    """Return the segments from given states, solved by two methods.
+
+    The arguments are fields of `Samples`.
 
     Raises:
-        ReferenceError: where they can't be solved, or the two are apart.
+        ReferenceError: if they can't be solved, or the two solutions differ.
     """
     n = forces.shape[1]
     field, times = _field(equations, forces), np.zeros(len(start))
@@ -145,7 +148,7 @@ def solved(
     checked = by_runge_kutta(field, times, start, length, rounded=True)
     apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
     sizes = np.repeat([size[:n].max(), size[n:].max()], n)
-    if not np.all(apart <= APART * sizes):  # so that nan is refused as well
+    if not np.all(apart <= APART * sizes):  # so that nan is rejected as well
         worst = int(np.argmax(apart / sizes))
         raise ReferenceError(
             f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"
@@ -165,7 +168,7 @@ def solved(
 def rounding_of(
     equations: TreeEquations, start: Array, forces: Array, end: Array, length: float
 ) -> Array:
-    """What rounding may do to the ends, per component, (2n,): to states and to accelerations."""
+    """Return the effect of rounding of states and accelerations on the ends, (2n,)."""
     n, size = forces.shape[1], np.max(np.abs(end), axis=0)
     rounded = equations.rounding(start[:, :n], start[:, n:], forces)
     jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
@@ -174,20 +177,20 @@ def rounding_of(
 
 
 def rate_of(equations: TreeEquations, start: Array, forces: Array) -> float:
-    """The rate of the fastest motion at some states under forces that are held, rad/s.
+    """Return the rate of the fastest motion at some states under constant forces, rad/s.
 
     Raises:
-        ReferenceError: where the accelerations are not finite.
+        ReferenceError: if the accelerations are not finite.
     """
     return _rates(equations, start, forces)[0]
 
 
 class Candidates(NamedTuple):
-    """States to choose from: positions, velocities and accelerations, (P, n) each.
+    """Candidate states: positions, velocities and accelerations, (P, n) each.
 
-    And rates, rad/s: at which the mechanism swings at rest, that of the motions drawn, and how fast
-    each joint's own dampers stop it, (n,); and how long segments are at most that pass no bend of a
-    force, seconds.
+    `swing` is the rate of oscillation at rest, `rate` that of the sampled motions, and `settling`
+    how fast each joint's own dampers stop it, (n,), all in rad/s. `longest` is the largest length,
+    s, of segments on which forces are smooth.
     """
 
     q: Array
@@ -199,7 +202,7 @@ class Candidates(NamedTuple):
     longest: float = np.inf
 
     def rows(self, equations: TreeEquations) -> Array:
-        """What each says of the tree's numbers, by the largest accelerations, (P, n, p)."""
+        """Return each state's sensitivity to the parameters, (P, n, p), by the accelerations."""
         found = equations.slopes_by_number(self.q, self.v, self.a)
         found /= np.max(np.abs(self.a), axis=0)[:, None]
         return found
@@ -208,10 +211,10 @@ class Candidates(NamedTuple):
 def candidates(
     equations: TreeEquations, limits: Array, home: Array, count: int, seed: int
 ) -> Candidates:
-    """States at random, of which so many are to be chosen.
+    """Sample random states, from which `count` are to be selected.
 
-    Velocities and accelerations are such as motions of the mechanism have: positions times the rate
-    at which it swings at rest, and times its square. Arguments as in `samples`.
+    Velocities and accelerations are typical of the mechanism: positions times the rate of
+    oscillation at rest, and times its square. The arguments are those of `samples`.
     """
     rng, n = np.random.default_rng(seed), len(home)
     many = max(min(DRAWN, ROWS // n), TIMES * count)
@@ -224,15 +227,15 @@ def candidates(
     rate = min(max(swing, SLOWEST), LIVELIEST)
 
     def moving(q: Array, rate: float, settling: Array) -> tuple[Array, Array]:
-        """Velocities and accelerations there."""
+        """Return velocities and accelerations at positions."""
         v = rng.uniform(-1, 1, q.shape) * extent * rate
-        # Where a damper stops a joint sooner, holding it against that would leave but rounding.
+        # If a damper stops a joint sooner, slower accelerations would leave only rounding.
         return v, rng.uniform(-1, 1, q.shape) * extent * rate * np.maximum(rate, settling)
 
     v, a = moving(q, rate, settling)
     if not equations.bent:
         return Candidates(q, v, a, swing, rate, settling)
-    # A drag grows with the velocity: where it leads, slower is as lively.
+    # A drag grows with the velocity; if it dominates, slower states are as fast.
     lively = max(swing, LIVELIEST)
     rate *= min(1.0, lively / _fastest(equations, q, v, a))
     settling = np.maximum(settling, lively)
@@ -258,30 +261,30 @@ def candidates(
 
 
 def _fastest(equations: TreeEquations, q: Array, v: Array, a: Array) -> float:
-    """How fast motions are at some states that move so, rad/s."""
+    """Return the fastest rate at some states with the given accelerations, rad/s."""
     some = slice(LOOKED_AT)
     forces = equations.forces_for(q[some], v[some], a[some])
     return _rates(equations, np.concatenate([q[some], v[some]], axis=1), forces)[0]
 
 
 def _length(equations: TreeEquations, fastest: float) -> float:
-    """Of segments, seconds, by the rate of the fastest motion."""
+    """Return the length of segments, seconds, for the rate of the fastest motion."""
     coupled = bool(equations.system.tree.couplings)
     return 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
 
 
 def ends_of(equations: TreeEquations, start: Array, forces: Array, length: float) -> Array:
-    """Where the equations take states (K, 2n) under forces that are held, (K, n), in a while.
+    """Return the ends of states (K, 2n) under constant forces, (K, n), after `length` seconds.
 
     Raises:
-        ReferenceError: where they can't be solved.
+        ReferenceError: if they can't be solved.
     """
     end, _ = collocate(_field(equations, forces), np.zeros(len(start)), start, length)
     return end
 
 
 def _field(equations: TreeEquations, forces: Array) -> Field:
-    """Rates of states under forces that are held, (K, n)."""
+    """Return dy/dt under constant forces, (K, n)."""
     count, n = forces.shape
 
     def field(times: Array, states: Array) -> Array:
@@ -293,10 +296,10 @@ def _field(equations: TreeEquations, forces: Array) -> Field:
 
 
 def within(limits: Array, home: Array) -> Array:
-    """Where positions are drawn, (n, 2): within limits, and about home where these are far away.
+    """Return the sampling range of positions, (n, 2): within limits, and near home.
 
-    Limits that leave no room, as both of zero, are none: engines read them in two ways, as a joint
-    that is free and as one that is held, and equations that leave limits out have it move.
+    Equal limits, such as both zero, are ignored. Some engines treat such a joint as free, others as
+    fixed; equations without limits let it move.
     """
     room = limits[:, 1] > limits[:, 0]
     low, high = np.where(room, limits.T, np.array([[-np.inf], [np.inf]]))
@@ -308,16 +311,16 @@ def within(limits: Array, home: Array) -> Array:
 
 
 def _check_masses(equations: TreeEquations, q: Array) -> None:
-    """Every joint of the tree must move something that has mass.
+    """Check that every joint of the tree moves some mass.
 
     Raises:
-        ReferenceError: naming the joint.
+        ReferenceError: with the joint.
     """
     mass = equations.inertia(q)
     own = np.einsum("kii->ki", mass)
     if not np.isfinite(own).all():
         raise ReferenceError("the masses are not finite")
-    # In units of its own diagonal, since a light part beside a heavy one is no singular one.
+    # Scale by the diagonal, since a light part beside a heavy one is not singular.
     size = np.sqrt(np.where(own > 0, own, 1.0))
     values, vectors = np.linalg.eigh(mass / size[:, :, None] / size[:, None, :])
     at = int(np.argmin(values[:, 0]))
@@ -331,13 +334,13 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
 
 
 def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[float, Array]:
-    """How fast motions are at the states, under forces that are held, rad/s.
+    """Return the fastest rate of motions at states under constant forces, rad/s.
 
-    Returns the largest |eigenvalue| of the equations' Jacobian, and how fast each joint's own
-    dampers stop it, (n,).
+    It is the largest |eigenvalue| of the equations' Jacobian. The second value is how fast each
+    joint's own dampers stop it, (n,).
 
     Raises:
-        ReferenceError: where the accelerations are not finite.
+        ReferenceError: if the accelerations are not finite.
     """
     states, forces, n = states[:LOOKED_AT], forces[:LOOKED_AT], states.shape[1] // 2
     with np.errstate(all="ignore"):

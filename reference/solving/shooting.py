@@ -30,25 +30,25 @@ ROUGH_ACCURACY = 1e-6
 """Relative accuracy of the rough motion."""
 
 SHOTS = 8
-"""Newton iterations at most; two are the rule."""
+"""Largest number of Newton iterations; two are typical."""
 
 JOINED = 1e-12
-"""Of the motion's size: by so much starts may still move where the shooting ends."""
+"""Shooting converges if starts move by less than this, relative to the motion's size."""
 
 SETTLED = 1e-9
-"""Where they move by less, and by hardly less than before, rounding is what moves them."""
+"""Smaller moves that hardly decrease are caused by rounding."""
 
 FAR = 0.1
-"""Of the motion's size: where starts are to be moved by more, Newton's method is not begun."""
+"""Newton's method is not tried if starts must move by more, relative to the motion's size."""
 
 NEAR = 1e-3
-"""Of the motion's size: starts that move by less keep their transition matrices."""
+"""Starts that move by less keep their transition matrices, relative to the motion's size."""
 
 ROUGHLY = 1e-8
 """Change of rates that ends the iterations of the first shot, see `collocate`."""
 
 ROUGH = 400
-"""Samples of the rough motion, as in `solving.solve`: Newton's method squares what it is off."""
+"""Samples of the rough motion; Newton's method squares its error."""
 
 
 def shoot(
@@ -72,7 +72,7 @@ def shoot(
     Raises:
         ReferenceError: where the equations can't be solved, or the two integrations differ.
     """
-    import scipy.interpolate  # takes a part of a second, in every command
+    import scipy.interpolate  # slow import, not needed by every command
 
     at = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
     guess = scipy.interpolate.CubicSpline(times, states)(at)
@@ -161,7 +161,7 @@ def _joined(
             flow = _transitions(*solved, starts)
         moved = _moves(flow, end[:-1] - starts[1:])
         worst, before = float(np.max(np.abs(moved) / size, initial=0.0)), worst
-        # Where it falls no more, rounding along the chain is all that is left of it.
+        # If it no longer decreases, only rounding along the chain remains.
         joined = worst <= JOINED or (worst < SETTLED and worst > before / 4)
         if joined and shot > 0:
             return starts, end, nodes, flow
@@ -172,7 +172,7 @@ def _joined(
 
 
 def _moves(flow: Array, jumps: Array) -> Array:
-    """By how much each start but the first is to be moved, (K - 1, 2n): Newton's step."""
+    """Return Newton's step: the move of each start except the first, (K - 1, 2n)."""
     moved = np.empty_like(jumps)
     carried = np.zeros(flow.shape[1])
     with np.errstate(over="ignore", invalid="ignore"):

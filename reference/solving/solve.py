@@ -1,4 +1,4 @@
-"""Solve a scenario: choose the segments, then the closed form or two integrations."""
+"""Solve a scenario: choose the segments, then use the closed form or two integrations."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from physics_crosscheck.reference.solving.shooting import ROUGH, ROUGH_ACCURACY,
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200
 MOST_SEGMENTS = 1_000_000
-"""More would take hours."""
+"""A motion with more segments would take hours."""
 
 LEAST_TURN = 1e-6
-"""Motion of so few rad is lost in the rounding of its states."""
+"""A motion of fewer radians is lost in the rounding of its states."""
 
 __all__ = ["ReferenceError", "solve", "start_of"]
 
@@ -43,13 +43,13 @@ __all__ = ["ReferenceError", "solve", "start_of"]
 def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
     """Return the reference motion of a scenario, in segments.
 
-    Linear equations under inputs that a linear equation generates have a closed form; all others
-    are integrated twice.
+    Linear equations under inputs with a generator have a closed form; all others are integrated
+    twice.
 
     Raises:
-        DeclarationError: for an input that is not smooth between breaks that can be told, or a
-            motion that can't be: on a singular mass matrix, of no length, without end.
-        ReferenceError: where the equations can't be solved to the accuracy needed.
+        DeclarationError: for an input that is not smooth between identifiable breaks, or an
+            impossible motion: a singular mass matrix, a zero or an excessive duration.
+        ReferenceError: if the equations can't be solved to the needed accuracy.
     """
     with about("Scenario", scenario.name):
         place = f"system {equations.system.name!r}, scenario {scenario.name!r}"
@@ -62,7 +62,7 @@ def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
 
 
 def start_of(system: Declaration, scenario: Scenario) -> Array:
-    """The state from which a scenario starts, (2n,)."""
+    """Return the state at the start of a scenario, (2n,)."""
     return np.array(
         [
             float(sp.sympify(given[c]).subs(system.values))
@@ -111,10 +111,10 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
 
 
 def check_duration(fastest: float, duration: float, place: str) -> None:
-    """Refuse a motion in which nothing moves, or that is cut into more segments than can be solved.
+    """Reject a motion in which nothing moves, or that needs too many segments.
 
     Raises:
-        DeclarationError: naming the duration, and how fast the motion is.
+        DeclarationError: with the duration, and the rate of the motion.
     """
     if not np.isfinite(fastest):
         raise DeclarationError(
@@ -136,10 +136,10 @@ def check_duration(fastest: float, duration: float, place: str) -> None:
 
 
 def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> None:
-    """Refuse a motion along which a mass matrix is not positive definite, or an energy not real.
+    """Reject a motion along which the mass matrix is not positive definite or an energy not real.
 
     Raises:
-        DeclarationError: naming the time.
+        DeclarationError: with the time.
     """
     n = len(equations.system.q)
     u = motion.inputs(motion.t)
@@ -154,7 +154,7 @@ def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> No
             f"{place}: T, V or D is not a finite real number at t = {time:.4g} s of "
             "the motion; correct it, or choose another start"
         )
-    # In units of its own diagonal, since a light part beside a heavy one is no singular one.
+    # Scale by the diagonal, since a light part beside a heavy one is not singular.
     size = np.sqrt(np.maximum(np.einsum("kii->ki", mass), 1e-300))
     least = np.linalg.eigvalsh(mass / size[:, :, None] / size[:, None, :])[:, 0]
     if np.min(least) <= 0:
@@ -166,9 +166,9 @@ def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> No
 
 
 def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
-    """Cut each piece into equal segments, a prime number of them.
+    """Divide each piece into a prime number of equal segments.
 
-    A prime count keeps the segments from being a simple fraction of a period that divides the
+    A prime number keeps the segments from being a simple fraction of a period that divides the
     piece, where non-smooth motion could hide between them.
     """
     whole = signals[-1].stop - signals[0].start
@@ -191,10 +191,10 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
 def fastest_rate(
     equations: EquationsOfMotion, signals: Sequence[Piece], times: Array, states: Array
 ) -> float:
-    """Largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.
+    """Return the largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.
 
-    Rates of turning (coordinates in rad) and of the inputs count as well: they too set how fast
-    the terms of the equations change.
+    Rates of rotation (coordinates in rad) and of the inputs are included, since they too limit how
+    fast terms of the equations change.
     """
     system = equations.system
     n = len(system.coordinates)

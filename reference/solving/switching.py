@@ -1,8 +1,8 @@
-"""Segments along which a tree's forces are smooth: those that pass none of their bends.
+"""Segments along which a tree's forces are smooth, found by switching functions.
 
-A drag |u| u has a bend where u turns, a spring with play one at each end of it. Across such a place
-no method of high order has its order, neither the solution's nor an engine's. So segments start
-where none is passed, and are shorter the more bends there are.
+A drag |u| u has a kink where u changes sign, a spring with a dead band at each end of it. Across a
+kink no method of high order has its order, neither the solution's nor an engine's. Segments
+therefore start where they cross no kink, and are shortened until enough of them do so.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.collocation import Field, ReferenceError
 
 SHARE = 4
-"""Of so many states that are drawn, one at least passes no bend."""
+"""One of so many sampled segments, at least, must cross no kink."""
 
 HALVINGS = 16
-"""How often segments are halved until that is so."""
+"""Largest number of times that segments are halved to reach `SHARE`."""
 
 STEPS = 4
-"""Steps of a Runge-Kutta method by which a motion is looked at; bends are looked for after each."""
+"""Runge-Kutta steps per segment; the sign of each switching function is checked after each."""
 
 NOTHING = 1e-12
-"""Of the largest, a quantity that is never more than this is zero, and turns nowhere."""
+"""A switching function that stays below this, relative to the largest, is zero and has no sign."""
 
 Draw = Callable[[int], tuple[Array, Array]]
-"""So many states (K, 2n), and forces that are held, (K, n)."""
+"""Sample so many states (K, 2n) and constant forces, (K, n)."""
 
 
 def unbent(
@@ -39,17 +39,17 @@ def unbent(
     count: int,
     length: float,
 ) -> tuple[Array, Array, float]:
-    """States, forces, and the length of segments from there that pass no bend.
+    """Return states, forces, and the length of segments that cross no kink.
 
     Args:
         equations: of the tree.
-        field_of: rates of states under forces that are held.
-        draw: more of both.
-        count: how many are wanted.
-        length: of segments at most, seconds.
+        field_of: dy/dt under constant forces.
+        draw: samples more states and forces.
+        count: number of segments.
+        length: largest length of segments, seconds.
 
     Raises:
-        ReferenceError: where there are none.
+        ReferenceError: if all segments cross a kink.
     """
     start, forces = draw(SHARE * count)
     for _ in range(HALVINGS):
@@ -61,7 +61,7 @@ def unbent(
 
 
 def _free(equations: TreeEquations, field: Field, start: Array, length: float) -> NDArray[np.bool_]:
-    """Which segments pass none, (K,)."""
+    """Return the mask of segments that cross no kink, (K,)."""
     n, h = start.shape[1] // 2, length / STEPS
     times, states = np.zeros(len(start)), [start]
     with np.errstate(all="ignore"):
@@ -78,7 +78,7 @@ def _free(equations: TreeEquations, field: Field, start: Array, length: float) -
 
 
 def _stepped(field: Field, times: Array, states: Array, h: float) -> Array:
-    """One step of the classical method of order 4."""
+    """Take one step of the classical Runge-Kutta method of order 4."""
     one = field(times, states)
     two = field(times, states + h / 2 * one)
     three = field(times, states + h / 2 * two)

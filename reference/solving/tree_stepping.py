@@ -1,8 +1,9 @@
-"""A tree's state as engines step it: velocities of rotations about the bodies' axes, not rates.
+"""A tree's state as engines step it, with angular velocities instead of coordinate rates.
 
-Of hinges and slides velocities are rates. A ball joint's are angular, about the axes of what it
-turns; a free joint's are those and its origin's along the joint's axes. Held over a time they turn
-a body about one axis: q(t + h) = q(t) exp(h w), which a step takes for q + h v.
+Velocities of hinges and slides are coordinate rates. A ball joint has the angular velocity about
+the axes of its link. A free joint has that and the velocity of its origin along the joint's axes.
+At constant angular velocity w a body rotates about a fixed axis: q(t + h) = q(t) exp(h w), which
+replaces q + h v in a step.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 
 
 class SteppedTree:
-    """What integrators ask of a tree: M(x) dm/dt = f(x, m, u) of the velocities m that they keep.
+    """M(x) dm/dt = f(x, m, u) of a tree for integrators, with stored velocities m.
 
-    Arrays are (n, B), of the coordinates that follow no other.
+    Arrays are (n, B), in the independent coordinates.
 
     Args:
         tree: the links.
@@ -30,23 +31,23 @@ class SteppedTree:
         self._coupled = Coupled(tree)
 
     def velocities(self, x: Scalars, rate: Scalars) -> Scalars:
-        """Of the coordinates' rates."""
+        """Return the stored velocities for coordinate rates."""
         return self._chart.carried(self._all(x), self._rates(rate))[self._coupled.kept]
 
     def rates(self, x: Scalars, m: Scalars) -> Scalars:
-        """Of velocities."""
+        """Return the coordinate rates for stored velocities."""
         return self._chart.carrying(self._all(x), self._rates(m))[self._coupled.kept]
 
     def advanced(self, x: Scalars, m: Scalars, h: float) -> Scalars:
-        """Coordinates after velocities are held for h seconds."""
+        """Return the coordinates after h seconds at constant velocities."""
         return self._chart.turned_on(self._all(x), self._rates(m), h)[self._coupled.kept]
 
     def unturned(self, moved: Scalars, m: Scalars) -> Scalars:
-        """m as the rate of the moves that turn bodies on, after moves."""
+        """Return m as the rate of the displacement of `advanced`, after displacements."""
         return self._chart.unturned(self._rates(moved), self._rates(m))[self._coupled.kept]
 
     def mass(self, x: Scalars) -> Scalars:
-        """M, (n, n, B)."""
+        """Return M, (n, n, B)."""
         y = self._all(x)
         mass = self._dynamics.mass(self._chart.positions(y))
         if not self._chart.plain:
@@ -55,7 +56,7 @@ class SteppedTree:
         return self._coupled.mass(mass)
 
     def force(self, x: Scalars, m: Scalars, u: Scalars) -> Scalars:
-        """f, under forces u on the coordinates: a moment about axes, a force along the joint's."""
+        """Return f under forces u: moments about link axes, forces along the joint's axes."""
         y, m = self._all(x), self._rates(m)
         forces = np.zeros_like(m)
         forces[self._coupled.kept] = u

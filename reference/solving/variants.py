@@ -1,7 +1,7 @@
-"""The equations with every constant free and with terms that they lack: what a model might be.
+"""The equations with free constants and extra terms, as hypotheses about a model.
 
-A discrepancy is explained by moving one of these parameters until the equations do what the model
-does. All of them enter one numeric function, so that segments with many perturbed parameters are
+A discrepancy is explained by the parameter that makes the equations reproduce the model's motion.
+All parameters enter one numeric function, so that segments with many perturbed parameters are
 integrated at once.
 """
 
@@ -23,23 +23,23 @@ from physics_crosscheck.reference.solving.collocation import collocate
 Kind = Literal[
     "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"
 ]
-"""Of a parameter: a constant, or one of the terms that `_terms` lists."""
+"""Kind of a parameter: a constant, or one of the terms of `_terms`."""
 
 CREEP = 1e-3
-"""Speed below which Coulomb friction is smoothed, as a share of the motion's."""
+"""Speed below which Coulomb friction is smoothed, relative to the motion's."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One number that might be other than the equations have it.
+    """One parameter whose value may differ from the equations.
 
     Attributes:
-        name: of the constant, or of the coordinate that a term is on.
-        kind: a `constant`, or a term that the equations lack.
+        name: name of the constant, or of the coordinate with the extra term.
+        kind: `constant`, or an extra term.
         unit: its unit.
-        nominal: its value in the equations; 0 for a term that they lack.
-        size: a change that matters: the nominal value, or what makes the term as large as the
-            forces that the motion has.
+        nominal: its value in the equations; 0 for an extra term.
+        size: a significant change: the nominal value, or the value that makes the extra term as
+            large as the motion's forces.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Variants:
 
     @property
     def sizes(self) -> Array:
-        """Changes that matter, (P,)."""
+        """Significant changes, (P,)."""
         return np.array([parameter.size for parameter in self.parameters])
 
     def flow(
@@ -79,7 +79,7 @@ class Variants:
         length: float,
         inputs: Callable[[Array], Array],
     ) -> Array:
-        """Ends (B, 2n) of B segments, each with its own parameters (B, P)."""
+        """Return the ends (B, 2n) of B segments, each with its own parameters (B, P)."""
         n = starts.shape[1] // 2
 
         def field(at: Array, states: Array) -> Array:
@@ -101,7 +101,7 @@ class Variants:
         length: float,
         inputs: Callable[[Array], Array],
     ) -> Array:
-        """Ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
+        """Return the ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
         batch = len(times)
         ends = self.flow(
             np.repeat(points, batch, axis=0),
@@ -114,11 +114,11 @@ class Variants:
 
 
 def variants(equations: Equations, amplitude: Array) -> Variants:
-    """Free every constant, and add to every coordinate the terms that mechanisms have.
+    """Free every constant, and add typical extra terms to every coordinate.
 
     Args:
         equations: the derived equations.
-        amplitude: size of the system's motions, (2n,): it scales the added terms.
+        amplitude: size of the system's motions, (2n,); it scales the extra terms.
     """
     system = equations.system
     n = len(system.coordinates)
@@ -166,9 +166,9 @@ def _rest(equations: Equations) -> dict[sp.Symbol, int]:
 
 
 class _Term(NamedTuple):
-    """A term that the equations lack: -p * force on a coordinate; None: p is added to its inertia.
+    """An extra term: -p * force on a coordinate; without a force, p is added to its inertia.
 
-    `size` is what makes it as large as the forces that the motion has, in `unit`.
+    `size` makes it as large as the motion's forces, in `unit`.
     """
 
     kind: Kind
@@ -180,12 +180,12 @@ class _Term(NamedTuple):
 def _terms(
     coordinate: Coordinate, inertia: float, *, speed: float, reach: float
 ) -> tuple[_Term, ...]:
-    """Those that mechanisms have, a row each.
+    """Return the typical extra terms of a coordinate, one per row.
 
     Args:
-        coordinate: on which they are.
-        inertia: of it, at rest.
-        speed, reach: sizes of its motions.
+        coordinate: the coordinate.
+        inertia: its inertia at rest.
+        speed, reach: amplitudes of its velocity and position.
     """
     v, q, force = coordinate.v, coordinate.q, inertia * speed * max(speed / reach, 1e-3)
     turns, per = coordinate.unit == "rad", coordinate.unit
