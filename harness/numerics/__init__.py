@@ -1,1 +1,1 @@
-"""What an engine does as h -> 0, and what its step costs."""
+"""Extrapolation of engine motions to a zero time step, and the error of a finite one."""

@@ -1,9 +1,9 @@
-"""An engine's accelerations at given states, without a motion: limits of a few tiny steps.
+"""An engine's accelerations at given states, as limits of a few tiny steps.
 
-The change of velocity over the k-th step, per second, goes to the acceleration at the start as
-h -> 0, for every k: another observable than a segment's end, on rungs of equal counts of steps.
-What an engine carries from step to step, a soft equality's initial layer for one, makes it differ
-from step to step: that difference is part of the uncertainty.
+The change of velocity over the k-th step, per second, converges to the acceleration at the start as
+h -> 0, for every k. Unlike a segment's end, it is measured on rungs with equal numbers of steps.
+State that an engine keeps between steps, such as the initial layer of a soft equality, makes it
+differ between steps. That difference is part of the uncertainty.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from physics_crosscheck.harness.numerics.segments import BlownUpError, Observabl
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 STEPS = range(4, 9)
-"""Steps whose velocity changes are compared: a layer damped out step by step is over by then. The
-last one counts."""
+"""Steps whose velocity changes are compared; a layer that is damped out step by step has vanished
+by then. The last one is the result."""
 
 SHARE = 1 / 20
-"""The coarsest rung's steps together, in periods of the fastest rate."""
+"""Duration of the coarsest rung's steps, in periods of the fastest rate."""
 
 LADDER = RUNGS[:8]
 
 QUICKER = (1.0, 16.0, 256.0)
-"""By how much steps are shortened until every acceleration is resolved."""
+"""Factors by which steps are shortened until every acceleration is resolved."""
 
 RESOLVED = 1e-6
-"""Values are said to be unresolved where their uncertainty is above this share of their scale; what
-differs by more than its uncertainty is a finding all the same."""
+"""Values are unresolved if their uncertainty exceeds this share of their scale. A difference larger
+than its uncertainty is still a finding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A value from an engine with its uncertainty, infinite where it has no limit."""
+    """A value from an engine with its uncertainty, infinite if it has no limit."""
 
     value: Array
     uncertainty: Array
@@ -50,13 +50,13 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Velocities:
-    """Which velocities are looked at: C of them.
+    """The C velocities that are measured.
 
     Attributes:
-        of: from engine positions and velocities, (B, nz) each, near states (B, 2n) -> (B, C).
-        speed: what counts as one, (C,), nowhere zero.
-        rounding_scale: how far one unit of relative rounding moves each position, and velocity, of
-            which they are, (2C,).
+        of: maps engine positions and velocities, (B, nz) each, near states (B, 2n), to (B, C).
+        speed: unit of relative errors, (C,), nowhere zero.
+        rounding_scale: change of each position, then velocity, per unit of relative rounding,
+            (2C,).
         vanishing: whether the equations' accelerations are zero. Rounding alone then has no limit,
             and the finest rungs bound what is left (`numerics.residual`).
     """
@@ -69,7 +69,7 @@ class Velocities:
 
 @dataclass(frozen=True, kw_only=True)
 class Accelerations:
-    """What measures accelerations: a loaded model, its map, and the size of the system's motions.
+    """Measurement of accelerations: a loaded model, its map, and the size of the system's motions.
 
     Attributes:
         speed: largest velocity of each coordinate, (n,), nowhere zero.
@@ -82,9 +82,10 @@ class Accelerations:
     fastest: float
 
     def at(self, states: Array, inputs: Array, forces: Array) -> Estimate:
-        """Accelerations (B, n) at states (B, 2n) under inputs (B, m) and generalized forces (B, n).
+        """Return accelerations (B, n) at states (B, 2n), inputs (B, m) and forces (B, n).
 
-        A model far quicker than its equations, by a wrong literal, is given shorter steps.
+        The forces are generalized. A model that is much faster than its equations, because of a
+        wrong number, gets shorter steps.
         """
         n = len(self.speed)
         own = Velocities(
@@ -95,9 +96,9 @@ class Accelerations:
         return self._resolved(own, states, inputs, forces)
 
     def off_the_map(self, states: Array, inputs: Array) -> tuple[Estimate, Array]:
-        """Accelerations (B, nz) with which the engine's coordinates leave the coordinate map.
+        """Return accelerations (B, nz) of the coordinate map's residual, and their unit, (nz,).
 
-        The equations' are zero. With them what counts as one, (nz,).
+        The equations have zero.
         """
         z, w = self.coordinates.to_engine(states)
         nz = z.shape[1]
@@ -114,7 +115,7 @@ class Accelerations:
         return self.coordinates.residual(z, w, self.coordinates.from_engine(z, w, near))
 
     def _resolved(self, of: Velocities, states: Array, inputs: Array, forces: Array) -> Estimate:
-        """With steps as short as it takes to resolve every acceleration."""
+        """Measure with steps short enough to resolve every acceleration."""
         best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in QUICKER):
@@ -131,7 +132,7 @@ class Accelerations:
     def _over(
         self, of: Velocities, states: Array, inputs: Array, forces: Array, fastest: float
     ) -> Estimate:
-        """The forces on the engine's coordinates are those at the start: as h -> 0 no others."""
+        """Measure at one step size; forces keep their initial values, which is exact as h -> 0."""
         n = len(self.speed)
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), n, -1)
@@ -157,7 +158,7 @@ class Accelerations:
             latest: Array = found[-1]
             return latest
 
-        # Rounding: of the velocities, in differences over steps as short as the last rung's.
+        # Rounding of the velocities, in differences over steps as short as the last rung's.
         count = len(of.speed)
         size = of.rounding_scale
         rounded = size[count:] + of.speed * SHARE + size[:count] * fastest
@@ -180,7 +181,7 @@ class Accelerations:
         return _bounded_by_finest(found, np.stack(by_step)) if of.vanishing else found
 
     def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
-        """Mass matrices (B, n, n) and generalized forces (B, n) of the engine at states (B, 2n).
+        """Return the engine's mass matrices (B, n, n) and generalized forces (B, n) at states.
 
         The response to a force on each coordinate in turn, of the given size and both signs, is the
         inverse of the mass matrix.
@@ -194,7 +195,7 @@ class Accelerations:
         )
         value = found.value.reshape(count, len(pushes), n)
         error = found.uncertainty.reshape(count, len(pushes), n)
-        # Rows are the coordinates pushed; the transpose has a column for each.
+        # Rows are the coordinates with a force; the transpose has a column for each.
         inverse = (value[:, 1 : n + 1] - value[:, n + 1 :]).swapaxes(1, 2) / (2 * sizes)
         inverse_error = (error[:, 1 : n + 1] + error[:, n + 1 :]).swapaxes(1, 2) / (2 * sizes)
         regular: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in inverse])
@@ -231,5 +232,5 @@ def _bounded_by_finest(found: Estimate, rungs: Array) -> Estimate:
 
 
 def _known(uncertainty: Array) -> Array:
-    """Where infinities met zeros, nothing is known."""
+    """Return infinity where an infinity times zero gave nan."""
     return np.where(np.isnan(uncertainty), np.inf, uncertainty)

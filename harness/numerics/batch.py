@@ -1,4 +1,4 @@
-"""Segments that are to be run, and what counts as one in what comes of them."""
+"""Segments to be run, and the units of their relative errors."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from physics_crosscheck.reference.solving.motion import Motion, Span
 
 Rows = NDArray[np.intp]
 StepInputs = Callable[[Rows, int], Array]
-"""Inputs over chosen segments, at the starts of so many equal steps: (B, steps, inputs)."""
+"""Inputs over chosen segments, at the starts of `steps` equal steps: (B, steps, inputs)."""
 
 LEAST_SHARE = 1e-3
-"""A component that moves less than this share of the one that moves most is measured against it."""
+"""Smallest unit of a component's relative error, as a share of the largest movement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,17 +25,17 @@ class Batch:
     """K segments to be run, in a system's coordinates; c = 2n components.
 
     Attributes:
-        states: where they start, (K, c).
-        lengths: seconds of each, (K,).
-        inputs: over each segment.
-        varying: whether an input changes over a segment, and is held over each step.
-        scale: what counts as one, per component, (c,); None: how far the runs themselves move.
-        ends: about where they end, (K, c), near which angles are taken; None: near their starts.
-        times: when they start, (K,), and
-        name: of their scenario, for messages.
-        uneven: whether rounding differs much from segment to segment, as under a drag, which grows
-            with the square of a velocity: each segment has companions of its own.
-        partial: whether segments that are not finite are left without a limit, where others are.
+        states: start states, (K, c).
+        lengths: seconds per segment, (K,).
+        inputs: inputs over each segment.
+        varying: whether an input changes over a segment; it is constant over each step.
+        scale: unit of relative errors, per component, (c,); None for the movement of the runs.
+        ends: approximate ends, (K, c), near which angles are unwrapped; None for the starts.
+        times: start times, (K,).
+        name: name of the scenario, for messages.
+        uneven: whether rounding differs much between segments, as under a drag quadratic in the
+            velocity; each segment then has its own companions.
+        partial: whether segments that are not finite only lose their own limit.
     """
 
     states: Array
@@ -51,7 +51,7 @@ class Batch:
 
     @staticmethod
     def of(motion: Motion, scale: Array) -> Batch:
-        """All segments of a motion."""
+        """Return all segments of a motion."""
         return Batch(
             states=motion.start,
             lengths=motion.lengths,
@@ -64,7 +64,7 @@ class Batch:
 
 
 def over(inputs: Inputs, t: Array, lengths: Array) -> StepInputs:
-    """Inputs u(t) of a scenario, over segments from times t on, (K,)."""
+    """Return inputs u(t) of a scenario, over segments that start at times t, (K,)."""
 
     def at(rows: Rows, steps: int) -> Array:
         h = lengths[rows, None] / steps
@@ -76,7 +76,7 @@ def over(inputs: Inputs, t: Array, lengths: Array) -> StepInputs:
 
 
 def held(values: Array) -> StepInputs:
-    """Inputs (K, m) that are held throughout each segment."""
+    """Return inputs (K, m) that are constant over each segment."""
 
     def at(rows: Rows, steps: int) -> Array:
         return np.repeat(values[rows, None, :], steps, axis=1)
@@ -85,17 +85,17 @@ def held(values: Array) -> StepInputs:
 
 
 def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:
-    """Pick about so many segments evenly, from each span in proportion, at least two: indices."""
+    """Yield evenly spaced segment indices per span, in proportion, at least two each."""
     first = 0
     for span in motion.spans:
         count = min(span.count, max(2, round(picked * span.count / len(motion.t))))
-        # An even spread, off the ends: a start at rest tells little.
+        # Spread evenly, away from the ends, since a start at rest is not informative.
         yield span, first + np.floor((np.arange(count) + 0.5) * span.count / count).astype(np.intp)
         first += span.count
 
 
 def movement(ends: Array, starts: Array) -> Array:
-    """What counts as one, (c,): how far each component moves at most, floored by its like."""
+    """Return the unit of relative errors, (c,): the largest movement, floored by its kind."""
     with np.errstate(invalid="ignore"):
         moved = np.abs(ends - starts)
     reach = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
@@ -104,6 +104,6 @@ def movement(ends: Array, starts: Array) -> Array:
 
 
 def floored(sizes: Array) -> Array:
-    """Sizes of what is alike, (c,): none below `LEAST_SHARE` of the largest, and nowhere zero."""
+    """Return sizes (c,), none below `LEAST_SHARE` of the largest, and nowhere zero."""
     found = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
     return np.where(found > 0, found, 1.0)

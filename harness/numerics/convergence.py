@@ -1,8 +1,8 @@
-"""What full runs at one step after another, each half or twice the last, bear out together.
+"""Convergence of full runs over steps that halve or double.
 
-The order of the global error, its limit as h -> 0, and whether the shipped step's own error is what
-the finer runs make expect. A run bears witness as far as it is resolved: where a motion multiplies
-any difference, as chaos does, what the runs are from there on says nothing of the model.
+The runs show the order of the global error, its limit as h -> 0, and whether the error at the
+file's own time step matches the prediction of the other runs. Only resolved parts of a run count.
+Where a chaotic motion amplifies every difference, the runs do not test the model.
 """
 
 from __future__ import annotations
@@ -27,38 +27,39 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.motion import Motion
 
 SMALL = 0.05
-"""Errors up to this share of the amplitude count as small: the expansion in h still leads there."""
+"""Largest error, relative to the amplitude, for which the expansion in h is dominated by its first
+term."""
 
 ROUNDING = 1e-10
 
 RESIDUAL = 1e-8
-"""What rounding, and the samples, may leave of the extrapolated error of full runs."""
+"""Largest extrapolated error of full runs that rounding and sampling may cause."""
 
 SLACK = 0.3
-"""An observed order may be this far off: runs are not fine enough for the leading term alone."""
+"""Tolerance of an observed order, for runs that are too coarse for the leading term alone."""
 
 NEXT_ORDERS = 3
-"""Orders after the leading one that a shipped step's error may be made of. Whichever of them leads,
-what the other runs foretell moves with each run by no less than a known share of what it is off."""
+"""Orders after the leading one that an error may contain. For each of them, the predictions change
+between runs by at least a known share of their error."""
 
 NUDGE = 1e-7
-"""Relative distance of the start whose run shows how a motion multiplies differences."""
+"""Relative perturbation of the start, to measure how a motion amplifies differences."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """How a motion multiplies differences, and what is to be expected of a run's error.
+    """Amplification of differences by a motion, and the expected error of a run.
 
-    An error made at time s is at time t what a difference between two runs has become since. So the
-    error is at most the sum over the segments begun, K(t) e max g(t)/g(s), s <= t.
+    An error made at time s grows until time t like the difference of two runs. So the error is at
+    most the sum over the segments started, K(t) e max g(t)/g(s), s <= t.
 
     Attributes:
         t: times, (S,).
         growth: largest g(t')/g(s) for s <= t' <= t, (S,).
-        begun: segments begun at each time, (S,).
+        begun: number of segments started at each time, (S,).
         local: largest error e over a segment, relative to the amplitude, at `step`.
         step: seconds.
-        order: of the method.
+        order: order of the method.
         epsilon: relative rounding of the engine's numbers.
     """
 
@@ -71,13 +72,13 @@ class Sensitivity:
     epsilon: float = EPSILON
 
     def horizon(self, h: float) -> float:
-        """Time until which the error of a run with step h is to be expected small."""
+        """Return the time until which a run with step h should have a small error."""
         expected = self.begun * self.growth * self.local * (h / self.step) ** self.order
         large = expected > SMALL
         return float(self.t[max(int(np.argmax(large)) - 1, 0)] if large.any() else self.t[-1])
 
     def of_rounding(self, until: float) -> float:
-        """What an epsilon of the amplitude in every segment has become by then, relative to it."""
+        """Return the effect of one epsilon of rounding per segment, relative to the amplitude."""
         share = (self.begun * self.growth)[self.t <= until]
         return float(np.max(share, initial=0.0)) * self.epsilon
 
@@ -90,11 +91,11 @@ def sensitivity(
     order: int,
     size: Array,
 ) -> Sensitivity:
-    """Run once more from a start close by, and every segment in two steps.
+    """Measure the amplification with a run from a perturbed start, and segments of two steps.
 
     Args:
-        run: the finest.
-        order: that the engine claims.
+        run: the finest run.
+        order: order that the engine claims.
         size: amplitudes, (2n,).
     """
     nudge = max(NUDGE, model.epsilon**NEAR)
@@ -120,21 +121,21 @@ def sensitivity(
 
 @dataclass(frozen=True, kw_only=True)
 class Witness:
-    """What full runs bear out, of positions, relative to the amplitude.
+    """Evidence from full runs, of positions, relative to the amplitude.
 
     Attributes:
-        order: of the error, observed between the two finest runs; nan where none can be.
-        until: end of the stretch on which it was read: errors are small there.
-        residual: what is left of the error as h -> 0, by extrapolation of the three finest runs.
-        left: how much may be left: what the finest run moved that, rounding, and the reference.
-        expected: largest error of the shipped run by what the two beside it foretell, where they
-            foretell a small one.
-        surprise: by how much the shipped run's error is another there.
-        unsure: how sure they are of it.
-        settled: whether the order is one that the engine may claim, or can't be told.
-        bears_out: whether order and residual are an honest engine's.
-        excused: whether less than all runs show was looked at, since the motion is sensitive.
-        growth: by what it multiplies differences at most, where that was looked at; else 1.
+        order: order of the error, observed between the two finest runs; nan if unknown.
+        until: end of the interval with small errors, on which the order is measured.
+        residual: error extrapolated to h -> 0 from the three finest runs.
+        left: bound of the residual: the finest run's change of it, rounding, and the reference.
+        expected: largest error of the run at the file's time step, predicted by two other runs on
+            the interval where they predict small ones.
+        surprise: difference of that run's error from the prediction.
+        unsure: uncertainty of the prediction.
+        settled: whether the order is one that the engine may claim, or cannot be determined.
+        bears_out: whether order and residual converge as an accurate model's do.
+        excused: whether only a part of the runs was used, since the motion is chaotic.
+        growth: largest amplification of differences, if measured; else 1.
     """
 
     order: float
@@ -151,7 +152,7 @@ class Witness:
 
     @property
     def foretold(self) -> bool:
-        """Whether the shipped run is what the finer ones foretell."""
+        """True if the run at the file's time step matches the prediction of the other runs."""
         return self.surprise <= self.unsure
 
 
@@ -162,12 +163,12 @@ def witness(
     motion: Motion,
     sensitive: Sensitivity | None = None,
 ) -> Witness:
-    """What runs bear out: the shipped one, then others, of halves and doubles of its step.
+    """Return the evidence of runs: first at the file's time step, then at halves and doubles of it.
 
     Args:
         claimed: order that the engine claims.
         size: amplitudes of the positions, (n,).
-        sensitive: how the motion multiplies differences, where that is to be an excuse.
+        sensitive: amplification of differences, to exclude the chaotic part of the motion.
     """
     shipped = runs[0]
     beside = runs[1:3]
@@ -206,13 +207,13 @@ def witness(
 
 
 def largest(run: SampledRun, size: Array) -> float:
-    """Largest position error of a run, relative to the amplitude; infinite if it is not finite."""
+    """Return the largest position error, relative to the amplitude; infinite if not finite."""
     value = float(np.max(np.abs(run.error[:, : len(size)]) / size))
     return value if math.isfinite(value) else math.inf
 
 
 def largest_velocity(run: SampledRun, size: Array) -> float:
-    """Largest velocity error of a run, relative to the amplitude; infinite if it is not finite."""
+    """Return the largest velocity error, relative to the amplitude; infinite if not finite."""
     value = float(np.max(np.abs(run.error[:, -len(size) :]) / size))
     return value if math.isfinite(value) else math.inf
 
@@ -220,7 +221,7 @@ def largest_velocity(run: SampledRun, size: Array) -> float:
 def _legible(
     runs: Sequence[SampledRun], size: Array, floor: float
 ) -> tuple[SampledRun, SampledRun]:
-    """Of runs from coarse to fine the two finest whose errors are above rounding, if any are."""
+    """Return the two finest runs with errors above rounding, else the two finest."""
     for coarse, fine in reversed(list(pairwise(runs))):
         if largest(fine, size) > floor:
             return coarse, fine
@@ -228,7 +229,7 @@ def _legible(
 
 
 def _order(coarse: SampledRun, fine: SampledRun, size: Array, end: float) -> tuple[float, float]:
-    """Observed order of two runs, read where both errors are still small."""
+    """Return the observed order of two runs, on the interval where both errors are small."""
     if not (coarse.finite and fine.finite):
         return math.nan, 0.0
     n = len(size)
@@ -242,7 +243,7 @@ def _order(coarse: SampledRun, fine: SampledRun, size: Array, end: float) -> tup
 
 
 def _until(t: Array, large: NDArray[np.bool_]) -> float:
-    """The last of the times before any component is large; the last of all where none is."""
+    """Return the last time before any component is large; the last of all if all are small."""
     any_large = np.any(large, axis=1)
     if not any_large.any():
         return float(t[-1])
@@ -250,9 +251,9 @@ def _until(t: Array, large: NDArray[np.bool_]) -> float:
 
 
 def first_break_off(h: float, motion: Motion) -> float:
-    """Time of the first break of the input that steps of h don't reach; else the end.
+    """Return the time of the first input break that is not a multiple of h; else the end.
 
-    From there on the error depends on where between two steps the break falls, not on h alone.
+    Afterwards the error also depends on the position of the break within a step.
     """
     for span in motion.spans[1:]:
         if abs(span.start / h - round(span.start / h)) > 1e-6:
@@ -263,10 +264,10 @@ def first_break_off(h: float, motion: Motion) -> float:
 def _residual(
     runs: Sequence[SampledRun], until: float, claimed: int, size: Array
 ) -> tuple[float, float]:
-    """Error of the runs extrapolated to h -> 0, and by how much the finest run moved it.
+    """Return the error extrapolated to h -> 0, and how much the finest run changed it.
 
-    What is carried from step to step over longer than a segment shows here alone: each finer run
-    of an honest engine leaves less than it moves.
+    Only this error contains effects that an engine carries over more than a segment. For an
+    accurate model, each finer run changes it by more than what remains.
     """
     if not all(run.finite for run in runs) or len(runs) < 3:
         return 0.0, 0.0
@@ -280,7 +281,7 @@ def _residual(
 
 
 def _together(runs: Sequence[SampledRun], until: float, size: Array) -> Array:
-    """Position errors of all runs at their common times up to `until`, (runs, S, n), relative."""
+    """Return relative position errors of all runs up to `until`, (runs, S, n), at common times."""
     count = min(int(np.sum(run.t <= until * (1 + 1e-12))) for run in runs)
     return np.stack([run.error[:count, : len(size)] / size for run in runs])
 
@@ -288,12 +289,12 @@ def _together(runs: Sequence[SampledRun], until: float, size: Array) -> Array:
 def _foretold(
     shipped: SampledRun, others: Sequence[SampledRun], until: float, claimed: int, size: Array
 ) -> tuple[float, float, float]:
-    """The shipped run's error by two others, by how much it is another, and how sure that is.
+    """Return the predicted largest error, the deviation from it, and its uncertainty.
 
-    With e(h) = c_p h^p + c_(p+1) h^(p+1) + ..., one other run foretells the leading term, two the
-    next as well. Whichever later order leads, of the next `NEXT_ORDERS`, both foretellings differ
-    by a known share of what the second is off. An error that the shipped step alone makes is of no
-    order: neither moves.
+    They are for the run at the file's time step, from two other runs. With e(h) = c_p h^p + c_(p+1)
+    h^(p+1) + ..., one other run predicts the leading term, and two runs also the next. For each of
+    the next `NEXT_ORDERS` orders, both predictions differ by a known share of the error of the
+    second. An error that occurs only at the file's time step has no order, and changes neither.
     """
     runs = (shipped, *others)
     lost = max(run.rounding for run in runs)
@@ -319,9 +320,9 @@ def _foretold(
 
 
 def _powers(ratios: Sequence[Fraction], lead: int) -> list[Fraction]:
-    """Weights of the errors at one multiple of a step, or two, that give that at the step itself.
+    """Return weights of errors at one or two multiples of a step that sum to the error at it.
 
-    Exact for errors in its powers `lead`, `lead` + 1, ..., as many as there are weights.
+    They are exact for errors in its powers `lead`, `lead` + 1, ..., as many as there are weights.
     """
     if len(ratios) == 1:
         return [1 / ratios[0] ** lead]

@@ -1,8 +1,7 @@
-"""Between a system's coordinates q and an engine's z: positions, velocities and forces.
+"""Maps between a system's coordinates q and an engine's z, for positions, velocities and forces.
 
-z = Z(q) and q = R(z) are declared; velocities go through their Jacobians, generalized forces
-through the transpose (virtual work: dR/dz^T Q does on z what Q does on q), and z - Z(R(z)) is the
-constraint drift.
+z = Z(q) and q = R(z) are declared. Velocities use their Jacobians. Generalized forces use the
+transpose (virtual work): dR/dz^T Q acts on z as Q acts on q. z - Z(R(z)) is the constraint drift.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class CoordinateMap:
         back: R(z), (..., nz) -> (..., n).
         back_slope: dR/dz, flattened, (..., n * nz).
         push: dR/dz^T times the generalized forces of the inputs, of (z, u), (..., nz).
-        push_matrix: the same as a constant nz x inputs matrix, or None where it depends on z.
+        push_matrix: the same as a constant nz x inputs matrix; None if it depends on z.
         periodic: which q are angles read back modulo 2 pi (by atan2).
     """
 
@@ -44,14 +43,14 @@ class CoordinateMap:
     periodic: tuple[bool, ...]
 
     def to_engine(self, states: Array) -> tuple[Array, Array]:
-        """States (q, v), (B, 2n), as engine positions and velocities, each (B, nz)."""
+        """Return states (q, v), (B, 2n), as engine positions and velocities, each (B, nz)."""
         n = self.back.size
         q, v = states[:, :n], states[:, n:]
         slope = self.forward_slope(q).reshape(len(q), -1, n)
         return self.forward(q), np.einsum("bzn,bn->bz", slope, v)
 
     def from_engine(self, z: Array, w: Array, near: Array) -> Array:
-        """Engine positions and velocities (B, nz) as states (B, 2n), angles taken near `near`."""
+        """Return engine positions and velocities (B, nz) as states (B, 2n), close to `near`."""
         q = self.back(z)
         n = q.shape[1]
         for i, periodic in enumerate(self.periodic):
@@ -61,7 +60,7 @@ class CoordinateMap:
         return np.concatenate([q, np.einsum("bnz,bz->bn", slope, w)], axis=1)
 
     def follow(self, z: Array, w: Array, start: Array) -> Array:
-        """States (S, 2n) along one run, its angles continuous from `start`, (2n,)."""
+        """Return states (S, 2n) along one run, with angles continuous from `start`, (2n,)."""
         states = self.from_engine(z, w, np.broadcast_to(start, (len(z), len(start))))
         for i, periodic in enumerate(self.periodic):
             if periodic:
@@ -70,22 +69,22 @@ class CoordinateMap:
 
     @property
     def redundant(self) -> bool:
-        """Whether there are more engine coordinates than the system has.
+        """True if there are more engine coordinates than system coordinates.
 
-        As many as it has leave nothing of the map: it is one to one.
+        Otherwise the map is one to one, and has no residual.
         """
         return self.forward.size > self.back.size
 
     def residual(self, z: Array, w: Array, states: Array) -> Array:
-        """What z and w leave of the map at the states (B, 2n) read from them: (B, 2nz).
+        """Return the residual of z and w at the states (B, 2n) read from them: (B, 2nz).
 
-        Zero as long as constraints hold what the equations take to be held.
+        It is zero as long as the engine satisfies the constraints that the equations assume.
         """
         own_z, own_w = self.to_engine(states)
         return np.concatenate([z - own_z, w - own_w], axis=1)
 
     def residual_rounding_scale(self, z: Array, w: Array) -> Array:
-        """How far one unit of relative rounding in z and w moves each residual, (2nz,)."""
+        """Return the change of each residual per unit of relative rounding in z and w, (2nz,)."""
         n = self.back.size
         there = np.abs(self.forward_slope(self.back(z))).reshape(len(z), -1, n)
         back = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
@@ -94,25 +93,25 @@ class CoordinateMap:
         return np.concatenate([np.max(a, axis=0) for a in moved])
 
     def drift(self, z: Array) -> float:
-        """Largest |z - Z(R(z))|: how far the engine's constraints have let go."""
+        """Return the largest |z - Z(R(z))|, the drift of the engine's constraints."""
         return float(np.max(np.abs(z - self.forward(self.back(z))), initial=0.0))
 
     def rounding_scale(self, z: Array, w: Array) -> Array:
-        """How far one unit of relative rounding in z moves each component, (2n,)."""
+        """Return the change of each component per unit of relative rounding in z, (2n,)."""
         n = self.back.size
         slope = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
         moved = [np.max(np.einsum("bnz,bz->bn", slope, np.abs(a)), axis=0) for a in (z, w)]
         return np.concatenate(moved)
 
     def pushes(self, z: Array, inputs: Array) -> Array:
-        """Inputs (B, inputs) as forces on the engine's coordinates at positions z, (B, nz)."""
+        """Return inputs (B, inputs) as engine forces at positions z, (B, nz)."""
         if self.push_matrix is None:
             return self.push(z, inputs)
         found: Array = inputs @ self.push_matrix.T
         return found
 
     def force(self, inputs: Array) -> Force:
-        """Inputs (B, n, inputs), held over each step, as forces on the engine's coordinates."""
+        """Return inputs (B, n, inputs), constant over each step, as engine forces."""
         if inputs.shape[-1] == 0 or not inputs.any():
             return None
         if self.push_matrix is not None:
@@ -129,11 +128,11 @@ class CoordinateMap:
 def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> CoordinateMap:
     """Compile the map between a system and the coordinates `names` of a loaded model.
 
-    Where the sidecar declares nothing, every engine coordinate must be named like one of the
-    system's.
+    Without declarations in the sidecar, every engine coordinate must have the name of a system
+    coordinate.
 
     Raises:
-        SidecarError: naming the coordinate that is missing, unknown or not read back.
+        SidecarError: with the coordinate that is missing, unknown or not read back.
     """
     forward, back, z = _declared(system, sidecar, names)
     values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
@@ -156,14 +155,15 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinateFamily:
-    """The maps of one model in one engine for any values of the constants: compiled once.
+    """The maps of one model in one engine for any values of the constants, compiled once.
 
     Attributes:
-        forward, forward_slope, back, back_slope, push: as of `CoordinateMap`, with the constants,
-            in the system's order, as a last group.
-        pushes: the push matrix of the constants, row after row; None where it depends on z.
-        periodic: as of `CoordinateMap`.
-        constants: names of those that stand in a map.
+        forward, forward_slope, back, back_slope, push: as in `CoordinateMap`, with the constants,
+            in the system's order, as last argument group.
+        pushes: the push matrix as a function of the constants, in row-major order; None if it
+            depends on z.
+        periodic: as in `CoordinateMap`.
+        constants: names of the constants that a map uses.
     """
 
     forward: NumericFunction
@@ -176,7 +176,7 @@ class CoordinateFamily:
     constants: frozenset[str]
 
     def at(self, values: Sequence[float]) -> CoordinateMap:
-        """The map at values of all constants, in the system's order."""
+        """Return the map at values of all constants, in the system's order."""
         matrix = None if self.pushes is None else self.pushes(np.asarray(values, dtype=float))
         return CoordinateMap(
             forward=self.forward.at(values),
@@ -193,7 +193,7 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
     """Compile the maps between a system and the coordinates `names` of its model.
 
     Raises:
-        SidecarError: as `coordinate_map`, whose checks are made at the declared values.
+        SidecarError: as `coordinate_map`, with checks at the declared values.
     """
     forward, back, z = _declared(system, sidecar, names)
     back_slope = sp.Matrix(back).jacobian(z)
@@ -218,7 +218,7 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
 def _declared(
     system: System, sidecar: Sidecar, names: Sequence[str]
 ) -> tuple[list[sp.Expr], list[sp.Expr], list[sp.Symbol]]:
-    """The map there and back as the sidecar says it, checked at the constants' values; and z."""
+    """Return the sidecar's forward and back maps, checked at the constants' values, and z."""
     where = f"{sidecar.model}.toml"
     z = [sp.Symbol(f"z{i}_", real=True) for i in range(len(names))]
     forward = _forward(system, sidecar, names, where)
@@ -232,7 +232,7 @@ def _periodic(back: Sequence[sp.Expr]) -> tuple[bool, ...]:
 
 
 def _pushes(work: sp.Matrix, system: System, z: Sequence[sp.Symbol]) -> sp.Matrix | None:
-    """What a unit of each input does to each engine coordinate, nz x inputs; None by state."""
+    """Return the force of each unit input on each engine coordinate, nz x inputs, if constant."""
     if not system.u:
         return sp.zeros(len(z), 0)
     matrix = work.jacobian(system.u)
@@ -309,14 +309,14 @@ def _check_inverse(
 
 
 def linear(matrix: Array, offset: Array, kept: Sequence[int]) -> CoordinateMap:
-    """Engine coordinates z = G q + c of which some, `kept`, are the coordinates q themselves.
+    """Return the map of z = G q + c, where the coordinates `kept` of z are q itself.
 
-    Forces on the coordinates act on those.
+    Generalized forces act on these coordinates.
 
     Args:
         matrix: G, (nz, n).
         offset: c, (nz,).
-        kept: index of each q among z, (n,).
+        kept: index of each q in z, (n,).
     """
     size, n = matrix.shape
     z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
@@ -341,7 +341,7 @@ def linear(matrix: Array, offset: Array, kept: Sequence[int]) -> CoordinateMap:
 
 @lru_cache(maxsize=8)
 def identity(size: int) -> CoordinateMap:
-    """A model's own coordinates as they are, for what measures in a system's."""
+    """Return the identity map, to measure a model in its own coordinates."""
     z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
     same, unit = compile_function(z, z), compile_function(list(sp.eye(size)), z)
     return CoordinateMap(

@@ -1,4 +1,4 @@
-"""An oscillation's error by its parts: amplitude and phase, and how both grow."""
+"""Decomposition of an oscillation's error into amplitude and phase, and their growth."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from physics_crosscheck.reference.solving.motion import Motion
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorDecomposition:
-    """An oscillation's error by its parts: engine(t) = (1 + gain) reference(t - lag) + shift.
+    """An oscillation's error by parts: engine(t) = (1 + gain) reference(t - lag) + shift.
 
-    Gain, lag and shift are linear in t, found by least squares. For y = Re(a exp(s t)) + const this
-    is every change of a and s that is small over the motion. With s = -sigma + i omega,
+    Gain, lag and shift are linear in t, fitted by least squares. For y = Re(a exp(s t)) + const
+    this covers every change of a and s that is small over the motion. With s = -sigma + i omega,
 
         a exp(s (t - lag)) = a exp(sigma lag) exp(s t - i omega lag):
 
-    what comes later has decayed less, so that the amplitude at the end is changed by the factor
-    (1 + gain) exp(sigma lag), to the first order by gain + damping ratio times phase (of the
-    undamped frequency), and the phase lags by omega lag.
+    a delayed oscillation has decayed less. The amplitude at the end changes by the factor (1 +
+    gain) exp(sigma lag), which is to first order gain + damping ratio times phase (of the undamped
+    frequency). The phase lags by omega lag.
 
     Attributes:
         amplitude: relative error of the amplitude at the end.
         phase: phase error at the end, rad; positive lags behind.
         frequency: relative error of the frequency.
         damping: error of the damping ratio.
-        explained: share of the mean square error that this explains.
+        explained: share of the mean square error that the decomposition explains.
     """
 
     amplitude: float
@@ -39,19 +39,19 @@ class ErrorDecomposition:
 
 
 def decompose(t: Array, engine: Array, motion: Motion, component: int) -> ErrorDecomposition:
-    """Split the error of one position into amplitude and phase, and their growth.
+    """Decompose the error of one position into amplitude and phase, and their growth.
 
     Args:
         t: evenly spaced sample times, (S,).
         engine: positions there, (S,).
-        component: which of the motion's it is.
+        component: index of the position in the motion.
     """
     n = motion.start.shape[1] // 2
     end = t[-1]
     gain, lag, shift = np.zeros(2), np.zeros(2), np.zeros(2)
     share = np.stack([np.ones_like(t), t / end], axis=1)
-    # Gauss-Newton from no error at all: a phase error of a tenth leaves half a percent of amplitude
-    # to the second order, which would read as damping.
+    # Gauss-Newton from zero error: at first order, a phase error of a tenth would leave half a
+    # percent of amplitude, which would appear as damping.
     for _ in range(4):
         times = t - share @ lag
         inside = (times >= 0) & (times <= end)
@@ -76,11 +76,11 @@ def decompose(t: Array, engine: Array, motion: Motion, component: int) -> ErrorD
 
 
 def _decay(t: Array, motion: Motion, component: int) -> float:
-    """The rate sigma at which a position oscillates away, 1/s.
+    """Return the decay rate sigma of a position's oscillation, 1/s.
 
-    From one sample to the next (y - const, v) of Re(a exp(s t)) + const is turned by a constant
-    matrix, whose determinant is exp(-2 sigma) of the time between. The matrix is fitted; where a
-    motion is no such oscillation, so is what comes out.
+    Between samples, (y - const, v) of Re(a exp(s t)) + const is multiplied by a constant matrix,
+    whose determinant is exp(-2 sigma) of the time between. The matrix is fitted. The result has no
+    meaning for other motions.
     """
     n = motion.start.shape[1] // 2
     states = motion.at(t)

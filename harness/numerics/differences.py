@@ -1,4 +1,4 @@
-"""Slopes of an end by its start and inputs: central differences, extrapolated in their size."""
+"""Derivatives of ends by starts and inputs: extrapolated central differences."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from physics_crosscheck.harness.numerics.ladder import weights
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SIZES = (1.0, 0.5, 0.25)
-"""Perturbations, in units of the largest; their even powers are extrapolated away."""
+"""Perturbations in units of the largest; extrapolation removes their even powers."""
 
 
 def moved(deltas: Array) -> Array:
-    """Perturbations of each column alone, by all sizes and both signs, (6 c, c).
+    """Return perturbations of each column alone, by all sizes and both signs, (6 c, c).
 
-    One column after the other: what is seen of some rows then tells of all columns.
+    Columns are consecutive, so that a subset of rows represents all columns.
     """
     unit = np.eye(len(deltas))[:, None, None] * np.array([1.0, -1.0])[:, None]
     found: Array = (np.array(SIZES)[:, None, None] * unit).reshape(-1, len(deltas)) * deltas
@@ -23,11 +23,11 @@ def moved(deltas: Array) -> Array:
 
 
 def slopes(ends: Array, error: Array, deltas: Array) -> Estimate:
-    """How ends (6 c, m) depend on what was `moved`, (m, c), with what is uncertain of it.
+    """Return the derivatives of ends (6 c, m) by the `moved` columns, (m, c), with uncertainty.
 
     Args:
-        ends, error: of each row, and its uncertainty, (6 c, m) each.
-        deltas: of the columns, (c,).
+        ends, error: ends of each row, and their uncertainty, (6 c, m) each.
+        deltas: perturbations of the columns, (c,).
     """
     columns = len(deltas)
     shape = columns, len(SIZES), 2, ends.shape[1]
@@ -37,7 +37,7 @@ def slopes(ends: Array, error: Array, deltas: Array) -> Estimate:
     each_error = ((doubt[:, :, 0] + doubt[:, :, 1]) / steps).swapaxes(0, 1)
     even = [weights(tuple(int(1 / s) for s in SIZES[:m]), (2, 2)) for m in (1, 2, 3)]
     first, second, third = (np.tensordot(w, each[: len(w)], axes=1) for w in even)
-    # What the sizes leave: what the last one moved, and how much less than the one before it.
+    # Remainder of the extrapolation: the last change, times its reduction from the one before.
     before, last = np.abs(second - first), np.abs(third - second)
     left = 2.5 * last * np.sqrt(np.minimum(1.0, last / np.maximum(before, 1e-300)))
     rounded = np.tensordot(np.abs(even[-1]), each_error, axes=1)

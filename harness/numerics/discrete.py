@@ -1,10 +1,10 @@
-"""One step of an engine, linearized about an equilibrium: A and B of x' = A x + B u, from it to it.
+"""One step of an engine, linearized about an equilibrium: A and B of x' = A x + B u.
 
-That is what a controller in discrete time is designed on, and what engines that difference their
-own step tell. Beside them stand those of the same rule on the equations
-(`harness.numerics.stepping`), differenced alike, so that what differences leave drops out; and how
-far a state grows in a step at most, the spectral radius, with that of the exact motion: a step at
-which it is above 1 where the motion dies out has no equilibrium to speak of.
+Controllers in discrete time are designed with these matrices, and engines that differentiate their
+own step return them. They are compared with those of the same rule on the equations
+(`harness.numerics.stepping`), computed by the same differences, so that truncation errors cancel.
+The spectral radius is the largest growth of a state per step. If it exceeds 1 although the exact
+motion decays, the step destabilizes the equilibrium.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
 
 LARGEST = 0.02
-"""Perturbations, as a share of the motions' sizes."""
+"""Perturbations as a share of the motions' sizes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,14 +30,14 @@ class DiscreteLinearization:
     """One step about an equilibrium.
 
     Attributes:
-        step: the shipped one, seconds.
+        step: the file's own time step, seconds.
         a, b: (2n, 2n) and (2n, inputs).
-        error, bound: the largest difference from the rule's on the equations in any entry, and what
-            is uncertain there, relative to the largest entry of what the rule's step changes; nan
-            where no rule is known.
-        differs: whether an entry differs by more than is uncertain, and than was asked for.
-        radius, exact_radius: the largest magnitude of the eigenvalues of `a`, and of the exact
-            motion's over the same time.
+        error, bound: largest difference from the rule on the equations in any entry, and its
+            uncertainty, relative to the largest entry of the rule's step minus identity; nan
+            without a rule.
+        differs: whether an entry differs by more than its uncertainty, at the requested resolution.
+        radius, exact_radius: largest eigenvalue magnitude of `a`, and of the exact motion over the
+            same time.
     """
 
     step: float
@@ -61,18 +61,18 @@ def linearize_step(
     push: Array,
     resolution: float,
 ) -> DiscreteLinearization | None:
-    """Linearize one step of the shipped size about an equilibrium.
+    """Linearize one step, of the file's own time step, about an equilibrium.
 
     Args:
-        stepped: the equations; None where time stands in them.
+        stepped: the equations; None if they depend on time.
         position: equilibrium positions, (n,).
         taylor: A of the Taylor linearization, among others.
         amplitude: size of the system's motions, per component, (2n,).
         push: size of its inputs, (inputs,).
-        resolution: share of the largest entry from which on a difference counts.
+        resolution: smallest difference that counts, as a share of the largest entry.
 
     Returns:
-        None where a step of the engine's has no finite end.
+        None if a step of the engine is not finite.
     """
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
@@ -94,11 +94,11 @@ def linearize_step(
         changed = wanted.value - np.eye(size, len(deltas))
         scale = float(np.max(np.abs(changed))) or 1.0
         off = np.abs(found.value - wanted.value) / scale
-        # What differences leave is the same in both: rounding alone tells them apart.
+        # Truncation errors are the same in both; only rounding differs.
         doubt = slopes(0 * ends, 2 * lost, deltas).uncertainty / scale
         error, bound = float(np.max(off)), float(np.max(doubt))
         differs = bool(np.any((off > doubt) & (off + doubt > resolution)))
-    from scipy.linalg import expm  # a part of a second, in every command
+    from scipy.linalg import expm  # slow import, not needed by every command
 
     exact = expm(taylor["A"] * model.step)
     return DiscreteLinearization(

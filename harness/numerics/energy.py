@@ -1,4 +1,4 @@
-"""Energy balance of a run: what it holds, what its inputs gave and its dampers took."""
+"""Energy balance of a run: stored energy, work of the inputs, work of the dampers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class EnergyBalance:
         held: T + V at the samples, (S,).
         supplied: work of the inputs up to each sample, (S,).
         dissipated: work of the dampers up to each sample, (S,).
-        scale: the largest of what is exchanged, supplied, dissipated or kinetic.
+        scale: the largest exchanged energy: supplied, dissipated or kinetic.
     """
 
     held: Array
@@ -34,16 +34,18 @@ class EnergyBalance:
         return float(np.max(np.abs(imbalance))) / self.scale if self.scale else 0.0
 
 
-def energy_balance(t: Array, states: Array, motion: Motion, power: VectorFunction) -> EnergyBalance:
-    """Balance the energy of a sampled run.
+def energy_balance(
+    t: Array, states: Array, motion: Motion, power: VectorFunction
+) -> EnergyBalance:
+    """Compute the energy balance of a sampled run.
 
     Args:
         t: sample times, (S,).
         states: (q, v) there, (S, 2n).
-        motion: gives the inputs and their breaks.
+        motion: provides the inputs and their breaks.
         power: (energy, supplied, dissipated) of (q, v, u, (t,)).
     """
-    from scipy.integrate import cumulative_simpson  # a part of a second, in every command
+    from scipy.integrate import cumulative_simpson  # slow import, not needed by every command
 
     n = states.shape[1] // 2
 
@@ -57,8 +59,8 @@ def energy_balance(t: Array, states: Array, motion: Motion, power: VectorFunctio
     work = np.zeros((len(t), 2))
     done = np.zeros(2)
     for span in motion.spans:
-        # An input that jumps between two samples would cost the quadrature an order: each piece is
-        # integrated by itself, from one break to the next.
+        # Integrate each piece from break to break, since an input that jumps between samples would
+        # reduce the quadrature's order.
         stop = min(span.start + span.length * span.count, t[-1])
         inside = (t > span.start) & (t < stop)
         times = np.concatenate([[span.start], t[inside], [stop]])

@@ -1,4 +1,4 @@
-"""A few of many, spread evenly."""
+"""Even selection of indices."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from numpy.typing import NDArray
 
 
 def evenly(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of `count` in a row, the first and the last among them."""
+    """Return at most `most` evenly spaced indices of `count`, including the first and the last."""
     return np.unique(np.linspace(0, count - 1, most).astype(np.intp))

@@ -1,13 +1,13 @@
-"""What an engine accelerates with, against the equations: evidence without a step.
+"""Comparison of an engine's accelerations with the equations, without taking a step.
 
-Where an engine tells its accelerations, no limit has to be taken: at each state they are the
-equations' to the last digits, or the model is another one. Pushed along each coordinate in turn it
-tells its mass matrix too, and with it which of its forces are others: those of positions, those
-that are even in the velocities (Coriolis'), those that are odd (dampers'), and those of the inputs.
+If an engine returns its accelerations, no limit is needed. At each state they must equal those of
+the equations to the last digits; otherwise the model differs. Forces on each coordinate in turn
+yield the mass matrix. It shows which forces differ: forces of positions, forces even in the
+velocities (Coriolis), forces odd in the velocities (dampers), or forces of inputs.
 
-What rounding does to a solution a of M a = f is bounded by |M^-1| (|M| |a| + |f|) last digits
-(Higham 2002, Accuracy and Stability of Numerical Algorithms, 7.2); what is rounded alike on the way
-to M and f is seen in companions (`harness.numerics.rounding`).
+The rounding of a solution a of M a = f is bounded by |M^-1| (|M| |a| + |f|) last digits (Higham
+2002, Accuracy and Stability of Numerical Algorithms, 7.2). Companions reveal rounding that M and f
+share (`harness.numerics.rounding`).
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, is_lin
 from physics_crosscheck.reference.solving.next_state import Stepped
 
 TURNS = 5
-"""How often velocities and inputs go round among the positions: five times the states."""
+"""Number of combinations of each position with velocities and inputs of other states."""
 
 TAKEN_APART = 8
-"""States at which forces are told apart."""
+"""Number of states at which forces are separated by kind."""
 
 TERMS = (
     "mass matrix", "forces by position", "forces even in velocity", "forces odd in velocity",
@@ -39,21 +39,21 @@ TERMS = (
 )  # fmt: skip
 
 EQUALITIES = "equalities"
-"""A further term: where soft equalities put the positions that follow others."""
+"""A further term: errors of the positions that soft equalities determine."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForwardDynamics:
-    """How far an engine's accelerations are from the equations'.
+    """Difference of an engine's accelerations from the equations'.
 
     Attributes:
-        judgement: of B states and nz coordinates, relative to the largest of each; where soft
-            equalities are taken to hold exactly, nz positions follow, relative to their range.
-        states: how many the engine told of.
-        complete: whether it told of all that it was asked for.
-        terms: by name, the largest difference in generalized forces, relative to the largest on
-            the same coordinate; nan where the engine's mass matrix can't be inverted. That of
-            `EQUALITIES` is in positions.
+        judgement: verdict for B states and nz coordinates, relative to the largest value of each.
+            If soft equalities are assumed exact, nz positions follow, relative to their range.
+        states: number of states at which the engine returned accelerations.
+        complete: whether it returned them at all states.
+        terms: largest difference in generalized forces by name, relative to the largest force on
+            the same coordinate; nan if the engine's mass matrix is singular. `EQUALITIES` is in
+            positions.
     """
 
     judgement: Judgement
@@ -63,14 +63,15 @@ class ForwardDynamics:
 
     @property
     def holds_equalities(self) -> bool:
-        """Whether soft equalities of the engine are taken to hold exactly."""
+        """True if soft equalities of the engine are assumed exact."""
         return EQUALITIES in self.terms
 
 
 def mixed(states: Array, inputs: Array) -> tuple[Array, Array]:
-    """States (B, 2n) and inputs (B, m) with others' velocities and inputs: `TURNS` times as many.
+    """Return states (B, 2n) and inputs (B, m) in `TURNS` combinations with other rows.
 
-    Positions remain those that are passed, so that no stop is met.
+    Velocities and inputs are combined with positions of the motion, so that no joint limit is
+    reached.
     """
     n, count = states.shape[1] // 2, len(states)
     turns = [round(k * count / TURNS) for k in range(TURNS)]
@@ -91,15 +92,16 @@ def forward_dynamics(
     """Compare accelerations at states, and their terms.
 
     Args:
-        model: as its engine has loaded it.
-        coordinates: between the equations' coordinates and the engine's.
+        model: loaded model.
+        coordinates: map between the equations' coordinates and the engine's.
         stepped: the equations.
         states: q and rates, (B, 2n).
-        inputs: of the equations, (B, inputs).
-        resolution: that is asked of a difference, relative.
+        inputs: inputs of the equations, (B, inputs).
+        resolution: smallest relative difference that counts.
 
     Returns:
-        None where the engine tells no accelerations, or its coordinates bend beside the equations'.
+        None if the engine returns no accelerations, or its coordinates are nonlinear in the
+        equations'.
     """
     if not is_linear(coordinates, states):
         return None
@@ -117,7 +119,7 @@ def forward_dynamics(
     scale = floored(np.max(np.abs(expected[told]), axis=0))
     uncertainty = ROUNDED * model.epsilon * digit + MARGIN * starts.last_digits(took)
     defect = np.abs(took[: len(states)] - expected) / scale
-    # What stands still has no rounding at all.
+    # A fixed coordinate has no rounding at all.
     uncertainty = np.where(uncertainty > 0, uncertainty / scale, model.epsilon)
     rows = np.flatnonzero(told)[evenly(int(told.sum()), TAKEN_APART)]
     terms = of.terms(states[rows], inputs[rows])
@@ -136,7 +138,7 @@ def forward_dynamics(
 
 @dataclass(frozen=True)
 class _Compared:
-    """A model and the equations, where engine coordinates are linear in the system's."""
+    """A model and its equations, for engine coordinates that are linear in the system's."""
 
     model: Model
     coordinates: CoordinateMap
@@ -153,9 +155,9 @@ class _Compared:
         return found.reshape(-1, self._n)
 
     def expected(self, states: Array, inputs: Array) -> tuple[Array, Array]:
-        """Engine coordinates' accelerations by the equations, and what a last digit does to them.
+        """Return the equations' accelerations of z, and the effect of a last digit on them.
 
-        Each (B, nz).
+        Each is (B, nz).
         """
         q, m = self._halves(states)
         mass, force = self.stepped.mass(q), self.stepped.force(q, m, inputs)
@@ -166,16 +168,16 @@ class _Compared:
         return a @ self._there.T, lost @ np.abs(self._there).T
 
     def equality_gaps(self, states: Array) -> tuple[Array, Array] | None:
-        """How far positions are from where the engine's equalities put them, and the rounding.
+        """Return the position errors of the engine's equalities, and their rounding.
 
-        Each (B, nz), relative to the range of each; None where it holds none.
+        Each is (B, nz), relative to the range of each position; None without equalities.
         """
         z, w = self.coordinates.to_engine(states)
         gaps = self.model.equality_errors(z)
         if gaps is None:
             return None
         n, epsilon = z.shape[1], self.model.epsilon
-        # An equality counts from where the file draws its joints, and a map from zero.
+        # An equality is relative to the joint positions of the file, a map to zero.
         size = np.maximum(np.abs(z), np.abs(self.model.home))
         digit = epsilon * self.coordinates.residual_rounding_scale(size, w)[:n]
         scale = floored(np.ptp(z, axis=0))
@@ -183,22 +185,22 @@ class _Compared:
         return np.abs(gaps) / scale, np.broadcast_to(uncertainty, gaps.shape)
 
     def _halves(self, states: Array) -> tuple[Array, Array]:
-        """Positions and the velocities that a step keeps."""
+        """Return positions, and the velocities that a step stores."""
         q, rates = states[:, : self._n], states[:, self._n :]
         return q, self.stepped.velocities(q, rates)
 
     def _own(self, states: Array, inputs: Array, push: Array) -> Array:
-        """The engine's accelerations of the coordinates q, (B, n), pushed along them besides."""
+        """Return the engine's accelerations of q, (B, n), under extra forces on q."""
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), self._n, -1)
         pushed = np.einsum("bnz,bn->bz", slope, push) + self.coordinates.pushes(z, inputs)
         found = self.model.accelerations(z, w, pushed)
-        assert found is not None  # it has told some
+        assert found is not None  # it returned some accelerations before
         own: Array = np.einsum("bnz,bz->bn", slope, found)
         return own
 
     def terms(self, states: Array, inputs: Array) -> dict[str, float]:
-        """The largest difference of each, relative to the largest force on its coordinate."""
+        """Return the largest difference of each term, relative to the largest force."""
         with np.errstate(all="ignore"):
             own, wanted = self._engine(states, inputs), self._equations(states, inputs)
         scale = floored(np.max([np.max(np.abs(one), axis=0) for one in wanted], axis=0))
@@ -208,7 +210,7 @@ class _Compared:
         }
 
     def _equations(self, states: Array, inputs: Array) -> list[Array]:
-        """M a and the forces by term, (B, n) each."""
+        """Return M a and the forces by kind, (B, n) each, of the equations."""
         q, m = self._halves(states)
         none = np.zeros_like(inputs)
         mass, at = self.stepped.mass(q), self.stepped.force
@@ -218,7 +220,7 @@ class _Compared:
         return [(mass @ a)[:, :, 0], *_parts(still, ahead, astern, driven)]
 
     def _engine(self, states: Array, inputs: Array) -> list[Array]:
-        """The same by the engine's mass matrix, which its answers to pushes tell."""
+        """Return M a and the forces by kind, from the engine's responses to forces."""
         n, count = self._n, len(states)
         q, m = self._halves(states)
         speeds = (np.hstack([q, self.stepped.rates(q, speed)]) for speed in (0 * m, m, -m))
@@ -226,7 +228,7 @@ class _Compared:
         free = [self._own(one, none, still) for one in speeds]
         driven = self._own(states, inputs, still)
         mass = self.stepped.mass(q)
-        # As large as what it does against the inertia there is.
+        # A force large enough to compare with the inertial forces.
         sizes = np.maximum(np.max(np.abs(driven), axis=1, keepdims=True), 1.0) * np.einsum(
             "bii->bi", mass
         )
@@ -242,5 +244,5 @@ class _Compared:
 
 
 def _parts(still: Array, ahead: Array, astern: Array, driven: Array) -> list[Array]:
-    """Forces by what they depend on, from those at rest, moving both ways, and driven."""
+    """Separate forces at rest, moving both ways, and with inputs by what they depend on."""
     return [still, (ahead + astern) / 2 - still, (ahead - astern) / 2, driven - ahead]

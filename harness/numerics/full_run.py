@@ -18,20 +18,20 @@ from physics_crosscheck.reference.mechanism.signal import Inputs
 from physics_crosscheck.reference.solving.motion import Motion
 
 SAMPLES = 1000
-"""Of a run at least, where it has so many steps; at most twice as many."""
+"""Smallest number of samples of a run with enough steps; at most twice as many."""
 
 MOST_STEPS = 10_000_000
-"""Of the shipped run: at a microsecond each, as in the fastest engines, it takes ten seconds, and
-what is told of it three times as long."""
+"""Largest number of steps of a full run. At a microsecond each, as in the fastest engines, it takes
+ten seconds; the analysis takes three times as long."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SampledRun:
-    """One run at one step, from the start, sampled.
+    """One sampled run at one step, from the start.
 
     Attributes:
         h: step, seconds.
-        steps: steps taken.
+        steps: number of steps.
         every: steps from sample to sample.
         t: sample times, (S,).
         states: (S, 2n).
@@ -48,7 +48,7 @@ class SampledRun:
     epsilon: float = EPSILON
 
     def thinned(self, by: int) -> SampledRun:
-        """Sampled as many times less often."""
+        """Return the run with only every `by`-th sample."""
         return SampledRun(
             h=self.h,
             steps=self.steps,
@@ -61,12 +61,12 @@ class SampledRun:
 
     @property
     def rounding(self) -> float:
-        """What its steps may round away, relative: half a last digit each, at worst all alike."""
+        """Relative rounding of its steps: half a last digit each, all of one sign at worst."""
         return self.epsilon * self.steps
 
     @property
     def finite(self) -> bool:
-        """Whether the run stayed finite throughout."""
+        """True if the run stayed finite."""
         return bool(np.isfinite(self.states).all())
 
 
@@ -76,8 +76,8 @@ class FullRun(SampledRun):
 
     Attributes:
         drift: largest constraint drift, in engine units.
-        balance: of the energy.
-        seconds: that the engine took, of wall-clock time.
+        balance: its energy balance.
+        seconds: wall-clock time of the engine.
     """
 
     drift: float
@@ -86,19 +86,19 @@ class FullRun(SampledRun):
 
     @property
     def energy(self) -> float:
-        """Largest imbalance of the energy, relative to what is exchanged."""
+        """Largest imbalance of the energy, relative to the exchanged energy."""
         return self.balance.error
 
 
 def steps_of(duration: float, h: float) -> int:
-    """Whole steps that fit into a motion."""
+    """Return the number of whole steps that fit into a motion."""
     return math.floor(duration / h * (1 + 1e-12))
 
 
 def why_no_run(duration: float, h: float) -> str:
-    """Why no run with step h can show anything of a motion; empty where one can.
+    """Return why a run with step h cannot be compared with a motion; empty if it can.
 
-    One step alone shows nothing of how a motion goes on, whatever its rates.
+    A single step does not show how a motion continues.
     """
     if not (math.isfinite(h) and h > 0):
         return f"the time step is {h:g} s; set one above zero"
@@ -117,7 +117,7 @@ def why_no_run(duration: float, h: float) -> str:
 
 
 def follows(motion: Motion, h: float) -> bool:
-    """Whether steps of h are two or more a period of the motion's fastest rate (Shannon)."""
+    """Return whether h allows two or more steps per period of the fastest rate (Shannon)."""
     return h * motion.fastest <= math.pi
 
 
@@ -129,7 +129,7 @@ def full_run(
     h: float,
     every: int = 0,
 ) -> FullRun:
-    """Run a motion from start to end with step h, sampled every so many steps (0: as it fits)."""
+    """Run a motion from start to end with step h, sampled every `every` steps (0: automatic)."""
     extent = _Extent.whole(motion, h, every)
     run, zs, seconds = _rolled(model, coordinates, motion, h, extent)
     return FullRun(
@@ -147,14 +147,14 @@ def full_run(
 
 
 def sampled_run(model: Model, coordinates: CoordinateMap, motion: Motion, h: float) -> SampledRun:
-    """The same run, without its energy and its drift."""
+    """Run a motion from start to end, without energy balance and drift."""
     return _rolled(model, coordinates, motion, h, _Extent.whole(motion, h, 0))[0]
 
 
 def beginning(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, most: int
 ) -> SampledRun:
-    """The beginning of a run with step h, sampled every so many steps, of at most so many."""
+    """Run the beginning of a motion, of at most `most` steps, sampled every `every` steps."""
     steps = min(steps_of(motion.duration, h), most)
     extent = _Extent(steps - steps % every, every, motion.start[0])
     return _rolled(model, coordinates, motion, h, extent)[0]
@@ -169,11 +169,11 @@ def follow(
     every: int = 0,
     moved: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Sample times (S,) and states (S, 2n) of a motion's run from start to end with step h.
+    """Return sample times (S,) and states (S, 2n) of a motion's run with step h.
 
     Args:
-        every: steps from sample to sample; 0: as it fits.
-        moved: by how much the start is another, (2n,).
+        every: steps from sample to sample; 0 for automatic.
+        moved: perturbation of the start, (2n,).
     """
     extent = _Extent.whole(motion, h, every)
     if moved is not None:
@@ -191,14 +191,14 @@ def simulated(
     h: float,
     every: int = 0,
 ) -> tuple[Array, Array]:
-    """Sample times (S,) and states (S, 2n) of a run whose reference motion nobody asked for.
+    """Return sample times (S,) and states (S, 2n) of a run without a reference motion.
 
     Args:
         start: the first state, (2n,).
-        inputs: held over each step.
+        inputs: constant over each step.
         duration: seconds.
         h: step, seconds.
-        every: steps from sample to sample; 0: as it fits.
+        every: steps from sample to sample; 0 for automatic.
     """
     extent = _Extent.of(duration, start, h, every)
     run = _stepped(model, coordinates, inputs, duration, h, extent)
@@ -207,7 +207,7 @@ def simulated(
 
 @dataclass(frozen=True)
 class _Extent:
-    """How many steps are taken, how many from sample to sample, and from which state, (2n,)."""
+    """Number of steps, steps between samples, and start state, (2n,)."""
 
     steps: int
     every: int
@@ -220,7 +220,7 @@ class _Extent:
     @staticmethod
     def of(duration: float, start: Array, h: float, every: int) -> _Extent:
         steps = steps_of(duration, h)
-        # A power of two: runs of twice and of half the step have the same samples.
+        # A power of two: runs of twice and of half the step share the samples.
         every = every or 2 ** max(0, (steps // SAMPLES).bit_length() - 1)
         return _Extent(steps - steps % every, every, start)
 
@@ -228,7 +228,7 @@ class _Extent:
 def _rolled(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, extent: _Extent
 ) -> tuple[SampledRun, Array, float]:
-    """A run, its samples in the engine's coordinates, (S, nz), and the seconds that it took."""
+    """Return a run, its samples in engine coordinates, (S, nz), and its duration in seconds."""
     own = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
     run = SampledRun(
         h=h,
@@ -244,7 +244,7 @@ def _rolled(
 
 @dataclass(frozen=True, kw_only=True)
 class _Samples:
-    """Of a run: times (S,), states (S, 2n), the engine's positions (S, nz), and what it took."""
+    """Samples of a run: times (S,), states (S, 2n), engine positions (S, nz), seconds."""
 
     t: Array
     states: Array

@@ -1,10 +1,9 @@
-"""The rule by which limits are judged: beside a system's equations, or beside another model.
+"""The rule by which limits are judged, against equations or against another model.
 
-Where E > U, and E + U is above the resolution, a model differs; where U is below the resolution
-and nothing differs it agrees; where neither can be said it is unresolved. A segment is judged by
-its own uncertainty: one that could not be resolved doesn't hide one that was. What is measurable
-and below the resolution agrees, and is told all the same. What is said of it, in words, is each
-room's own.
+E is the error and U its uncertainty. A model differs if E > U and E + U exceeds the resolution. It
+agrees if nothing differs and U is below the resolution; otherwise it is unresolved. Each segment is
+judged by its own uncertainty, so that an unresolved segment does not hide a resolved one. A
+measurable error below the resolution agrees, but is reported.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class Obstacle(Enum):
-    """Why nothing can be said."""
+    """The reason why a comparison is unresolved."""
 
     STANDS_STILL = "all step sizes returned the same values"
     DIVERGES = "no segment's limits converge"
@@ -48,14 +47,15 @@ _KINDS: Mapping[Obstacle, CaseKind] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """What the limits of K segments with C components say.
+    """The verdict on the limits of K segments with C components.
 
     Attributes:
         outcome: AGREES, DIFFERS or UNRESOLVED.
         obstacle: why it is unresolved.
-        segment, component: where it shows most.
-        discrepancy, uncertainty: E and U of that component, relative; where it differs, there.
-        below_resolution: whether it agrees although E > U there, since E + U was not asked for.
+        segment, component: the most significant place.
+        discrepancy, uncertainty: E and U of that component, relative; of that segment if it
+            differs.
+        below_resolution: whether it agrees although E > U, since E + U is below the resolution.
         largest_discrepancy, largest_uncertainty: over all segments and components.
     """
 
@@ -71,7 +71,7 @@ class Judgement:
 
 
 def obstacle(limit: Limit) -> Obstacle | None:
-    """Why no digit of any limit can be claimed."""
+    """Return why no limit has a known digit; None if there are known digits."""
     if float(limit.increments[0]) == 0.0:
         return Obstacle.STANDS_STILL
     if not limit.converges:
@@ -80,10 +80,10 @@ def obstacle(limit: Limit) -> Obstacle | None:
 
 
 def resolvable(limit: Limit, scale: Array, asked: float) -> float:
-    """The resolution that can be asked of an engine: what is asked, or what its numbers allow.
+    """Return the requested resolution, or the finest that the engine's numbers allow.
 
-    In doubles what is asked stands. Fewer digits are lost by rounding before they are asked for: a
-    limit is known to its rounding, and to what by chance its estimates move within that.
+    Doubles allow any resolution. With fewer digits, a limit is known to its rounding, and to the
+    random scatter of its estimates within it.
     """
     if limit.epsilon <= EPSILON:
         return asked
@@ -93,7 +93,7 @@ def resolvable(limit: Limit, scale: Array, asked: float) -> float:
 def judge(
     defect: Array, uncertainty: Array, resolution: float, obstacle: Obstacle | None
 ) -> Judgement:
-    """Judge defects and their uncertainties, (K, C) each, relative to what counts as one."""
+    """Judge defects and their uncertainties, (K, C) each, both relative."""
     if obstacle is not None:
         segment, component = _place(defect)
         return _judgement(
@@ -123,7 +123,7 @@ def judge(
 
 
 def _most_telling(ratio: Array, defect: Array, chosen: NDArray[np.bool_]) -> tuple[int, int]:
-    """Of the chosen, the component with the largest E/U, and its segment with the largest E."""
+    """Return the chosen component with the largest E/U, and its segment with the largest E."""
     component = int(np.argmax(np.max(np.where(chosen, ratio, 0.0), axis=0)))
     segment = int(np.argmax(np.where(chosen[:, component], defect[:, component], -1.0)))
     return segment, component
@@ -137,7 +137,7 @@ def _judgement(
 ) -> Judgement:
     defect, uncertainty = values
     segment, component = at
-    # What differs is told where it does; else a component's largest E and largest U.
+    # Report a difference at its place; otherwise a component's largest E and largest U.
     there = bool(defect[at] > uncertainty[at])
     rows = slice(segment, segment + 1) if there else slice(None)
     return Judgement(

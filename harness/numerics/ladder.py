@@ -1,8 +1,8 @@
 """Extrapolation of a quantity to h -> 0 from a ladder of step counts.
 
-A fixed-step engine is a one-step method, so its motion over a given time has an expansion in
-powers of h (Hairer, Norsett and Wanner, Solving ODEs I, II.8-II.9; Deuflhard 1985, SIAM Review
-27(4)). The limit is one weighted sum of the rungs, the weights exact.
+A fixed-step engine is a one-step method. Its motion over a given time has an expansion in powers of
+h (Hairer, Norsett and Wanner, Solving ODEs I, II.8-II.9; Deuflhard 1985, SIAM Review 27(4)). The
+limit is a weighted sum of the rungs with exact weights.
 """
 
 from __future__ import annotations
@@ -18,27 +18,28 @@ import numpy as np
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
-"""Step counts of the rungs. Distinct primes: non-smooth motion whose rungs share a grid can fool a
-ladder. The gaps keep the sum of the weights' magnitudes at 44.1 for eight rungs, 59.4 for nine,
-where the exponents are 1, 2, 3, ..."""
+"""Step counts of the rungs. They are distinct primes, because non-smooth motion can mislead rungs
+that share a grid. Their gaps keep the sum of the weights' magnitudes at 44.1 for eight rungs and
+59.4 for nine, with the exponents 1, 2, 3, ..."""
 
 FIRST_JUDGED = 6
-"""Rungs needed before a limit has an uncertainty: by the fifth, two small increments in a row may
-still be chance."""
+"""Rungs needed before a limit has an uncertainty. Up to the fifth, two small increments in a row
+may still be chance."""
 
 ENOUGH = 0.1
-"""Rungs are added until the uncertainty is this share of the resolution, or stops falling. Had
-it the whole of it, a limit would be believed a rung early: one of a soft coupling was 1.2 U off."""
+"""Rungs are added until the uncertainty is this share of the resolution, or no longer decreases.
+With a share of 1 a limit would be accepted a rung early; one of a soft coupling was off by 1.2
+U."""
 
 EPSILON = float(np.finfo(float).eps)
 
 SPARE = 1
-"""Rungs beyond the powers that weights of least variance remove: a fit shows what is left."""
+"""Rungs beyond the powers that least-variance weights remove; the fit shows the remainder."""
 
 
 @lru_cache(maxsize=256)
 def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fraction, ...]:
-    """Weights w: sum w_i = 1, sum w_i n_i^-e = 0 for the exponents lead, lead + increment, ..."""
+    """Return weights w: sum w_i = 1, sum w_i n_i^-e = 0 for e = lead, lead + increment, ..."""
     exponents = [0, *(lead + increment * i for i in range(len(rungs) - 1))]
     return _solved(
         [[Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents]
@@ -46,7 +47,7 @@ def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fr
 
 
 def _solved(rows: list[list[Fraction]]) -> tuple[Fraction, ...]:
-    """x of A x = b from the rows (A, b), by Gauss-Jordan elimination in rationals."""
+    """Return x of A x = b from the rows (A, b), by Gauss-Jordan elimination in rationals."""
     size = len(rows)
     for column in range(size):
         pivot = next(r for r in range(column, size) if rows[r][column])
@@ -61,18 +62,18 @@ def _solved(rows: list[list[Fraction]]) -> tuple[Fraction, ...]:
 
 
 def weights(rungs: tuple[int, ...], exponents: tuple[int, int]) -> Array:
-    """`exact_weights`, rounded to doubles."""
+    """Return `exact_weights`, rounded to doubles."""
     return np.array([float(w) for w in exact_weights(rungs, *exponents)])
 
 
 @lru_cache(maxsize=256)
 def least_weights(rungs: tuple[int, ...], exponents: tuple[int, int], removed: int) -> Array:
-    """Weights (M,) that add up to 1, remove so many exponents, and amplify rounding least.
+    """Return weights (M,) that sum to 1, remove `removed` exponents, and amplify rounding least.
 
-    The rounding of a rung of n steps grows like sqrt(n), so that sum n_i w_i^2 is least: with
-    A w = e_1 for the rows n_i^-e, w = N^-1 A^T (A N^-1 A^T)^-1 e_1 (Gauss-Markov). Exact weights
-    over nine rungs remove eight exponents and add up to 59 in magnitude; these remove three and
-    add up to 3.2.
+    The rounding of a rung of n steps grows like sqrt(n), so sum n_i w_i^2 is minimized. With A w =
+    e_1 for the rows n_i^-e, w = N^-1 A^T (A N^-1 A^T)^-1 e_1 (Gauss-Markov). Exact weights over
+    nine rungs remove eight exponents and have magnitudes that sum to 59. These remove three, and
+    the sum is 3.2.
     """
     lead, increment = exponents
     powers = [0, *(lead + increment * i for i in range(removed))]
@@ -95,10 +96,10 @@ def least_weights(rungs: tuple[int, ...], exponents: tuple[int, int], removed: i
 def scatter(
     stack: Array, rungs: tuple[int, ...], exponents: tuple[int, int], removed: int
 ) -> Array:
-    """By how much rungs miss the powers that are removed, per sqrt(n): (K, C) from (M, K, C).
+    """Return the residual of a fit of the removed powers, per sqrt(n): (K, C) from (M, K, C).
 
-    What is left of a least-squares fit shows rounding that companions don't, and powers beyond.
-    Each has as much at least as its component in the root mean square.
+    The least-squares residual shows rounding that companions miss, and further powers. Each value
+    is at least the root mean square of its component.
     """
     lead, increment = exponents
     n = np.array(rungs, dtype=float)
@@ -115,10 +116,10 @@ def scatter(
 def estimates_of(
     rungs: tuple[int, ...], exponents: tuple[int, int], least: bool
 ) -> tuple[list[Array], int]:
-    """Weights (m,) of one estimate of the limit after the other, and the first that is judged.
+    """Return weights (m,) of successive estimates of the limit, and the index of the first judged.
 
-    Each takes in a further rung and removes a further exponent, exactly. Or, where rounding is
-    what counts, all rungs are taken in from the first on, with the least variance.
+    Each estimate adds a rung and removes a further exponent, exactly. With `least`, for dominant
+    rounding, each uses all rungs with the least variance.
     """
     count = len(rungs)
     if not least:
@@ -137,11 +138,11 @@ class Limit:
         rungs: step counts used for `value`.
         increments: largest |T_m - T_(m-1)| over all segments, by m from 2 rungs on, (M - 1,), in
             units of each component's scale.
-        order: observed leading order of the raw rungs, over the segments that converge; nan where
-            they differ by rounding alone.
+        order: observed leading order of the raw rungs, over the segments that converge; nan if they
+            differ by rounding alone.
         order_confirmed: whether the order is the one that the engine claims.
         converges: whether the limits of any segment converge.
-        rounding: what of the uncertainty is rounding, (K, C); no step and no rung makes it less.
+        rounding: the part of the uncertainty due to rounding, (K, C); no step or rung reduces it.
         epsilon: relative rounding of the engine's numbers.
     """
 
@@ -159,14 +160,14 @@ class Limit:
 def suffices(
     limit: Limit, previous: Limit | None, count: int, scale: Array, resolution: float
 ) -> bool:
-    """Whether a further rung is not worth its steps, after so many."""
+    """Return whether a further rung is not worth its cost, after `count` rungs."""
     worst = largest(limit.uncertainty / scale)
     if worst <= ENOUGH * resolution:
         return True
     if previous is None or count <= FIRST_JUDGED + 1:
         return False
     before = largest(previous.uncertainty / scale)
-    # Short of the resolution every rung is worth its steps: an increment may be late by one.
+    # Above the resolution every rung is worth its cost: an increment may decrease one rung later.
     return resolution >= worst > 0.7 * before
 
 
@@ -185,34 +186,33 @@ def limits(
 
     U_m = 2.5 D_m sqrt(max(r_m, r_(m-1))) + 3 sum |w_i| s_i + a, where T_m is the limit of the first
     m rungs, E_m = |T_m - T_(m-1)|, r_m = min(1, E_m / E_(m-1)), and D_m is the larger of E_m and
-    E_(m-1) r_(m-1): an increment smaller than the two before it promised is not believed. E_m is
-    taken as the largest over neighbouring segments, since a single one passes through zero by
-    chance. The rounding of a rung is s_i = eps sqrt(n_i) times its scale, or what was observed of
-    it where that is more; a is what is rounded alike on every rung.
+    E_(m-1) r_(m-1): an increment smaller than the previous two predict is not trusted. E_m is the
+    largest over neighbouring segments, since a single one may pass through zero by chance. The
+    rounding of a rung is s_i = eps sqrt(n_i) times its scale, or the observed rounding if that is
+    larger. a is rounding shared by all rungs.
 
-    Measured against closed forms on 935 ladders of random linear systems (the four built-in
+    U was measured against closed forms on 935 ladders of random linear systems (the four built-in
     pairings, and Euler, Heun, midpoint and Runge-Kutta methods written out), at 6, 7, 8 and 9 rungs
-    each: of 1 218 048 limits none is outside U, the worst at 0.60 U, median U 130 times the error.
-    With E_m for D_m, and from five rungs on, 1 218 of 456 492 were, by up to 12 U: Heun's method
-    has coefficients that vanish, and Runge-Kutta's increments are small twice in a row.
+    each. Of 1 218 048 limits none is outside U, the worst at 0.60 U, median U 130 times the error.
+    With E_m for D_m, and from five rungs on, 1 218 of 456 492 were outside, by up to 12 U: Heun's
+    method has coefficients that vanish, and Runge-Kutta's increments are small twice in a row.
 
-    Under soft equalities, over random draws of a drum with pendulum, most of the error is rounding:
-    of 527 576 limits none is outside, the worst at 0.32 U. Without what was observed of it
-    13 of 318 212 were, by up to 2.0 U.
+    Under soft equalities, over random draws of a drum with pendulum, most of the error is rounding.
+    Of 527 576 limits none is outside, the worst at 0.32 U. Without the observed rounding, 13 of 318
+    212 were outside, by up to 2.0 U.
 
     Args:
-        values: raw ends of the segments, one (K, C) array a rung.
+        values: raw ends of the segments, one (K, C) array per rung.
         rungs: step counts of `values`.
         exponents: leading exponent of h and increment.
-        scale: what counts as one, per component, (C,).
+        scale: unit of relative errors, per component, (C,).
         rounding_scale: magnitude that rounding is relative to, per component, (C,) or (K, C).
-        observed_rounding: of each rung, as `harness.numerics.rounding` observes it, (C,) each; none
-            if not looked at.
-        rounded_alike: what `harness.numerics.rounding` finds to be rounded alike on every rung,
-            (C,): it is in no increment, and no weight makes it more.
+        observed_rounding: rounding of each rung, observed by `harness.numerics.rounding`, (C,)
+            each; empty if not observed.
+        rounded_alike: rounding shared by all rungs, found by `harness.numerics.rounding`, (C,);
+            increments do not contain it, and weights do not amplify it.
         epsilon: relative rounding of the engine's numbers.
-        least: whether weights are those of least variance, as they always are where numbers are
-            coarser than doubles.
+        least: whether to use least-variance weights, as always for numbers coarser than doubles.
     """
     least = least or epsilon > EPSILON
     stack = np.stack(values)
@@ -232,15 +232,15 @@ def limits(
         ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
         uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
         shrinking = (here <= before / 2) | (here <= 3 * floor)
-        # Slower than by halves, the increments still to come add up to more than the last one.
+        # If increments decrease slower than by halves, the remaining ones exceed the last.
         slow = np.clip(_ratio(here, before), 0.5, 0.8)
         rest = 2.5 * np.maximum(here, before) * slow / (1 - slow)
         uncertainty = np.where(shrinking, uncertainty, np.maximum(uncertainty, rest))
         uncertainty = uncertainty + rounded_alike
-        # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
+        # Segments of a non-smooth motion have no limit; the others keep theirs.
         still = np.max(here / scale, axis=1)
         settled = (still < increments[0] / 10) | (still < 1e-12)
-        if epsilon > EPSILON:  # what moves by rounding alone from the first rung on has settled
+        if epsilon > EPSILON:  # segments that move by rounding alone have converged
             settled |= still < 3 * np.max(floor / scale * np.ones_like(here), axis=1)
         uncertainty = np.where(settled[:, None], uncertainty, np.inf)
         worst = largest(uncertainty / scale)
@@ -270,7 +270,7 @@ def limits(
 
 
 def largest(uncertainty: Array) -> float:
-    """Largest uncertainty of the segments that have one; infinite where none has."""
+    """Return the largest finite uncertainty; infinite if there are no finite ones."""
     known = uncertainty[np.isfinite(uncertainty)]
     return float(np.max(known)) if known.size else float("inf")
 
@@ -278,11 +278,11 @@ def largest(uncertainty: Array) -> float:
 def observed_order(
     stack: Array, rungs: tuple[int, ...], claimed: int, rounding_scale: float
 ) -> tuple[float, bool]:
-    """Leading order of the raw values, and whether it is the claimed one.
+    """Return the leading order of the raw values, and whether it is the claimed one.
 
-    Successive differences of the rungs fall like n_i^-p - n_(i+1)^-p. The p that the last three
-    usable differences bear out, in the mean square over all segments, must lie within 0.5 of the
-    claim; differences within rounding have nothing to say.
+    Successive differences of the rungs decrease like n_i^-p - n_(i+1)^-p. The p of the last three
+    usable differences, in the mean square over all segments, must lie within 0.5 of the claim.
+    Differences within rounding are ignored.
     """
     changes = np.sqrt(np.mean((stack[1:] - stack[:-1]) ** 2, axis=(1, 2)))
     usable = [i for i, change in enumerate(changes) if change > 1e3 * EPSILON * rounding_scale]
@@ -319,7 +319,7 @@ def _rounding(
     observed: Sequence[Array],
     epsilon: float,
 ) -> Array:
-    """3 sum |w_i| times the rounding of each rung."""
+    """Return 3 sum |w_i| times the rounding of each rung."""
     each = [epsilon * np.sqrt(n) * rounding_scale for n in rungs[: len(weight)]]
     if observed:
         each = [np.maximum(usual, own) for usual, own in zip(each, observed, strict=False)]
@@ -328,7 +328,7 @@ def _rounding(
 
 
 def _neighbourhood(values: Array, reach: int = 2) -> Array:
-    """Largest value over each segment and `reach` neighbours on either side."""
+    """Return the largest value over each segment and `reach` neighbours on either side."""
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
     shifted = [padded[i : i + len(values)] for i in range(2 * reach + 1)]
     largest: Array = np.max(shifted, axis=0)

@@ -1,7 +1,7 @@
 """An engine's own linearization, from limits of small perturbations.
 
-Extrapolated segments from an equilibrium, moved a little in each state and input, give the
-transition matrix over the segment; its logarithm is the engine's A and B.
+Extrapolated segments, from an equilibrium perturbed in each state and input, give the transition
+matrix over the segment. Its logarithm gives the engine's A and B.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 RUNGS_USED = RUNGS[:8]
 
 FREE = 1e-4
-"""Share of the rate of motions below which eigenvalues are taken for rounded zeros."""
+"""Eigenvalues below this share of the motions' rate are considered rounded zeros."""
 
 TERMS = 60
-"""Of the logarithm's series: over a twentieth of the fastest period each is a third of the last."""
+"""Terms of the logarithm's series. Over a twentieth of the fastest period each is a third of the
+previous one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +45,8 @@ class EngineLinearization:
         transfer_error: largest difference of the transfer functions from Taylor's over the grid of
             frequencies, relative to the largest value there; nan without inputs.
         a_bound, b_bound: largest uncertainty of any entry, relative to the largest entry.
-        differs: whether what the engine makes of a state over a short segment differs from what
-            Taylor's matrices make of it, by more than is uncertain, and than was asked for.
+        differs: whether the transition over a short segment differs from Taylor's by more than its
+            uncertainty, at the requested resolution.
         frequencies: that grid, rad/s.
         response, taylor_response: |transfer function|, (frequencies, outputs, inputs).
         shapes: smallest modal assurance criterion between paired eigenvectors; 1 is equal.
@@ -88,7 +89,7 @@ def linearize_engine(
         taylor: A, B, Cy, D of the Taylor linearization.
         amplitude: size of the system's motions, per component, (2n,).
         push: size of its inputs, (inputs,).
-        resolution: share of the largest entry from which on a difference counts.
+        resolution: smallest difference that counts, as a share of the largest entry.
     """
     a, b = taylor["A"], taylor["B"]
     fastest = _fastest(a, amplitude)
@@ -96,14 +97,14 @@ def linearize_engine(
     transition = _transition(
         model, coordinates, position=position, length=length, amplitude=amplitude, push=push
     )
-    from scipy.linalg import logm  # a part of a second, in every command
+    from scipy.linalg import logm  # slow import, not needed by every command
 
     generator = logm(transition.value).real / length
     uncertainty = _of_logarithm(transition) / length
     size = len(a)
     found_a, found_b = generator[:size, :size], generator[:size, size:]
     frequencies = fastest * np.geomspace(0.05, 5.0, 120)
-    # Off the imaginary axis by a little: undamped poles lie on it.
+    # Slightly off the imaginary axis, where undamped poles lie.
     line = (1j * frequencies + 0.02 * fastest).astype(np.complex128)
     ours = _response(found_a, found_b, taylor["Cy"], taylor["D"], line)
     theirs = _response(a, b, taylor["Cy"], taylor["D"], line)
@@ -138,7 +139,7 @@ def linearize_engine(
 
 
 def _fastest(a: Array, amplitude: Array) -> float:
-    """The fastest rate, rad/s; where nothing pulls or slows, that of the system's motions."""
+    """Return the fastest rate, rad/s; without springs and dampers, that of the motions."""
     n = len(a) // 2
     own = float(np.max(np.abs(np.linalg.eigvals(a))))
     seen = float(np.max(amplitude[n:] / np.maximum(amplitude[:n], 1e-300)))
@@ -154,7 +155,7 @@ def _transition(
     amplitude: Array,
     push: Array,
 ) -> Estimate:
-    """exp([[A, B], [0, 0]] length), from central differences, extrapolated in size and in h."""
+    """Return exp([[A, B], [0, 0]] length), extrapolated in perturbation size and in h."""
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
     deltas = LARGEST * np.concatenate([np.minimum(amplitude, 1.0), push])
@@ -174,7 +175,7 @@ def _transition(
 
 
 def _of_logarithm(matrix: Estimate) -> Array:
-    """Uncertainty of ln(I + M): that of each term of its series, M^k / k, to the first order."""
+    """Return the uncertainty of ln(I + M), from each series term M^k / k to first order."""
     size = np.abs(matrix.value - np.eye(len(matrix.value)))
     term, power = matrix.uncertainty, size
     total = term.copy()
@@ -199,41 +200,41 @@ def _relative(found: Array, wanted: Array) -> float:
 
 
 def _share(values: Array, wanted: Array) -> float:
-    """The largest of the values, relative to the largest entry; absolute where all are zero."""
+    """Return the largest value, relative to the largest entry; absolute if all are zero."""
     if not wanted.size:
         return 0.0
     return float(np.max(values) / (np.max(np.abs(wanted)) or 1.0))
 
 
 def _differs(transition: Estimate, a: Array, b: Array, length: float, resolution: float) -> bool:
-    """Whether a transition is another one than Taylor's, which has a limit where no logarithm does.
+    """Return whether a transition differs from Taylor's; it has a limit even without a logarithm.
 
-    The rule of `harness.numerics.judgement`, by entries. A share of A's or B's largest entry counts
-    as that share of what it makes of a state over the segment.
+    The rule is that of `harness.numerics.judgement`, by entries. A share of the largest entry of A
+    or B counts as the same share of its effect on a state over the segment.
     """
     size, columns = len(a), len(transition.value)
     both = np.zeros((columns, columns))
     both[:size, :size], both[:size, size:] = a, b
-    from scipy.linalg import expm  # a part of a second, in every command
+    from scipy.linalg import expm  # slow import, not needed by every command
 
     wanted = expm(both * length)
     makes = [np.max(np.abs(one), initial=0.0) or 1.0 for one in (a, b)]
     scale = length * np.repeat(makes, [size, columns - size])
-    # Rounding of Taylor's own, in doubles as they are.
+    # Rounding of Taylor's transition in doubles.
     error = (transition.uncertainty + 16 * EPSILON * np.abs(wanted))[:size] / scale
     off = np.abs(transition.value - wanted)[:size] / scale
     return bool(np.any((off > error) & (off + error > resolution)))
 
 
 def _pair(found: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[complex, ...], float]:
-    """Eigenvalues of both, paired by distance, and how parallel their vectors are at least.
+    """Pair the eigenvalues of both by distance; also return the lowest similarity of vectors.
 
-    Vectors of repeated eigenvalues are not unique and are left out.
+    Vectors of repeated eigenvalues are not unique and are ignored.
     """
     values, vectors = np.linalg.eig(found)
     targets, target_vectors = np.linalg.eig(wanted)
     cost = np.abs(values[:, None] - targets[None, :])
-    from scipy.optimize import linear_sum_assignment  # a part of a second, in every command
+    from scipy.optimize import linear_sum_assignment  # slow import, not needed by every command
 
     rows, columns = linear_sum_assignment(cost)
     scale = np.max(np.abs(targets)) or 1.0

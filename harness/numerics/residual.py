@@ -1,4 +1,4 @@
-"""What the ends of segments leave of the coordinate map, as h -> 0."""
+"""Residual of the coordinate map at the ends of segments, as h -> 0."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 FINEST = 3
-"""Rungs, the finest, whose own values bound what is left of the coordinate map."""
+"""Finest rungs whose own values bound the residual."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Residual:
-    """What the engine's coordinates leave of the map at the ends of K segments, as h -> 0.
+    """Residual of the coordinate map at the ends of K segments, as h -> 0.
 
-    The equations' is zero: see `CoordinateMap.residual`.
+    The equations have zero: see `CoordinateMap.residual`.
 
     Attributes:
         limit: of positions, then velocities, (K, 2nz).
-        scale: what counts as one: how far each moves over a segment at most by the map, floored by
-            its like; the largest of these where the map holds one still, (2nz,).
+        scale: unit of relative errors: the largest movement of each coordinate over a segment by
+            the map, floored by its kind; the largest of its kind for a fixed coordinate, (2nz,).
     """
 
     limit: Limit
@@ -41,12 +41,13 @@ def residual_of(
     rungs: tuple[int, ...],
     left: Sequence[Array],
 ) -> Residual:
-    """The limit of what the rungs left of the coordinate map.
+    """Return the limit of the residuals of the rungs.
 
-    Extrapolated with the exponents 1, 2, 3, ..., which hold whatever the engine claims of a motion:
-    what holds a constraint may be of a lower order, and as stiff as the step allows. A constraint
-    that holds to the last digits leaves them in no order at all: its rungs have no limit, and are
-    near zero. So the uncertainty is never more than what the finest rungs leave themselves.
+    They are extrapolated with the exponents 1, 2, 3, ..., which apply for any order that the engine
+    claims of a motion: constraint forces may have a lower order, and be as stiff as the step
+    allows. A constraint that holds to the last digits has residuals without any order; its rungs
+    have no limit, but are near zero. So the uncertainty is at most the residual of the finest
+    rungs.
     """
     assert batch.ends is not None
     count = starts.count
@@ -77,7 +78,7 @@ def residual_of(
 
 
 def _reach(coordinates: CoordinateMap, batch: Batch) -> Array:
-    """How far engine coordinates move where each component moves by what counts as one, (2nz,)."""
+    """Return the movement of engine coordinates for one unit of each component, (2nz,)."""
     at = np.concatenate(coordinates.to_engine(batch.states), axis=1)
     if batch.scale is None:
         return np.zeros(at.shape[1])
@@ -90,8 +91,9 @@ def _reach(coordinates: CoordinateMap, batch: Batch) -> Array:
 
 
 def _held_scale(ends: Array, starts: Array) -> Array:
-    """What counts as one of engine coordinates, (2nz,): `movement`, and where the map holds one
-    still the largest of its like.
+    """Return the unit of relative errors of engine coordinates, (2nz,).
+
+    It is their `movement`; for coordinates that the map fixes, the largest of their kind.
     """
     scale = movement(ends, starts)
     moved = np.max(np.abs(ends - starts), axis=0)

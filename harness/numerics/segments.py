@@ -1,8 +1,8 @@
-"""The extrapolated segment: what an engine makes of given states, as h -> 0.
+"""Extrapolated segments: an engine's motion from given states, as h -> 0.
 
-Everything that the harness knows of an engine's motion over a segment comes from here: `climb` runs
-rung after rung and takes the limit, of ends for `extrapolate` and of velocity changes for
-`harness.numerics.accelerations`, and observes on every rung what rounding does to it.
+All knowledge of an engine's motion over a segment comes from here. `climb` runs one rung after
+another and takes the limit, of ends for `extrapolate`, and of velocity changes for
+`harness.numerics.accelerations`. It observes the rounding on every rung.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ class BlownUpError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Extrapolated:
-    """Every segment of a batch, extrapolated.
+    """All segments of a batch, extrapolated.
 
     Attributes:
-        limit: where the engine ends each segment as h -> 0, with its uncertainty.
+        limit: the engine's end of each segment as h -> 0, with its uncertainty.
         raw: ends at each rung, (M, K, c).
         rungs: step counts of `raw`.
-        steps: engine steps taken, the companions' included.
-        residual: of the coordinate map; None where that leaves nothing open.
+        steps: number of engine steps, including companions.
+        residual: of the coordinate map; None if the map is one to one.
     """
 
     limit: Limit
@@ -63,19 +63,19 @@ class Extrapolated:
 
 @dataclass(frozen=True, kw_only=True)
 class Observable:
-    """What is looked at on every rung, of K starts and their companions; C components.
+    """A quantity measured on every rung, of K starts and their companions; C components.
 
     Attributes:
-        at: its values (K + 2P, C) in so many steps.
+        at: its values (K + 2P, C) for a number of steps.
         starts: the starts.
         exponents: leading exponent of h and increment.
         rounding_scale: magnitude that rounding is relative to, (C,).
-        scale: what counts as one, (C,); None: how far the values are from `origin`.
-        origin: the values at the start, (K, C), which stand for those that are not finite; None:
-            all values must be finite.
-        begun: of an engine of less digits than doubles have, the values that all its starts have,
-            (K + 2P, C), to which it adds what it rounds.
-        where: tells where a start lies, by its segment and the rung, for a message.
+        scale: unit of relative errors, (C,); None for the distance of the values from `origin`.
+        origin: values at the start, (K, C), which replace those that are not finite; None if all
+            values must be finite.
+        begun: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
+            doubles; its rounding is added to them.
+        where: describes a start, by its segment and the rung, for a message.
     """
 
     at: Callable[[int], Array]
@@ -96,12 +96,12 @@ def extrapolate(
     rungs: tuple[int, ...] = RUNGS,
     resolution: float | None = None,
 ) -> Extrapolated:
-    """Run every segment of a batch on rung after rung, and take the limit.
+    """Run every segment of a batch on one rung after another, and take the limit.
 
-    All rungs are run, or, where a resolution is given, as many as it takes.
+    With a resolution, only as many rungs are run as it needs.
 
     Raises:
-        BlownUpError: where the engine returns values that are not finite.
+        BlownUpError: if the engine returns values that are not finite.
     """
     at = coordinates.to_engine(batch.states)
     starts = with_companions(*at, model.epsilon, every=batch.uneven)
@@ -116,14 +116,14 @@ def extrapolate(
 def limits_alone(
     model: Model, coordinates: CoordinateMap, batch: Batch, rungs: tuple[int, ...]
 ) -> Array:
-    """The limits (K, c) of a batch without their uncertainty, for differences of close models.
+    """Return the limits (K, c) of a batch without uncertainty, for differences of close models.
 
     Raises:
-        BlownUpError: where the engine returns values that are not finite.
+        BlownUpError: if the engine returns values that are not finite.
     """
     starts = without_companions(*coordinates.to_engine(batch.states))
     observable = _ends(model, coordinates, batch, starts, [])
-    values = list(_rungs(observable, rungs))  # no companions are among them
+    values = list(_rungs(observable, rungs))  # there are no companions
     limit: Array = np.tensordot(weights(rungs, observable.exponents), np.stack(values), axes=1)
     return limit
 
@@ -131,10 +131,10 @@ def limits_alone(
 def climb(
     observable: Observable, rungs: tuple[int, ...], resolution: float | None = None
 ) -> Extrapolated:
-    """The limit of an observable, over all rungs or as many as the resolution takes.
+    """Return the limit of an observable, over all rungs or as many as the resolution needs.
 
     Raises:
-        BlownUpError: where its values are not finite.
+        BlownUpError: if its values are not finite.
     """
     o = observable
     raw: list[Array] = []
@@ -157,7 +157,7 @@ def climb(
             assert o.origin is not None
             scale = movement(known[-1], o.origin)
         previous = limit
-        # Values that start at zero are rounded where they have moved to.
+        # Rounding of values that start at zero is relative to their movement.
         size = np.maximum(o.rounding_scale, scale)
         alike = o.starts.last_digits(found if o.begun is None else found - o.begun)
         judged = partial(
@@ -178,8 +178,8 @@ def climb(
     assert scale is not None
     worst = largest(limit.uncertainty / scale)
     if resolution is not None and worst > resolution and o.origin is None:
-        # Where rounding is in the way, other weights of the same rungs amplify it less. Where they
-        # don't help either, what is in the way is something else: a motion that is not smooth.
+        # Where rounding dominates, other weights of the same rungs amplify it less. If they do not
+        # help, the cause is different, such as a motion that is not smooth.
         other = judged(least=True)
         finite = np.isfinite(other.uncertainty).all()
         if finite and largest(other.uncertainty / scale) <= resolution:
@@ -192,7 +192,7 @@ def climb(
 
 
 def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
-    """Values (K + 2P, C) of rung after rung, the companions' among them."""
+    """Yield the values (K + 2P, C) of one rung after another, companions included."""
     for rung in rungs:
         found = o.at(rung)
         finite = np.isfinite(found).all(axis=1)
@@ -205,7 +205,7 @@ def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
 def _ends(
     model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, left: list[Array]
 ) -> Observable:
-    """The ends of all segments; what each rung leaves of the coordinate map is added to `left`."""
+    """Return the segments' ends as an observable; each rung appends its residual to `left`."""
 
     def at(rung: int) -> Array:
         ends, residual = run_rung(model, coordinates, batch, starts, rung)
@@ -237,10 +237,10 @@ def _ends(
 def run_rung(
     model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, rung: int
 ) -> tuple[Array, Array]:
-    """Ends (K + 2P, c) of all segments and companions, in `rung` steps from `starts`.
+    """Return the ends (K + 2P, c) of all segments and companions, after `rung` steps.
 
-    With them what they leave of the coordinate map, (K + 2P, 2nz); no columns where that leaves
-    nothing open.
+    The second value is their residual of the coordinate map, (K + 2P, 2nz), or without columns if
+    the map is one to one.
     """
     near = batch.states if batch.ends is None else batch.ends
     lengths = batch.lengths[starts.rows]

@@ -1,4 +1,4 @@
-"""What a step costs: the shipped one, and the steps that would give a wanted error."""
+"""Error of the file's own time step, and steps for given errors."""
 
 from __future__ import annotations
 
@@ -40,35 +40,35 @@ MOST_STEPS = 60_000
 MOST_RUNS = 6
 
 TINY = 1e-5
-"""Up to this global error, relative to the amplitude, coarser runs alone bear witness: they show
-orders where finer ones are all rounding, and all of them take fewer steps than the shipped one.
-What they may miss is less than the error that is told. Beyond it a run of half the step and one of
-twice the step do, and where these don't bear the motion out those of a quarter and less."""
+"""Up to this global error, relative to the amplitude, only coarser runs are compared. They show
+orders where finer runs show only rounding, and together take fewer steps than the first run. They
+may miss less than the reported error. Above it, runs of half and twice the step are compared; if
+these do not converge, runs of a quarter and less."""
 
 CLEAR = 1e-6
-"""Coarser runs are taken until their errors are clear of rounding, and two at least."""
+"""Coarser runs are added until their errors are clearly above rounding, and at least two."""
 
 MOST_COARSER = 7
 FEWEST_STEPS = 16
-"""A coarser run has so many a period of the motion's fastest rate, and in all."""
+"""Smallest number of steps of a coarser run, per period of the fastest rate, and in total."""
 
 APART = 0.3
-"""Errors up to this share of the amplitude are taken apart."""
+"""Largest error, relative to the amplitude, that is decomposed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepStudy:
-    """What the step costs, from full runs at several.
+    """Cost and error of the time step, from full runs at several steps.
 
     Attributes:
-        shipped: run at the shipped step.
+        shipped: run at the file's own time step.
         beside: runs at half of it, and at twice or a quarter; or at twice of it and more.
-        global_error: largest position error at the shipped step, relative to the amplitude.
-        velocity_error: largest velocity error there, likewise.
-        witness: what the runs bear out together.
-        decomposition: of the error of the position with the largest; None where it is not small.
-        steps_for: step at which no position and no velocity has more error than each of `TARGETS`,
-            seconds; None where the order is unknown.
+        global_error: largest position error at the file's time step, relative to the amplitude.
+        velocity_error: largest velocity error there, relative to the amplitude.
+        witness: joint evidence of the runs.
+        decomposition: of the error of the worst position; None if it is not small.
+        steps_for: step at which all errors of positions and velocities are at most each of
+            `TARGETS`, seconds; None if the order is unknown.
         checked: (target, step, larger measured error of both) of the one prediction that was run.
     """
 
@@ -92,13 +92,13 @@ def study_step(
     claimed: int,
     agrees: bool = True,
 ) -> StepStudy:
-    """Run at the shipped step and its neighbours, and tell what the step costs.
+    """Run at the file's own time step and related steps, and report the error of the step.
 
     Args:
-        amplitude: what errors are relative to, per component, (2n,), nowhere zero.
+        amplitude: unit of relative errors, per component, (2n,), nowhere zero.
         claimed: order that the engine claims.
-        agrees: whether the segments agree: where runs don't bear that out, it is worth another run
-            to see whether the motion is to blame.
+        agrees: whether the segments agree. If the runs do not converge then, a further run decides
+            whether the motion is chaotic.
     """
     size, rates = np.split(amplitude, 2)
 
@@ -148,13 +148,13 @@ def _coarser(
     *,
     most: int,
 ) -> list[FullRun]:
-    """The shipped run, and those of twice its step and more, as far as they follow the motion."""
+    """Return the run at the file's time step, and coarser ones while they follow the motion."""
     runs, every = [shipped], shipped.every
     whole = first_break_off(shipped.h, motion)
     for _ in range(most):
         h, every = 2 * runs[-1].h, max(1, every // 2)
         few = motion.duration / h < FEWEST_STEPS or h * motion.fastest * FEWEST_STEPS > 2 * math.pi
-        large = 2 * largest(runs[-1], size) > SMALL  # of twice the step, at any order
+        large = 2 * largest(runs[-1], size) > SMALL  # twice the step doubles the error at least
         if few or large or first_break_off(h, motion) < whole:
             break
         coarse = run(h, every)
@@ -167,7 +167,7 @@ def _coarser(
 
 
 def _alike(runs: Sequence[FullRun]) -> list[SampledRun]:
-    """The same runs, sampled at the times of the one that has the fewest."""
+    """Return the same runs, sampled at the times of the one with the fewest samples."""
     spacing = max(run.h * run.every for run in runs)
     return [run.thinned(round(spacing / (run.h * run.every))) for run in runs]
 
@@ -183,27 +183,27 @@ def _finer(
     amplitude: Array,
     agrees: bool,
 ) -> tuple[list[FullRun], Witness]:
-    """The shipped run and those of half its step and less, and what they bear out.
+    """Return the runs at the file's time step, half of it and less, and their evidence.
 
     Args:
-        runs: the shipped one, and that of half its step where it was run.
+        runs: the run at the file's time step, and that of half of it if available.
     """
     size = amplitude[: len(amplitude) // 2]
     shipped = runs[0]
     runs = runs if len(runs) > 1 else [shipped, _half(run, shipped)]
     found = witness(runs, claimed, size, motion)
-    # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
+    # Extrapolation needs three runs, and more while errors are too large for the leading term.
     while _wants_more(runs, found):
         runs.append(_half(run, runs[-1]))
         found = witness(runs, claimed, size, motion)
     together: list[SampledRun] = [*runs]
-    if len(runs) == 2:  # a third in full would take too many steps
+    if len(runs) == 2:  # a third full run would take too many steps
         quarter = runs[-1].h / 2, 2 * runs[-1].every
         together.append(beginning(model, coordinates, motion, *quarter, most=MOST_STEPS))
         found = witness(together, claimed, size, motion)
     usable = agrees and follows(motion, shipped.h) and shipped.finite and runs[-1].finite
     if usable and not (found.bears_out and found.foretold):
-        # Not what an honest engine's runs are; unless the motion is one that no run can follow.
+        # These runs do not converge, unless no run can follow the motion.
         sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)
         found = witness(together, claimed, size, motion, sensitive)
     return runs, found
@@ -216,7 +216,7 @@ def _wants_more(runs: list[FullRun], found: Witness) -> bool:
 
 
 def _decomposed(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
-    """The error of the worst position taken apart, where it is small enough for that."""
+    """Decompose the error of the worst position; None if it is too large."""
     if not run.finite or largest(run, size) > APART:
         return None
     n = len(size)
@@ -229,9 +229,9 @@ _Sizes = tuple[Array, Array]
 
 
 def _step_for(target: float, runs: list[FullRun], sizes: _Sizes, motion: Motion) -> float | None:
-    """The step of a target error, of positions and velocities both.
+    """Return the step for a target error of both positions and velocities.
 
-    None where that of one of them is unknown.
+    None if the step of either is unknown.
     """
     size, rates = sizes
     steps = [
@@ -243,9 +243,9 @@ def _step_for(target: float, runs: list[FullRun], sizes: _Sizes, motion: Motion)
 
 
 def _on_line(target: float, points: list[tuple[float, float]]) -> float | None:
-    """The step of a target error: on the line through (step, error) of runs, log over log.
+    """Return the step for a target error, on the line through (step, error) in log-log scale.
 
-    None while even the finest run's error is not small: the line has no meaning there.
+    None if even the finest run's error is not small, since the line is meaningless there.
     """
     if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL:
         return None
@@ -258,9 +258,9 @@ def _on_line(target: float, points: list[tuple[float, float]]) -> float | None:
 
 
 def _handy(h: float, motion: Motion) -> float:
-    """A step no coarser than h that reaches every break of the input, or else has two digits.
+    """Return a step of at most h that divides every input break, or else has two digits.
 
-    A force that sets in between two steps would cost more than the step itself.
+    A force that starts between two steps would cause a larger error than the step itself.
     """
     breaks = [Fraction(span.start).limit_denominator(10**6) for span in motion.spans[1:]]
     if breaks:

@@ -1,9 +1,9 @@
-"""An engine's very next state, against the same rule on the equations: a witness at its own step.
+"""Comparison of an engine's next state with its own rule applied to the equations.
 
-Limits say what a model is as its step goes to zero, and nothing of the step it ships with. Where an
-engine documents how it steps, the equations stepped so give the state that it must come to, to the
-last digits: no model that differs, and no integrator that is another than it is said to be, comes
-there. So does nothing that acts at that step alone, such as a soft equality.
+Limits describe a model as its step goes to zero, but not at the file's own time step. If an engine
+documents its step, the same rule on the equations must give the same next state to the last digits.
+A wrong model fails this, and so does an undocumented integrator, or an effect that occurs only at
+that step, such as a soft equality.
 """
 
 from __future__ import annotations
@@ -29,35 +29,36 @@ from physics_crosscheck.harness.numerics.rounding import (
 from physics_crosscheck.reference.solving.next_state import Stepped, next_states
 
 LATER, LONG = 10, 1000
-"""Steps after which the difference is told once more."""
+"""Steps after which the difference is measured again."""
 
 FEW = 6
-"""States from which so many steps are taken."""
+"""Number of states from which `LONG` steps are taken."""
 
 ROUNDED = 4.0
-"""Last digits of a component that the few operations of a step may lose, each side's."""
+"""Last digits of a component that the few operations of a step may lose, on each side."""
 
 MARGIN = 4.0
-"""Rounding is seen at some of the states and bounded at all: robots of 7 to 23 degrees of freedom
-went to 1.6 times what the companions of a quarter of the states showed."""
+"""Factor from rounding observed at some of the states to its bound at all. Robots with 7 to 23
+degrees of freedom had up to 1.6 times the rounding of the companions of a quarter of the states."""
 
 STABLE = 2.785
 """Step times rate up to which a Runge-Kutta step of order 4 is stable (Hairer and Wanner 1996,
-Solving Ordinary Differential Equations II, IV.2). Beyond it each stage is larger than the one
-before, up to angles of 1e6 rad, of which a sine has lost six digits: no start shows how many."""
+Solving Ordinary Differential Equations II, IV.2). Beyond it each stage is larger than the previous
+one, up to angles of 1e6 rad, whose sine has lost six digits. No start reveals that loss."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """How far an engine's states after one step are from the rule's.
+    """Difference of an engine's states after one step from those of its rule.
 
     Attributes:
         rule: as the engine documents it.
         step: seconds.
-        judgement: of B states and 2n components, relative to how far each moves in a step at most.
+        judgement: verdict for B states and 2n components, relative to the largest movement in a
+            step.
         digits: the largest difference, in last digits of the component where it is largest.
         later: the same after `LATER` steps.
-        long: after `LONG`, from a few of the states; nan where that was not asked for.
+        long: after `LONG` steps, from a few of the states; nan if not requested.
     """
 
     rule: StepRule
@@ -69,15 +70,16 @@ class Stepping:
 
 
 def is_linear(coordinates: CoordinateMap, states: Array) -> bool:
-    """Whether engine coordinates are linear in the system's, so that one rule steps both alike."""
+    """Return whether engine coordinates are linear in the system's."""
     slopes = coordinates.forward_slope(states[:, : coordinates.back.size])
     return bool(np.ptp(slopes, axis=0).max(initial=0.0) == 0.0)
 
 
 def steps_alike(rule: StepRule, coordinates: CoordinateMap, states: Array) -> bool:
-    """Whether a rule steps the equations as it steps the engine's coordinates.
+    """Return whether a rule steps the equations as it steps the engine's coordinates.
 
-    Where it tells pairs of these apart, each is to be one of the system's.
+    If the rule couples pairs of engine coordinates, each must be a multiple of one system
+    coordinate.
     """
     if rule.coupled is None:
         return is_linear(coordinates, states)
@@ -98,21 +100,21 @@ def step_engine(
     fastest: float = 0.0,
     long: bool = False,
 ) -> Stepping | None:
-    """Take a step of the model's own from every state, and compare.
+    """Take one step of the model from every state, and compare.
 
     Args:
-        model: as its engine has loaded it.
-        coordinates: between the equations' coordinates and the engine's.
+        model: loaded model.
+        coordinates: map between the equations' coordinates and the engine's.
         stepped: the equations.
-        states: where steps start, (B, 2n).
-        inputs: held over the step, (B, inputs).
-        resolution: that is asked of a difference, relative.
-        fastest: rate of the equations at these states, rad/s; zero where it is not known.
-        long: whether `LONG` steps are taken too.
+        states: start states, (B, 2n).
+        inputs: constant over the step, (B, inputs).
+        resolution: smallest relative difference that counts.
+        fastest: rate of the equations at these states, rad/s; zero if unknown.
+        long: whether to take `LONG` steps as well.
 
     Returns:
-        None where the engine tells no rule, its coordinates don't step as the equations' do, one
-        step is more than numbers can hold, or Runge-Kutta steps are not stable.
+        None if the engine documents no rule, its coordinates step differently from the equations',
+        a step overflows, or Runge-Kutta steps are unstable.
     """
     rule = model.step_rule
     if rule is None or not steps_alike(rule, coordinates, states):
@@ -125,7 +127,7 @@ def step_engine(
     if not np.isfinite(expected).all():
         return None
     digit = run.digit(expected)
-    # What is no number is as far off as can be.
+    # Values that are not a number count as infinitely far off.
     apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
     scale = movement(expected, states)
     return Stepping(
@@ -159,7 +161,7 @@ class Steps:
         self._mixes = bool(np.any((slope != 0).sum(axis=1) > 1))
 
     def engine(self, steps: int) -> Array:
-        """States after so many, the companions' too, (B + 2P, 2n)."""
+        """Return the engine's states after `steps` steps, companions included, (B + 2P, 2n)."""
         return self._after(steps, self._starts)
 
     def _after(self, steps: int, starts: Starts) -> Array:
@@ -171,7 +173,7 @@ class Steps:
         return self._coordinates.from_engine(z, w, self._states[starts.rows])
 
     def rule(self, rule: StepRule, stepped: Stepped, steps: int) -> Array:
-        """States after so many by the rule on the equations, (B, 2n)."""
+        """Return the states after `steps` steps by the rule on the equations, (B, 2n)."""
         return next_states(
             stepped,
             self._states,
@@ -186,34 +188,34 @@ class Steps:
         )
 
     def _of_equations(self, late: Array | None) -> Array | None:
-        """A matrix of the engine's coordinates, in the equations', (n, n)."""
+        """Return a matrix of the engine's coordinates in the equations', (n, n)."""
         return None if late is None else self._slope.T @ late @ self._slope
 
     def _pairs_of_equations(self, coupled: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Pairs of the engine's coordinates, of the equations', (n, n)."""
+        """Return pairs of the engine's coordinates as pairs of the equations', (n, n)."""
         same = self._slope != 0
         found: NDArray[np.bool_] = same.T @ coupled @ same
         return found
 
     def few(self, count: int) -> Steps:
-        """The same from so many of its states, spread evenly."""
+        """Return the same steps from `count` of the states, spread evenly."""
         rows = evenly(len(self._states), count)
         return Steps(self._model, self._coordinates, self._states[rows], self._inputs[rows])
 
     def later(self, rule: StepRule, stepped: Stepped, steps: int) -> float:
-        """The largest difference after so many steps, in last digits."""
-        with np.errstate(all="ignore"):  # some blow up at the step that they ship with
+        """Return the largest difference after `steps` steps, in last digits."""
+        with np.errstate(all="ignore"):  # some models blow up at the file's own time step
             expected = self.rule(rule, stepped, steps)
             alone = without_companions(*self._coordinates.to_engine(self._states))
             took = self._after(steps, alone)
             return float(np.max(np.abs(took - expected) / np.max(self.digit(expected), axis=0)))
 
     def rounding(self, took: Array) -> Array:
-        """What numbers rounded alike on the way make of a step, (2n,).
+        """Return the effect of rounding shared by all runs on a step, (2n,).
 
-        As in `harness.numerics.rounding`, of what the step adds: its start is one and the same. In
-        short numbers solving for accelerations takes more digits than the start's last one, which
-        shows in how companions scatter.
+        It is that of `harness.numerics.rounding`, for the change by the step, since the start is
+        the same. In short numbers, solving for accelerations loses more than the start's last
+        digit; the scatter of companions shows it.
         """
         starts = self._starts
         before = self._coordinates.from_engine(starts.z, starts.w, self._states[starts.rows])
@@ -224,10 +226,10 @@ class Steps:
         return np.maximum(told, starts.observed_rounding(added))
 
     def digit(self, ends: Array) -> Array:
-        """The last digit of each component at each state, (B, 2n).
+        """Return the last digit of each component at each state, (B, 2n).
 
-        A position takes in h times its velocity. Where engine coordinates are sums of several, all
-        are as coarse as the largest of their like.
+        A position includes h times its velocity. If engine coordinates are sums of several, all are
+        as coarse as the largest of their kind.
         """
         states, h = self._states, self._model.step
         n = states.shape[1] // 2

@@ -1,4 +1,4 @@
-"""Positions at which a stop holds an engine's joint: the engine is not smooth about them."""
+"""Detection of active joint limits, at which an engine is not smooth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 def stopped(
     model: Model, coordinates: CoordinateMap, position: Array, step: Array
 ) -> tuple[str, ...]:
-    """Coordinates of the engine that a stop holds at a position (n,), or a step (n,) beside it."""
+    """Return the engine coordinates at a joint limit, at a position (n,) or one step (n,) away."""
     places = np.concatenate([position[None], position + np.diag(step), position - np.diag(step)])
     z = coordinates.forward(places)
     lower, upper = model.limits.T
