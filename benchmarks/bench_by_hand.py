@@ -62,7 +62,7 @@ def ours(resolution: float) -> float:
     motion, scale = prepared.motions["free"], prepared.scales["free"]
     sidecar = sidecar_of(prepared.folder, "mujoco.xml")
     model, coordinates = load(prepared.system, sidecar, "mujoco")
-    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
     assert float(np.max((found.limit.uncertainty + motion.bound) / scale)) < resolution
     return time.perf_counter() - began
 

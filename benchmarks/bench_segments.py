@@ -23,7 +23,7 @@ from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.full_run import FullRun, full_run
+from physics_crosscheck.harness.numerics.full_run import CompleteRun, full_run
 from physics_crosscheck.harness.numerics.ladder import weights
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
@@ -157,7 +157,7 @@ def overhead(console: Console) -> dict[str, float]:
                 file = "robot_folded.urdf"
             sidecar = sidecar_of(prepared.folder, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            batch = Batch.of(motion, scale)
+            batch = Batch.of_motion(motion, scale)
             found = extrapolate(model, coordinates, batch, resolution=1e-9)
             work = list(segments(batch, coordinates, found.rungs, model.epsilon))
             assert sum(n * len(z) for _, n, z, _, _ in work) == found.steps
@@ -186,7 +186,7 @@ def overhead(console: Console) -> dict[str, float]:
     return ratios
 
 
-def largest_error(outcome: FullRun, size: Array) -> float:
+def largest_error(outcome: CompleteRun, size: Array) -> float:
     """Of the first coordinate, as a share of its size."""
     return float(np.max(np.abs(outcome.error[:, :1]) / size))
 
@@ -204,7 +204,9 @@ def least(found: Extrapolated, motion: Motion, scale: Array, exponents: tuple[in
     return len(motion.t) * sum(rungs)
 
 
-def refined(motion: Motion, run_at: Callable[[float], FullRun], h: float) -> tuple[float, float]:
+def refined(
+    motion: Motion, run_at: Callable[[float], CompleteRun], h: float
+) -> tuple[float, float]:
     """Steps that plain refinement would need for the target, and its order, from two runs.
 
     Args:
@@ -244,7 +246,9 @@ def certification(console: Console) -> dict[str, float]:
         for engine, file in MODELS.items():
             sidecar = sidecar_of(folder, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=TARGET)
+            found = extrapolate(
+                model, coordinates, Batch.of_motion(motion, scale), resolution=TARGET
+            )
             certified = float(np.max((found.limit.uncertainty + motion.bound) / scale))
             fewest = least(found, motion, scale, model.exponents(motion.varying))
             run_at = partial(full_run, model, coordinates, motion, prepared.power)

@@ -24,7 +24,7 @@ from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.excitation import telling
+from physics_crosscheck.reference.solving.excitation import select_d_optimal
 from physics_crosscheck.reference.solving.samples import candidates
 
 TOLD_APART = 1e-6
@@ -40,7 +40,7 @@ def slopes(robot: Robot, q: Array, v: Array, forces: Array) -> Array:
     for i in numbers.saying:
         one = numbers.numerals[i]
         ends = [numbers.tree({i: one.value + way * NUDGE * one.scale}) for way in (1, -1)]
-        if any(tree is None or tree.freedoms != q.shape[1] for tree in ends):
+        if any(tree is None or tree.dof != q.shape[1] for tree in ends):
             continue  # it may be moved to one side only
         up, down = (
             TreeEquations(robot_system(replace(robot, tree=tree))).pushed_acceleration(q, v, forces)
@@ -74,7 +74,7 @@ def report(file: Path, floating: bool) -> None:
     within, home = np.stack(robot.limits, axis=1)[kept], home_of(system.tree, robot.limits)[kept]
     many = candidates(equations, within, home, max(COUNTS), SEED)
     began = time.process_time()
-    chosen = telling(many.rows(equations), max(COUNTS))
+    chosen = select_d_optimal(many.rows(equations), max(COUNTS))
     spent = time.process_time() - began
     rows = slopes(robot, many.q, many.v, equations.forces_for(many.q, many.v, many.a))
     rows = rows / np.max(np.abs(many.a), axis=0)

@@ -103,7 +103,7 @@ def judge_at(pairing: Pairing, constants: Mapping[str, float], scenario: str, in
     copy = with_constants(system, sidecar, constants, into)
     model, coordinates = load(drawn, copy, engine)
     scale = component_scale(motion, [])
-    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=RESOLUTION)
+    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=RESOLUTION)
     names = tuple(c.name for c in drawn.coordinates) * 2
     claimed = model.exponents(motion.varying)[0]
     error = np.abs(found.limit.value - motion.end)

@@ -58,9 +58,9 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         line = _line_of(error, path) or _line(error, path)
-        told = DeclarationError(f"{path}:{line}: {_sentence(error)}")
-        told.file, told.line = path, line
-        raise told from error
+        located = DeclarationError(f"{path}:{line}: {_sentence(error)}")
+        located.file, located.line = path, line
+        raise located from error
     system = getattr(module, "system", None)
     if not isinstance(system, (System, MultibodySystem)):
         raise DeclarationError(
@@ -70,7 +70,7 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
 
 
 @contextmanager
-def told_with_file(folder: Path) -> Iterator[None]:
+def with_location(folder: Path) -> Iterator[None]:
     """Add file and line to the message of any `LocatedError` raised within the block."""
     path = folder / "system.py"
     try:
@@ -78,9 +78,9 @@ def told_with_file(folder: Path) -> Iterator[None]:
     except LocatedError as error:
         line = _line_of(error, path)
         place = f"{path}:{line}" if line else str(path)
-        told = type(error)(f"{place}: {error}")
-        told.about, told.file, told.line = error.about, path, line
-        raise told from error
+        located = type(error)(f"{place}: {error}")
+        located.about, located.file, located.line = error.about, path, line
+        raise located from error
 
 
 def _line_of(error: Exception, path: Path) -> int | None:
@@ -112,10 +112,10 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, (DeclarationError, TreeError)):
         return str(error)
     try:
-        told = str(error)
+        message = str(error)
     except Exception as worse:
-        told = f"its message can't be shown ({type(worse).__name__})"
-    if isinstance(error, TypeError) and "missing" in told:
-        told = told.replace(".__init__()", "")
-        return re.sub("required (positional|keyword-only) argument", "field", told)
-    return f"{type(error).__name__}: {told}"
+        message = f"its message can't be shown ({type(worse).__name__})"
+    if isinstance(error, TypeError) and "missing" in message:
+        message = message.replace(".__init__()", "")
+        return re.sub("required (positional|keyword-only) argument", "field", message)
+    return f"{type(error).__name__}: {message}"

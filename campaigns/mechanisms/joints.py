@@ -21,7 +21,7 @@ from physics_crosscheck.reference import (
     System,
 )
 from physics_crosscheck.reference.mechanism.declaration import t
-from physics_crosscheck.reference.mechanism.signal import Inputs, Piece, numeric_inputs
+from physics_crosscheck.reference.mechanism.signal import Inputs, SignalPiece, numeric_inputs
 
 
 def inputs(drives: tuple[Drive, ...], duration: float) -> Inputs:
@@ -32,7 +32,7 @@ def inputs(drives: tuple[Drive, ...], duration: float) -> Inputs:
         else sp.Float(d.offset, 17)
         for d in drives
     )
-    return numeric_inputs([Piece(start=0.0, stop=duration, expressions=expressions)])
+    return numeric_inputs([SignalPiece(start=0.0, stop=duration, expressions=expressions)])
 
 
 @cache

@@ -121,7 +121,7 @@ def examine(
     began = process_time()
     motion, scale = posed.motion, posed.scale
     with loaded(mechanism, settings) as (model, coordinates):
-        batch = Batch.of(motion, scale)
+        batch = Batch.of_motion(motion, scale)
         found = extrapolate(model, coordinates, batch, resolution=resolution)
         claimed = model.exponents(motion.varying)[0]
     names = tuple(joint_name(i) for i in range(len(mechanism.links)))

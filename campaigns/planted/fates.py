@@ -148,7 +148,7 @@ class Ground:
         drawn = self.prepared.samples
         scale = np.max(np.abs(drawn.end - drawn.start), axis=0)
         tree = self.numbers.tree({index: value})
-        if tree is None or tree.freedoms != self.flow.tree.freedoms:
+        if tree is None or tree.dof != self.flow.tree.dof:
             return np.inf
         try:
             moved = np.abs(self.flow.moved(tree)).max(axis=0)

@@ -44,7 +44,7 @@ def read_entry(file: Path) -> Entry:
         file=str(file),
         digest=digest_of(file),
         tree=robot.tree is not None,
-        freedoms=0 if robot.tree is None else robot.tree.freedoms,
+        freedoms=0 if robot.tree is None else robot.tree.dof,
         obstacles=tuple(map(str, robot.obstacles)),
         left_out=tuple(sorted({one.what for one in robot.left_out})),
         impossible=tuple(sorted({one.kind for one in impossible(robot)})),

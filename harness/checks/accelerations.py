@@ -6,13 +6,16 @@ import math
 from dataclasses import replace
 
 from physics_crosscheck.harness.checks.verdict import Verdict
-from physics_crosscheck.harness.numerics.forward_dynamics import EQUALITIES, ForwardDynamics
+from physics_crosscheck.harness.numerics.forward_dynamics import EQUALITIES, AccelerationComparison
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 
 
 def with_dynamics(
-    verdict: Verdict, found: ForwardDynamics | None, names: tuple[str, ...], resolution: float
+    verdict: Verdict,
+    found: AccelerationComparison | None,
+    names: tuple[str, ...],
+    resolution: float,
 ) -> Verdict:
     """A verdict on motions with that on accelerations: what differs in either differs.
 
@@ -47,7 +50,7 @@ def with_dynamics(
 
 def _decided(
     verdict: Verdict,
-    found: ForwardDynamics,
+    found: AccelerationComparison,
     names: tuple[str, ...],
     resolution: float,
     reason: str,
@@ -74,11 +77,13 @@ def component(names: tuple[str, ...], index: int) -> str:
 
 
 def _apart(
-    found: ForwardDynamics, names: tuple[str, ...], resolution: float, verdict: Verdict
+    found: AccelerationComparison, names: tuple[str, ...], resolution: float, verdict: Verdict
 ) -> str:
     judged = found.judgement
     other = ", ".join(
-        name for name, size in found.terms.items() if name != EQUALITIES and not size <= resolution
+        name
+        for name, size in found.force_errors.items()
+        if name != EQUALITIES and not size <= resolution
     )
     differing = f"; these of its forces differ: {other}" if other else ""
     moved = (

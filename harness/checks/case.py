@@ -27,9 +27,9 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.numerics.discrete import LARGEST, linearize_step
-from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.forward_dynamics import (
-    ForwardDynamics,
+    AccelerationComparison,
     forward_dynamics,
     mixed,
 )
@@ -158,7 +158,7 @@ def run_case(task: CaseTask) -> Case:
     if why := why_no_run(motion.duration, model.step):
         raise StepError(f"{_place_of_step(task.sidecar, task.engine)}: {why}")
     claimed = model.exponents(motion.varying)[0]
-    batch = Batch.of(motion, task.scale)
+    batch = Batch.of_motion(motion, task.scale)
     try:
         found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
@@ -229,7 +229,9 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
     return None if found is None else stepping_record(found, task.components)
 
 
-def _dynamics(task: CaseTask, model: Model, coordinates: CoordinateMap) -> ForwardDynamics | None:
+def _dynamics(
+    task: CaseTask, model: Model, coordinates: CoordinateMap
+) -> AccelerationComparison | None:
     """The engine's accelerations, at those states and at others of their positions."""
     if task.stepped is None:
         return None
@@ -239,7 +241,7 @@ def _dynamics(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Forwa
 
 def _passed(motion: Motion) -> tuple[Array, Array]:
     """States spread over a motion, (B, 2n), and its inputs there, (B, m)."""
-    rows = evenly(len(motion.t), STEPPED)
+    rows = even_indices(len(motion.t), STEPPED)
     return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
 
 

@@ -6,13 +6,15 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.accelerations import component
 from physics_crosscheck.harness.checks.verdict import Verdict as Judgement
-from physics_crosscheck.harness.numerics.discrete import DiscreteLinearization as FoundStep
-from physics_crosscheck.harness.numerics.evenly import evenly
-from physics_crosscheck.harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
-from physics_crosscheck.harness.numerics.linearization import EngineLinearization as Found
+from physics_crosscheck.harness.numerics.discrete import StepLinearization as FoundStep
+from physics_crosscheck.harness.numerics.evenly import even_indices
+from physics_crosscheck.harness.numerics.forward_dynamics import (
+    AccelerationComparison as FoundDynamics,
+)
+from physics_crosscheck.harness.numerics.linearization import LinearizationComparison as Found
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
-from physics_crosscheck.harness.numerics.stepping import Stepping as FoundStepping
+from physics_crosscheck.harness.numerics.stepping import StepComparison as FoundStepping
 from physics_crosscheck.harness.records.base import Number, Numbers, Rows, number, numbers, rows
 from physics_crosscheck.harness.records.case import (
     CheckedStep,
@@ -91,7 +93,8 @@ def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> Forw
         component=component(names, judged.component),
         states=found.states,
         terms=tuple(
-            ForceTerm(name=name, discrepancy=number(size)) for name, size in found.terms.items()
+            ForceTerm(name=name, discrepancy=number(size))
+            for name, size in found.force_errors.items()
         ),
     )
 
@@ -103,9 +106,9 @@ def full_run_record(study: StepStudy, time_step: float, integrator: str) -> Full
         integrator=integrator,
         global_error=number(study.global_error),
         velocity_error=number(study.velocity_error),
-        order=number(study.witness.order),
-        residual=number(study.witness.residual),
-        resolved_until=number(study.witness.until),
+        order=number(study.full_run_check.order),
+        residual=number(study.full_run_check.residual),
+        resolved_until=number(study.full_run_check.until),
         decomposition=_decomposition(study),
         steps_for=tuple(
             TargetStep(target=target, step=number(step))
@@ -156,16 +159,16 @@ def series_record(
         components: names of the state's components.
     """
     shipped, balance = study.shipped, study.shipped.balance
-    picked = evenly(len(shipped.t), SERIES)
+    picked = even_indices(len(shipped.t), SERIES)
     t = shipped.t[picked]
-    segments = evenly(len(motion.t), SERIES)
+    segments = even_indices(len(motion.t), SERIES)
     defect = (found.limit.value - motion.end) / scale
     uncertainty = (found.limit.uncertainty + motion.bound) / scale
     raw = np.sqrt(np.mean(((found.raw - motion.end) / scale) ** 2, axis=1))
     return Series(
         t=_row(t, DIGITS),
         components=components,
-        reference=_rows(motion.at(t).T, DIGITS),
+        reference=_rows(motion.states_at(t).T, DIGITS),
         engine=_rows(shipped.states[picked].T, 6),
         error=_rows(shipped.error[picked].T, 4),
         segment_t=_row(motion.t[segments], 6),
@@ -187,7 +190,7 @@ def series_record(
 
 
 def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
-    runs, n = (study.shipped, *study.beside), len(amplitude) // 2
+    runs, n = (study.shipped, *study.others), len(amplitude) // 2
     errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
     return StepErrors(
         h=numbers(run.h for run in runs),

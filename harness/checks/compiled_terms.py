@@ -250,7 +250,7 @@ class Compiled:
     def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Forces at states, from the accelerations there and inertias known already."""
         none = np.zeros((len(states), len(self.task.push)))
-        found = self.accelerations.at(states, none, np.zeros((len(states), len(self.names))))
+        found = self.accelerations.measure(states, none, np.zeros((len(states), len(self.names))))
         with np.errstate(invalid="ignore"):
             force = np.einsum("bij,bj->bi", mass.value, found.value)
             error = np.einsum("bij,bj->bi", np.abs(mass.value), found.uncertainty)
@@ -294,7 +294,7 @@ class Compiled:
         n = len(self.names)
         masses, forces = self._reference(states, inputs)
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
-        found = self.accelerations.at(states, inputs, np.zeros((DRAWS, n)))
+        found = self.accelerations.measure(states, inputs, np.zeros((DRAWS, n)))
         if not np.isfinite(found.value).all():
             message = "accelerations at random states are not finite"
             yield finding("acceleration", ("not finite",), message)

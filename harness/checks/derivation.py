@@ -25,7 +25,7 @@ from physics_crosscheck.harness.render.terminal.equations import (
 from physics_crosscheck.harness.render.terminal.typeset import Terms, deviation
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import (
-    Linearization,
+    TaylorLinearization,
     classify,
     linearize,
     taylor,
@@ -78,16 +78,20 @@ def derivation(system: System) -> DerivedSystem:
     )
 
 
-def _equilibrium(equations: Equations, one: Linearization, linear: bool) -> DerivedEquilibrium:
+def _equilibrium(
+    equations: Equations, one: TaylorLinearization, linear: bool
+) -> DerivedEquilibrium:
     system = equations.system
     (declared,) = (e for e in system.equilibria if e.name == one.equilibrium)
-    moved = {q: deviation(q) for q, at in zip(system.q, one.at, strict=True) if at != 0}
+    moved = {
+        q: deviation(q) for q, at in zip(system.q, one.symbolic_position, strict=True) if at != 0
+    }
     series = None if linear else _series(equations, one, moved)
     damped = any(one.damping) and len(system.q) > 1
     return DerivedEquilibrium(
         name=declared.name,
         description=declared.description,
-        at=list(zip(system.q, one.at, strict=True)),
+        at=list(zip(system.q, one.symbolic_position, strict=True)),
         matrices=list(_matrices(one, system)),
         poles=pole_records(one),
         modes=mode_records(one),
@@ -96,13 +100,15 @@ def _equilibrium(equations: Equations, one: Linearization, linear: bool) -> Deri
             for value, shape in (damped_shapes(one) if damped else ())
         ],
         transfers=_transfers(one, system),
-        moved=[(d, q - one.at[system.q.index(q)]) for q, d in moved.items()] if series else [],
+        moved=[(d, q - one.symbolic_position[system.q.index(q)]) for q, d in moved.items()]
+        if series
+        else [],
         series=series,
         linearity=linearity_records(equations, one),
     )
 
 
-def _matrices(one: Linearization, system: System) -> Iterator[Matrix]:
+def _matrices(one: TaylorLinearization, system: System) -> Iterator[Matrix]:
     symbolic = {
         "M": one.mass.applyfunc(sp.expand) if _short(one.mass) else None,
         "C": one.damping.applyfunc(sp.expand) if _short(one.damping) else None,
@@ -139,7 +145,7 @@ def _invertible(*matrices: sp.Matrix) -> bool:
     return _short(*matrices) and not any(matrix.has(sp.Float) for matrix in matrices)
 
 
-def _transfers(one: Linearization, system: System) -> list[Transfer]:
+def _transfers(one: TaylorLinearization, system: System) -> list[Transfer]:
     if not system.inputs:
         return []
     functions = transfer_functions(one)
@@ -151,12 +157,12 @@ def _transfers(one: Linearization, system: System) -> list[Transfer]:
 
 
 def _series(
-    equations: Equations, one: Linearization, moved: Mapping[sp.Symbol, sp.Symbol]
+    equations: Equations, one: TaylorLinearization, moved: Mapping[sp.Symbol, sp.Symbol]
 ) -> list[tuple[Terms, Terms]]:
     system = equations.system
     if sum(sp.count_ops(row) for row in equations.residual) > LONG_SERIES:
         return []
-    place = dict(zip(system.q, one.at, strict=True))
+    place = dict(zip(system.q, one.symbolic_position, strict=True))
     rest = place | dict.fromkeys((*system.v, *system.a, *system.u), sp.Integer(0))
     variables = [*system.a, *system.v, *(moved.get(q, q) for q in system.q), *system.u]
     sides: list[tuple[Terms, Terms]] = []

@@ -27,8 +27,8 @@ def with_full_runs(
         return Outcome.FAILED, failed, _failure_kind(study)
     if verdict.outcome is not Outcome.AGREES:
         return verdict.outcome, verdict.reason, verdict.kind
-    found = study.witness
-    if not found.bears_out:
+    found = study.full_run_check
+    if not found.converges:
         told = (
             "every segment agrees, but the full run does not converge to the "
             f"motion: order {found.order:.2f} instead of {claimed}, error "
@@ -36,7 +36,7 @@ def with_full_runs(
             "falls, so the model carries a state from step to step"
         )
         return Outcome.UNRESOLVED, told, "full run"
-    if not found.foretold:
+    if not found.predicted:
         told = (
             f"every segment agrees, but the full run at dt = {study.shipped.h:g} s "
             f"is off by {found.surprise:.1e} from the error that finer steps "
@@ -80,7 +80,7 @@ def _failure_kind(study: StepStudy) -> CaseKind:
 
 def _reservation(study: StepStudy, motion: Motion) -> str:
     """How far full runs bear an agreement out, where the motion lets them do so in part alone."""
-    found = study.witness
+    found = study.full_run_check
     if not found.excused:
         return ""
     if found.until <= 0:

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.modelfiles.code_reads import recorded
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
-from physics_crosscheck.reference.load import load_system, told_with_file
+from physics_crosscheck.reference.load import load_system, with_location
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.motion import Motion
@@ -97,7 +97,7 @@ def derived(
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
     equations = derive(system)
-    with told_with_file(folder):
+    with with_location(folder):
         linear = tuple(linearize(equations, e) for e in system.equilibria)
         motions = {s.name: solve(equations, s) for s in system.scenarios}
     scales = {
@@ -108,7 +108,7 @@ def derived(
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
     amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
-    with told_with_file(folder):
+    with with_location(folder):
         record = system_record(folder, equations, linear, motions, described=described)
     return Prepared(
         folder=folder,

@@ -42,7 +42,7 @@ from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot
 from physics_crosscheck.harness.numerics.batch import Batch, held
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.forward_dynamics import (
-    ForwardDynamics,
+    AccelerationComparison,
     forward_dynamics,
     mixed,
 )
@@ -268,7 +268,7 @@ def follow_robot(
         varying=False,
         scale=scale,
         ends=drawn.end,
-        uneven=drawn.bent,
+        uneven=drawn.nonsmooth,
     )
     try:
         if rungs:
@@ -371,7 +371,7 @@ def _judged(task: RobotTask, model: Model | None = None) -> tuple[Followed, Verd
 
 def _decided(
     task: RobotTask, way: Followed, verdict: Verdict
-) -> tuple[Followed, Verdict, ForwardDynamics | None]:
+) -> tuple[Followed, Verdict, AccelerationComparison | None]:
     """The same with the engine's accelerations, and another way to step where that is asked for."""
     dynamics, names = _dynamics(task, way), tuple(way.model.coordinates)
     way, verdict = _otherwise(task, way, verdict)
@@ -442,7 +442,7 @@ def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
     return None if found is None else stepping_record(found, way.components)
 
 
-def _dynamics(task: RobotTask, way: Followed) -> ForwardDynamics | None:
+def _dynamics(task: RobotTask, way: Followed) -> AccelerationComparison | None:
     """The engine's accelerations, at those states and at others of their positions."""
     states, inputs = mixed(way.samples.start, way.samples.forces)
     stepped = _stepped(task, way)

@@ -13,8 +13,8 @@ from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.base import number, numbers, rows
 from physics_crosscheck.harness.render.terminal.typeset import Latex, Terms, latex_name
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.errata import Erratum, errata
-from physics_crosscheck.reference.dynamics.linearize import Linearization, classify
+from physics_crosscheck.reference.dynamics.errata import EquationCheck, errata
+from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, classify
 from physics_crosscheck.reference.dynamics.modes import modes, poles, s, transfer_functions
 from physics_crosscheck.reference.dynamics.simplify import LONG
 from physics_crosscheck.reference.mechanism.declaration import Coordinate, Input
@@ -26,7 +26,7 @@ from physics_crosscheck.reference.solving.motion import Motion
 def system_record(
     folder: Path,
     equations: Equations,
-    linear: tuple[Linearization, ...],
+    linear: tuple[TaylorLinearization, ...],
     motions: Mapping[str, Motion],
     *,
     described: bool,
@@ -113,7 +113,7 @@ def motion_terms(equations: Equations) -> tuple[tuple[Terms, Terms], ...]:
     return tuple(sides)
 
 
-def pole_records(one: Linearization) -> tuple[records.Pole, ...]:
+def pole_records(one: TaylorLinearization) -> tuple[records.Pole, ...]:
     """The poles of a linearization."""
     return tuple(
         records.Pole(
@@ -127,7 +127,7 @@ def pole_records(one: Linearization) -> tuple[records.Pole, ...]:
     )
 
 
-def mode_records(one: Linearization) -> tuple[records.Mode, ...]:
+def mode_records(one: TaylorLinearization) -> tuple[records.Mode, ...]:
     """The modes of a linearization without its damping."""
     return tuple(
         records.Mode(
@@ -140,7 +140,9 @@ def mode_records(one: Linearization) -> tuple[records.Mode, ...]:
     )
 
 
-def linearity_records(equations: Equations, one: Linearization) -> tuple[records.Linearity, ...]:
+def linearity_records(
+    equations: Equations, one: TaylorLinearization
+) -> tuple[records.Linearity, ...]:
     """How far a linearization holds, by mode."""
     return tuple(
         records.Linearity(
@@ -155,13 +157,13 @@ def linearity_records(equations: Equations, one: Linearization) -> tuple[records
 
 
 def errata_records(
-    equations: Equations, linear: tuple[Linearization, ...]
+    equations: Equations, linear: tuple[TaylorLinearization, ...]
 ) -> tuple[tuple[str, records.Erratum], ...]:
     """Every published equation, and what it claims to be."""
     return tuple(_erratum(found) for found in errata(equations, linear))
 
 
-def _erratum(found: Erratum) -> tuple[str, records.Erratum]:
+def _erratum(found: EquationCheck) -> tuple[str, records.Erratum]:
     published = found.published
     claim = published.states + (f" of {published.of}" if published.of else "")
     if published.states == "linear":
@@ -182,7 +184,7 @@ def _formula(expression: sp.Expr | float, latex: Latex) -> records.Formula:
 
 
 def _derivation(
-    equations: Equations, linear: tuple[Linearization, ...], latex: Latex
+    equations: Equations, linear: tuple[TaylorLinearization, ...], latex: Latex
 ) -> records.Derivation:
     system = equations.system
     left = equations.mass * sp.Matrix(system.a)
@@ -204,7 +206,7 @@ def _derivation(
     )
 
 
-def _linearization(one: Linearization, system: System, latex: Latex) -> records.Linearization:
+def _linearization(one: TaylorLinearization, system: System, latex: Latex) -> records.Linearization:
     functions = transfer_functions(one)
     return records.Linearization(
         equilibrium=one.equilibrium,
@@ -228,7 +230,7 @@ def _linearization(one: Linearization, system: System, latex: Latex) -> records.
     )
 
 
-def _linear_equations(one: Linearization, system: System, latex: Latex) -> records.Formula:
+def _linear_equations(one: TaylorLinearization, system: System, latex: Latex) -> records.Formula:
     """M a + C v + K q = F u, the matrices written out and terms of zeros left out."""
     symbols = (system.a, system.v, system.q)
     parts = zip(("M", "C", "K"), (one.mass, one.damping, one.stiffness), symbols, strict=True)
@@ -251,7 +253,7 @@ def _linear_equations(one: Linearization, system: System, latex: Latex) -> recor
     return records.Formula(text=f"Eq({text})", latex=" = ".join(written))
 
 
-def _readable(one: Linearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
+def _readable(one: TaylorLinearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
     """A matrix with its symbols, or where that would be too long to read with numbers."""
     if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
         return matrix

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.render.terminal.equations import (
     ShownBody,
     ShownJoint,
 )
-from physics_crosscheck.reference.dynamics.formulas import Formulas, formulas
+from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, formulas
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, powers
 from physics_crosscheck.reference.mechanism.couplings import Coupled
@@ -59,8 +59,8 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
         pulls=[one.name for one in declared.pulls],
         couplings=[one.follower for one in declared.couplings],
         omitted=omitted,
-        motion=_motion(found, system.a) if isinstance(found, Formulas) else [],
-        left_out="" if isinstance(found, Formulas) else found,
+        motion=_motion(found, system.a) if isinstance(found, SymbolicEquations) else [],
+        left_out="" if isinstance(found, SymbolicEquations) else found,
         home=home.tolist(),
         mass=Matrix(name="M", symbolic=None, numbers=mass.tolist()),
         force=Matrix(name="f", symbolic=None, numbers=force[:, None].tolist()),
@@ -68,7 +68,7 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
 
 
 def _motion(
-    found: Formulas, a: tuple[sp.Symbol, ...]
+    found: SymbolicEquations, a: tuple[sp.Symbol, ...]
 ) -> list[tuple[list[tuple[sp.Expr, sp.Expr]], list[tuple[sp.Expr, sp.Expr]]]]:
     """Both sides of each equation."""
     return [

@@ -13,7 +13,11 @@ from typing import Protocol
 import numpy as np
 
 from physics_crosscheck.harness.numerics import judgement
-from physics_crosscheck.harness.numerics.judgement import Judgement, Obstacle, obstacle
+from physics_crosscheck.harness.numerics.judgement import (
+    LimitVerdict,
+    UnresolvedReason,
+    unresolved_reason,
+)
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.numerics.residual import Residual
 from physics_crosscheck.harness.numerics.segments import Extrapolated
@@ -148,7 +152,7 @@ def judge(
     # Never below what a double resolves: a component at rest at zero has no rounding at all.
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
     asked, resolution = resolution, judgement.resolvable(limit, scale, resolution)
-    found = judgement.judge(defect, uncertainty, resolution, obstacle(limit))
+    found = judgement.judge(defect, uncertainty, resolution, unresolved_reason(limit))
     time, component = float(motion.t[found.segment]), names[found.component]
     place = starts_at(time, found.segment)
     reason = ""
@@ -160,7 +164,7 @@ def judge(
         )
     elif found.below_resolution:
         reason = _below(component, place, found, resolution)
-    elif found.obstacle is not None:
+    elif found.unresolved_reason is not None:
         why = _why_coarse(limit, found, held)
         reason = _unresolved(found, limit, place, component, claimed, resolution, why)
     elif found.largest_uncertainty > asked:
@@ -256,7 +260,7 @@ def _coarse(limit: Limit, known: float, asked: float) -> str:
     )
 
 
-def _below(what: str, place: str, found: Judgement, resolution: float) -> str:
+def _below(what: str, place: str, found: LimitVerdict, resolution: float) -> str:
     """What is said of a difference that is measurable and was not asked for."""
     return (
         f"{what} differs at {found.discrepancy:.0e}, below the requested resolution "
@@ -265,7 +269,7 @@ def _below(what: str, place: str, found: Judgement, resolution: float) -> str:
 
 
 def _unresolved(
-    found: Judgement,
+    found: LimitVerdict,
     limit: Limit,
     place: str,
     component: str,
@@ -273,16 +277,16 @@ def _unresolved(
     resolution: float,
     coarse: str,
 ) -> str:
-    if found.obstacle is Obstacle.STANDS_STILL:
+    if found.unresolved_reason is UnresolvedReason.STANDS_STILL:
         return "all step sizes returned the same values: the engine did not step"
-    if found.obstacle is Obstacle.DIVERGES:
+    if found.unresolved_reason is UnresolvedReason.DIVERGES:
         return "the extrapolation diverges: the limits at finer steps do not converge"
-    if found.obstacle is Obstacle.WRONG_ORDER:
+    if found.unresolved_reason is UnresolvedReason.WRONG_ORDER:
         return (
             f"the convergence order is {limit.order:.2f} but the engine claims "
             f"{claimed}, so the extrapolation is not trusted"
         )
-    if found.obstacle is Obstacle.DIVERGES_HERE:
+    if found.unresolved_reason is UnresolvedReason.DIVERGES_HERE:
         return (
             f"the extrapolation diverges near {place}: the limits at finer steps do "
             "not converge, which is typical of a motion that is not smooth"
@@ -293,24 +297,24 @@ def _unresolved(
     )
 
 
-def _kind(found: Judgement, limit: Limit) -> CaseKind:
+def _kind(found: LimitVerdict, limit: Limit) -> CaseKind:
     """Return the kind of a reason; empty where the case agrees."""
     if found.outcome is Outcome.DIFFERS:
         return "motion"
-    if found.obstacle is None:
+    if found.unresolved_reason is None:
         return ""
-    if found.obstacle is Obstacle.COARSE and _is_rounding(limit, found):
+    if found.unresolved_reason is UnresolvedReason.COARSE and _is_rounding(limit, found):
         return "rounding"
-    return found.obstacle.kind
+    return found.unresolved_reason.kind
 
 
-def _is_rounding(limit: Limit, found: Judgement) -> bool:
+def _is_rounding(limit: Limit, found: LimitVerdict) -> bool:
     """Return whether rounding makes all of the uncertainty."""
     at = found.segment, found.component
     return bool(limit.uncertainty[at] <= ROUNDED * limit.rounding[at])
 
 
-def _why_coarse(limit: Limit, found: Judgement, held: bool) -> str:
+def _why_coarse(limit: Limit, found: LimitVerdict, held: bool) -> str:
     """Return why an uncertainty is above the resolution.
 
     Args:

@@ -78,7 +78,7 @@ def _joint(
         return Aligned(a=a, b=b, moved=before)
     hinge, size = one.tree.links[a].kind == "hinge", max(one.size, other.size)
     u, p = one.axes[a], one.anchors[a]
-    v, r = before.rotation @ other.axes[b], before.at(other.anchors[b])
+    v, r = before.rotation @ other.axes[b], before.transform(other.anchors[b])
     opposite = bool(u @ v < 0)
     v = -v if opposite else v
     across = np.cross(v, u)
@@ -86,11 +86,11 @@ def _joint(
     angle = float(np.arctan2(sine, u @ v))
     moved = before
     if angle > SAME:
-        moved = _turned_about(r, across / sine, angle).of(moved)
+        moved = _turned_about(r, across / sine, angle).compose(moved)
     shift = (p - r) - u * (u @ (p - r)) if hinge else np.zeros(3)
     apart = float(np.linalg.norm(shift))
     if apart > SAME * size:
-        moved = Place(np.eye(3), shift).of(moved)
+        moved = Place(np.eye(3), shift).compose(moved)
     zero, along, moved = _zero(one, other, pair, moved, pairs)
     return Aligned(
         a=a,
@@ -121,15 +121,15 @@ def _zero(
             # In the plane across the axis.
             x, y = (w - p - u * (u @ (w - p)) for w in (x, y))
             by = float(np.arctan2(u @ np.cross(y, x), x @ y))
-            guess = _turned_about(p, u, by).of(moved)
+            guess = _turned_about(p, u, by).compose(moved)
         else:
             by = float(u @ (x - y))
-            guess = Place(np.eye(3), by * u).of(moved)
+            guess = Place(np.eye(3), by * u).compose(moved)
         if carried.alike(guess) == carried.count:
             return -by, 0.0, guess
     for x, y in carried.points(moved) if hinge else ():
         along = float(u @ (x - y))
-        guess = Place(np.eye(3), along * u).of(moved)
+        guess = Place(np.eye(3), along * u).compose(moved)
         if carried.alike(guess) == carried.count:
             return 0.0, along, guess
     return 0.0, 0.0, moved
@@ -155,9 +155,9 @@ class _Carried:
     def points(self, moved: Place) -> Iterator[tuple[Array, Array]]:
         """Points of A, and what should be the same of B."""
         if self.heavy:
-            yield self.bodies[0].center, moved.at(self.bodies[1].center)
+            yield self.bodies[0].center, moved.transform(self.bodies[1].center)
         for a, b in self.children:
-            yield self.one.anchors[a], moved.at(self.other.anchors[b])
+            yield self.one.anchors[a], moved.transform(self.other.anchors[b])
 
     def alike(self, moved: Place) -> int:
         """How much of it is the same, when B's is moved so."""
@@ -172,7 +172,7 @@ class _Carried:
             yield bool(np.abs(x.inertia - y.inertia).max() <= 10 * SAME * large)
         for a, b in self.children:
             u, v = self.one.axes[a], moved.rotation @ self.other.axes[b]
-            between = moved.at(self.other.anchors[b]) - self.one.anchors[a]
+            between = moved.transform(self.other.anchors[b]) - self.one.anchors[a]
             if self.one.tree.links[a].kind != "hinge":
                 between = 0 * between
             line = np.linalg.norm(between - u * (u @ between)) <= near

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.locations import LocationError
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
-from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.evenly import even_indices
 
 MOST_TRIED = 24
 """Differences of the files that are tried one by one, the largest first; beyond, they are only
@@ -181,7 +181,7 @@ class _Bench:
         # Where both are smooth: elsewhere nothing is certain.
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= RESOLVED)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
-        some = smooth[evenly(len(smooth), SOME)]
+        some = smooth[even_indices(len(smooth), SOME)]
 
         def task(candidate: Candidate, source: bool) -> TrialTask:
             own = recorded.runs if source else runs

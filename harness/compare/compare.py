@@ -35,7 +35,7 @@ from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible
-from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -306,7 +306,7 @@ def _terms(
     going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
     if not len(going):
         return ()
-    picked = going[evenly(len(going), count)]
+    picked = going[even_indices(len(going), count)]
     task = partial(
         MechanicsTask,
         independent=recorded.independent,

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.side import Side
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES
 from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
@@ -69,7 +69,7 @@ def explained(
     known, reached = _reached(followed)
     if not len(known):
         return None
-    some = known[evenly(len(known), SOME)]
+    some = known[even_indices(len(known), SOME)]
     own, target = _of(recorded.runs, some), _of(target, some)
     ends = recorded.end[some]
     slopes = match.slopes(own.z[:1])[0]

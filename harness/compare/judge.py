@@ -13,7 +13,7 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs, ends
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics import judgement
-from physics_crosscheck.harness.numerics.judgement import Obstacle, obstacle
+from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, unresolved_reason
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -107,7 +107,9 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
     source, target = ("A", "B") if match.source == "A" else ("B", "A")
     hindered = _obstacle_in_source(recorded)
     resolution = judgement.resolvable(limit, recorded.scale, resolution)
-    there = obstacle(limit) or (None if followed.mostly_known else Obstacle.DIVERGES)
+    there = unresolved_reason(limit) or (
+        None if followed.mostly_known else UnresolvedReason.DIVERGES
+    )
     found = judgement.judge(defect, uncertainty, resolution, hindered or there)
     reason = ""
     stopped = hindered or found.obstacle
@@ -122,7 +124,7 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
         )
     elif hindered:
         reason = _in_source(hindered, recorded, source)
-    elif found.obstacle:
+    elif found.unresolved_reason:
         reason = _in_target(found, followed, (source, target), components, resolution)
     return Judgement(
         outcome=found.outcome,
@@ -140,8 +142,8 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
 
 
 def _largest(
-    found: judgement.Judgement, defect: Array, uncertainty: Array, differing: NDArray[np.bool_]
-) -> judgement.Judgement:
+    found: judgement.LimitVerdict, defect: Array, uncertainty: Array, differing: NDArray[np.bool_]
+) -> judgement.LimitVerdict:
     """Return a judgement that names the component with the largest difference that is certain.
 
     Beside which uncertainty it is the most certain depends on last digits; of like ones, the first.
@@ -158,14 +160,14 @@ def _largest(
     )
 
 
-def _obstacle_in_source(recorded: Recorded) -> Obstacle | None:
+def _obstacle_in_source(recorded: Recorded) -> UnresolvedReason | None:
     if recorded.lost > len(recorded.runs.z):
-        return Obstacle.DIVERGES
-    return None if recorded.order_confirmed else Obstacle.WRONG_ORDER
+        return UnresolvedReason.DIVERGES
+    return None if recorded.order_confirmed else UnresolvedReason.WRONG_ORDER
 
 
-def _in_source(hindered: Obstacle, recorded: Recorded, source: str) -> str:
-    if hindered is Obstacle.DIVERGES:
+def _in_source(hindered: UnresolvedReason, recorded: Recorded, source: str) -> str:
+    if hindered is UnresolvedReason.DIVERGES:
         runs = counted(recorded.lost + len(recorded.runs.z), "run")
         return (
             f"the motion of {source} is not smooth in {recorded.lost} of {runs}:"
@@ -177,23 +179,23 @@ def _in_source(hindered: Obstacle, recorded: Recorded, source: str) -> str:
 
 
 def _in_target(
-    found: judgement.Judgement,
+    found: judgement.LimitVerdict,
     followed: Followed,
     models: tuple[str, str],
     components: tuple[str, ...],
     resolution: float,
 ) -> str:
     source, target = models
-    if found.obstacle is Obstacle.STANDS_STILL:
+    if found.unresolved_reason is UnresolvedReason.STANDS_STILL:
         return f"the engine of {target} did not move: every time step returned the same values"
-    if found.obstacle is Obstacle.DIVERGES:
+    if found.unresolved_reason is UnresolvedReason.DIVERGES:
         return f"{target} does not converge: a contact, a joint limit or friction acts"
-    if found.obstacle is Obstacle.WRONG_ORDER:
+    if found.unresolved_reason is UnresolvedReason.WRONG_ORDER:
         return (
             f"the convergence order in {target} is {followed.limit.order:.2f}, but the engine"
             f" claims {followed.claimed}"
         )
-    if found.obstacle is Obstacle.DIVERGES_HERE:
+    if found.unresolved_reason is UnresolvedReason.DIVERGES_HERE:
         return (
             f"{target} does not converge from states where {source} does: a contact, a joint limit"
             " or friction acts"

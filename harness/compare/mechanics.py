@@ -157,7 +157,9 @@ class _Lens:
         states = np.hstack([z, w])
         found = self._agreed(
             [
-                self._accelerations(model, by).at(states, np.zeros((len(z), 0)), np.zeros_like(z))
+                self._accelerations(model, by).measure(
+                    states, np.zeros((len(z), 0)), np.zeros_like(z)
+                )
                 for by in WINDOWS
             ]
         )

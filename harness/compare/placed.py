@@ -10,12 +10,19 @@ import numpy as np
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.chart import Chart, coordinate_names
-from physics_crosscheck.reference.mechanism.force_paths import JointForce, Mark
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
+from physics_crosscheck.reference.mechanism.force_paths import JointForce, LinkFrame
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.spatial_inertia import Lump, Place
-from physics_crosscheck.reference.mechanism.tree import WORLD, Immersed, Kind, Link, Pull, Tree
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
+from physics_crosscheck.reference.mechanism.tree import (
+    WORLD,
+    Immersed,
+    Kind,
+    Tree,
+    TreeForce,
+    TreeLink,
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,10 +60,10 @@ class Placed:
         parent = self.tree.links[self.index[name]].parent
         return "" if parent == WORLD else self.tree.links[parent].name
 
-    def lump(self, i: int) -> Lump:
+    def lump(self, i: int) -> SpatialInertia:
         """A link as a rigid body in the world."""
         link = self.tree.links[i]
-        return Lump(link.mass, link.center, link.inertia).seen(self.frames[i])
+        return SpatialInertia(link.mass, link.center, link.inertia).seen(self.frames[i])
 
 
 def placed(tree: Tree, q: Array) -> Placed:
@@ -67,7 +74,7 @@ def placed(tree: Tree, q: Array) -> Placed:
     rows = list(zip(tree.links, frames, strict=True))
     axes = np.array([frame.rotation @ link.axis for link, frame in rows]).reshape(n, 3)
     anchors = np.array([frame.origin for frame in frames]).reshape(n, 3)
-    centers = np.array([frame.at(link.center) for link, frame in rows]).reshape(n, 3)
+    centers = np.array([frame.transform(link.center) for link, frame in rows]).reshape(n, 3)
     points = np.concatenate([anchors, centers])
     size = float(np.max(np.ptp(points, axis=0), initial=0.0)) if n else 0.0
     return Placed(
@@ -94,7 +101,9 @@ def tree_of(robot: Robot | None, coordinates: Sequence[str]) -> Tree | None:
 def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:
     """Positions of a tree's joints, (nq,), of those of an engine's coordinates, (nz,)."""
     where = {name: i for i, name in enumerate(coordinates)}
-    found: Array = Chart(tree, DOUBLES).positions(z[[where[name] for name in names_of(tree)]])
+    found: Array = MinimalCoordinates(tree, DOUBLES).positions(
+        z[[where[name] for name in names_of(tree)]]
+    )
     return found
 
 
@@ -105,20 +114,20 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
         tree: the links.
         at: positions of hinges and slides that are held, by their names.
     """
-    links: list[Link] = []
+    links: list[TreeLink] = []
     # Of each old link: the new one that it is in, and its frame there.
     now: list[tuple[int, Place]] = []
     still = Place(np.eye(3), np.zeros(3))
     for link in tree.links:
         within, frame = (WORLD, still) if link.parent == WORLD else now[link.parent]
-        place = frame.of(Place(link.rotation, link.position))
+        place = frame.compose(Place(link.rotation, link.position))
         if link.name not in at:
             links.append(
                 replace(link, parent=within, rotation=place.rotation, position=place.origin)
             )
             now.append((len(links) - 1, still))
             continue
-        place = place.of(_moved(link, at[link.name]))
+        place = place.compose(_moved(link, at[link.name]))
         now.append((within, place))
         if within != WORLD:
             links[within] = _joined(links[within], link, place)
@@ -142,45 +151,45 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
         gravity=tree.gravity,
         pulls=pulls,
         couplings=couplings,
-        medium=tree.medium,
-        bushes=tuple(replace(one, link=now[one.link][0]) for one in tree.bushes),
+        fluid=tree.fluid,
+        bushings=tuple(replace(one, link=now[one.link][0]) for one in tree.bushings),
         immersed=tuple(_carried(one, *now[one.link]) for one in tree.immersed
                        if now[one.link][0] != WORLD),
     )  # fmt: skip
     return whole, tuple(i for i, _ in now)
 
 
-def _pulled(pull: Pull, now: list[tuple[int, Place]]) -> Pull:
+def _pulled(pull: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:
     """A pull along what is on other links now."""
     if pull.along is None:
         return replace(pull, joints=tuple((now[i][0], share) for i, share in pull.joints))
     if isinstance(pull.along, JointForce):
-        return replace(pull, along=pull.along.at(lambda link: now[link][0]))
-    return replace(pull, along=pull.along.at(lambda mark: _marked(mark, now)))
+        return replace(pull, along=pull.along.mapped(lambda link: now[link][0]))
+    return replace(pull, along=pull.along.mapped(lambda mark: _marked(mark, now)))
 
 
-def _marked(mark: Mark, now: list[tuple[int, Place]]) -> Mark:
+def _marked(mark: LinkFrame, now: list[tuple[int, Place]]) -> LinkFrame:
     if mark.link == WORLD:
         return mark
     link, frame = now[mark.link]
-    at = frame.of(Place(mark.rotation, mark.position))
-    return Mark(link=link, position=at.origin, rotation=at.rotation)
+    at = frame.compose(Place(mark.rotation, mark.position))
+    return LinkFrame(link=link, position=at.origin, rotation=at.rotation)
 
 
 def _carried(one: Immersed, link: int, frame: Place) -> Immersed:
     """A box whose link's frame stands in another link."""
-    at = frame.of(Place(one.rotation, one.position))
+    at = frame.compose(Place(one.rotation, one.position))
     return replace(one, link=link, position=at.origin, rotation=at.rotation)
 
 
-def _joined(carrier: Link, link: Link, place: Place) -> Link:
+def _joined(carrier: TreeLink, link: TreeLink, place: Place) -> TreeLink:
     """A link with another welded to it, whose frame stands there; so are the points lifted."""
-    whole = Lump(carrier.mass, carrier.center, carrier.inertia).with_(
-        Lump(link.mass, link.center, link.inertia).seen(place)
+    whole = SpatialInertia(carrier.mass, carrier.center, carrier.inertia).with_(
+        SpatialInertia(link.mass, link.center, link.inertia).seen(place)
     )
     none = np.zeros((3, 3))
-    lifts = Lump(carrier.lifted, carrier.lift, none).with_(
-        Lump(link.lifted, link.lift, none).seen(place)
+    lifts = SpatialInertia(carrier.lifted, carrier.lift, none).with_(
+        SpatialInertia(link.lifted, link.lift, none).seen(place)
     )
     return replace(
         carrier,
@@ -192,7 +201,7 @@ def _joined(carrier: Link, link: Link, place: Place) -> Link:
     )
 
 
-def _moved(link: Link, by: float) -> Place:
+def _moved(link: TreeLink, by: float) -> Place:
     """A joint's motion from zero."""
     if link.kind == "hinge":
         return Place(about_axis(link.axis, np.array(by), DOUBLES), np.zeros(3))

@@ -56,7 +56,7 @@ def inverse_mass(accelerations: Accelerations, z: Array, w: Array, sizes: Array)
     n = len(sizes)
     pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
     states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
-    found = accelerations.at(states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1)))
+    found = accelerations.measure(states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1)))
     value, error = (
         one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
         for one in (found.value, found.uncertainty)
@@ -109,7 +109,9 @@ def characteristic_scales(
     # Runs are short by the fastest rate: what is far slower moves by its rounding alone, and what
     # is slower than its forces at rest make it turns round in a run, where drag has a kink. Beside
     # a servo's damper that is quicker still, an engine gives up at such accelerations.
-    rest = accelerations.at(np.hstack([start, 0 * start])[None], NO_INPUT, 0 * start[None]).value
+    rest = accelerations.measure(
+        np.hstack([start, 0 * start])[None], NO_INPUT, 0 * start[None]
+    ).value
     falling = float(np.sqrt(np.max(np.nan_to_num(np.abs(rest[0])) / unit)))
     typical = max(typical, plain / 3, falling, SLOWEST * fastest)
     typical = min(typical, max(plain / 3, MAX_ACCELERATION / (fastest * float(np.max(unit)))))
@@ -172,7 +174,7 @@ def _rates(accelerations: Accelerations, start: Array, tangent: Array, plain: fl
             np.hstack([start + none, going + moves * plain]),
         ]
     )
-    found = accelerations.at(
+    found = accelerations.measure(
         states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
     ).value.reshape(2, 2, r, len(start))
     if not np.isfinite(found).all():

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
 from physics_crosscheck.harness.diagnosis.samples import Sample
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers
 from physics_crosscheck.harness.records.cause import Cause
@@ -134,7 +134,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
 
 def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Array, Array]:
     t, states = follow(model, coordinates, motion, model.step)
-    picked = evenly(len(t), SAMPLES)
+    picked = even_indices(len(t), SAMPLES)
     return t[picked], states[picked]
 
 

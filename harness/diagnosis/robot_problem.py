@@ -104,7 +104,7 @@ class RobotProblem:
         Raises:
             ReferenceError: where the equations can't follow it.
         """
-        return self._left(self.flow.at(tree))
+        return self._left(self.flow.for_tree(tree))
 
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
         """How much of the defect a unit of each fault makes, near these faults, (len(of), N).
@@ -221,7 +221,7 @@ class RobotProblem:
         if key not in self._flows:
             tree = self._tree(values)
             try:
-                self._flows[key] = None if tree is None else self._near(values).at(tree)
+                self._flows[key] = None if tree is None else self._near(values).for_tree(tree)
             except ReferenceError:
                 self._flows[key] = None
             if (found := self._flows[key]) is not None:
@@ -236,7 +236,7 @@ class RobotProblem:
         with np.errstate(all="ignore"):
             found = self.numbers.tree(values)
         own = self.flow.tree
-        if found is None or found.freedoms != own.freedoms:
+        if found is None or found.dof != own.dof:
             return None
         same = [one.kind for one in found.links] == [one.kind for one in own.links]
         return found if same else None

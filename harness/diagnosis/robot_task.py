@@ -209,7 +209,7 @@ def _ranked(
     else:
         apart, uncertainty = _apart(run, task.task)
         problem = known.beside(apart)
-    fits = FEW if problem.flow.tree.freedoms > MANY else FITTED
+    fits = FEW if problem.flow.tree.dof > MANY else FITTED
     return diagnose(problem, uncertainty, fits), problem
 
 
@@ -257,7 +257,7 @@ def problem_of(
     """
     some = some_of(check.samples)
     tree = numbers.tree({})
-    if tree is None or tree.freedoms != some.forces.shape[1]:
+    if tree is None or tree.dof != some.forces.shape[1]:
         raise RobotError(f"{check.file}: its tree differs from the tree of the equations")
     following = Following.of(tree, some, check.tree)
     scale = scaled(some, following)

@@ -162,7 +162,7 @@ def elements_of(named: Mapping[str, Named]) -> Elements:
 
 def part_of(document: Document, element: RawElement, body: RigidBody) -> Part:
     """A link by itself."""
-    lump = body.lump
+    lump = body.spatial_inertia
     return Part(
         name=body.name,
         line=document.line(element),

@@ -208,7 +208,7 @@ def _global_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
     for task in (before, after):
         model, coordinates = load(task.system, task.sidecar, task.engine)
         t, states = follow(model, coordinates, motion, model.step)
-        off = np.abs(states - motion.at(t))[:, :n]
+        off = np.abs(states - motion.states_at(t))[:, :n]
         error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))
         errors.append(percent(error))
     return f"error at dt {errors[0]} -> {errors[1]}"

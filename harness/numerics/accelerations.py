@@ -53,7 +53,7 @@ class Velocities:
     """The C velocities that are measured.
 
     Attributes:
-        of: maps engine positions and velocities, (B, nz) each, near states (B, 2n), to (B, C).
+        select: maps engine positions and velocities, (B, nz) each, near states (B, 2n), to (B, C).
         speed: unit of relative errors, (C,), nowhere zero.
         rounding_scale: change of each position, then velocity, per unit of relative rounding,
             (2C,).
@@ -61,7 +61,7 @@ class Velocities:
             and the finest rungs bound what is left (`numerics.residual`).
     """
 
-    of: Callable[[Array, Array, Array], Array]
+    select: Callable[[Array, Array, Array], Array]
     speed: Array
     rounding_scale: Array
     vanishing: bool = False
@@ -81,19 +81,19 @@ class Accelerations:
     speed: Array
     fastest: float
 
-    def at(self, states: Array, inputs: Array, forces: Array) -> Estimate:
+    def measure(self, states: Array, inputs: Array, forces: Array) -> Estimate:
         """Return accelerations (B, n) at states (B, 2n), inputs (B, m) and forces (B, n).
 
         The forces are generalized. A model that is much faster than its equations, because of a
         wrong number, gets shorter steps.
         """
         n = len(self.speed)
-        own = Velocities(
-            of=lambda z, w, near: self.coordinates.from_engine(z, w, near)[:, n:],
+        velocities = Velocities(
+            select=lambda z, w, near: self.coordinates.from_engine(z, w, near)[:, n:],
             speed=self.speed,
             rounding_scale=self.coordinates.rounding_scale(*self.coordinates.to_engine(states)),
         )
-        return self._resolved(own, states, inputs, forces)
+        return self._resolved(velocities, states, inputs, forces)
 
     def off_the_map(self, states: Array, inputs: Array) -> tuple[Estimate, Array]:
         """Return accelerations (B, nz) of the coordinate map's residual, and their unit, (nz,).
@@ -102,35 +102,39 @@ class Accelerations:
         """
         z, w = self.coordinates.to_engine(states)
         nz = z.shape[1]
-        left = Velocities(
-            of=lambda z, w, near: self._residual(z, w, near)[:, nz:],
+        residual = Velocities(
+            select=lambda z, w, near: self._residual(z, w, near)[:, nz:],
             speed=floored(np.max(np.abs(w), axis=0)),
             rounding_scale=self.coordinates.residual_rounding_scale(z, w),
             vanishing=True,
         )
-        found = self._resolved(left, states, inputs, np.zeros((len(states), len(self.speed))))
-        return found, left.speed * self.fastest
+        estimate = self._resolved(
+            residual, states, inputs, np.zeros((len(states), len(self.speed)))
+        )
+        return estimate, residual.speed * self.fastest
 
     def _residual(self, z: Array, w: Array, near: Array) -> Array:
         return self.coordinates.residual(z, w, self.coordinates.from_engine(z, w, near))
 
-    def _resolved(self, of: Velocities, states: Array, inputs: Array, forces: Array) -> Estimate:
+    def _resolved(
+        self, observed: Velocities, states: Array, inputs: Array, forces: Array
+    ) -> Estimate:
         """Measure with steps short enough to resolve every acceleration."""
         best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in QUICKER):
-            found = self._over(of, states, inputs, forces, fastest)
-            size = np.maximum(np.nan_to_num(np.abs(found.value)), of.speed * self.fastest)
-            worst = float(np.max(found.uncertainty / size))
+            estimate = self._over(observed, states, inputs, forces, fastest)
+            size = np.maximum(np.nan_to_num(np.abs(estimate.value)), observed.speed * self.fastest)
+            worst = float(np.max(estimate.uncertainty / size))
             if best is None or worst < least:
-                best, least = found, worst
+                best, least = estimate, worst
             if least <= RESOLVED:
                 break
         assert best is not None
         return best
 
     def _over(
-        self, of: Velocities, states: Array, inputs: Array, forces: Array, fastest: float
+        self, observed: Velocities, states: Array, inputs: Array, forces: Array, fastest: float
     ) -> Estimate:
         """Measure at one step size; forces keep their initial values, which is exact as h -> 0."""
         n = len(self.speed)
@@ -150,24 +154,24 @@ class Accelerations:
             h = longest / rung
             ends_z, ends_w = self.model.rollout(starts.z, starts.w, h, last, held, 1)
             velocities = [
-                of.of(ends_z[:, k - 1], ends_w[:, k - 1], near)
+                observed.select(ends_z[:, k - 1], ends_w[:, k - 1], near)
                 for k in range(STEPS[0] - 1, last + 1)
             ]
-            found = np.diff(velocities, axis=0) / h
-            by_step.append(found[:, : len(z)])
-            latest: Array = found[-1]
+            slopes = np.diff(velocities, axis=0) / h
+            by_step.append(slopes[:, : len(z)])
+            latest: Array = slopes[-1]
             return latest
 
         # Rounding of the velocities, in differences over steps as short as the last rung's.
-        count = len(of.speed)
-        size = of.rounding_scale
-        rounded = size[count:] + of.speed * SHARE + size[:count] * fastest
+        count = len(observed.speed)
+        size = observed.rounding_scale
+        rounded = size[count:] + observed.speed * SHARE + size[:count] * fastest
         observable = Observable(
-            at=changes,
+            values=changes,
             starts=starts,
             exponents=(1, 1),
             rounding_scale=rounded / longest * np.sqrt(LADDER[-1]),
-            scale=of.speed * self.fastest,
+            scale=observed.speed * self.fastest,
             where=lambda row, rung: f"from state {row}, in steps of {longest / rung:.3g} s",
         )
         try:
@@ -188,13 +192,13 @@ class Accelerations:
         """
         count, n = len(states), len(sizes)
         pushes = np.concatenate([np.zeros((1, n)), np.diag(sizes), -np.diag(sizes)])
-        found = self.at(
+        estimate = self.measure(
             np.repeat(states, len(pushes), axis=0),
             np.zeros((count * len(pushes), self.coordinates.push.groups[1])),
             np.tile(pushes, (count, 1)),
         )
-        value = found.value.reshape(count, len(pushes), n)
-        error = found.uncertainty.reshape(count, len(pushes), n)
+        value = estimate.value.reshape(count, len(pushes), n)
+        error = estimate.uncertainty.reshape(count, len(pushes), n)
         # Rows are the coordinates with a force; the transpose has a column for each.
         inverse = (value[:, 1 : n + 1] - value[:, n + 1 :]).swapaxes(1, 2) / (2 * sizes)
         inverse_error = (error[:, 1 : n + 1] + error[:, n + 1 :]).swapaxes(1, 2) / (2 * sizes)
@@ -205,14 +209,14 @@ class Accelerations:
         mass[regular] = np.linalg.inv(inverse[regular])
         size = np.abs(np.where(np.isfinite(mass), mass, 0.0))
         with np.errstate(invalid="ignore"):
-            mass_error = _known(size @ inverse_error @ size)
+            mass_error = _nan_to_infinity(size @ inverse_error @ size)
             mass_error[~regular] = np.inf
             force = np.einsum("bij,bj->bi", mass, value[:, 0])
             force_error = np.einsum("bij,bj->bi", size, error[:, 0])
             force_error += np.einsum("bij,bj->bi", mass_error, np.abs(value[:, 0]))
         return (
             Estimate(value=mass, uncertainty=mass_error),
-            Estimate(value=force, uncertainty=_known(force_error)),
+            Estimate(value=force, uncertainty=_nan_to_infinity(force_error)),
         )
 
 
@@ -231,6 +235,6 @@ def _bounded_by_finest(found: Estimate, rungs: Array) -> Estimate:
     )
 
 
-def _known(uncertainty: Array) -> Array:
+def _nan_to_infinity(uncertainty: Array) -> Array:
     """Return infinity where an infinity times zero gave nan."""
     return np.where(np.isnan(uncertainty), np.inf, uncertainty)

@@ -50,7 +50,7 @@ class Batch:
     partial: bool = False
 
     @staticmethod
-    def of(motion: Motion, scale: Array) -> Batch:
+    def of_motion(motion: Motion, scale: Array) -> Batch:
         """Return all segments of a motion."""
         return Batch(
             states=motion.start,
@@ -66,22 +66,22 @@ class Batch:
 def over(inputs: Inputs, t: Array, lengths: Array) -> StepInputs:
     """Return inputs u(t) of a scenario, over segments that start at times t, (K,)."""
 
-    def at(rows: Rows, steps: int) -> Array:
+    def step_inputs(rows: Rows, steps: int) -> Array:
         h = lengths[rows, None] / steps
         times = t[rows, None] + h * np.arange(steps)
         values = inputs(times.ravel(), slack=float(np.min(h)) / 4)
         return values.reshape(len(rows), steps, -1)
 
-    return at
+    return step_inputs
 
 
 def held(values: Array) -> StepInputs:
     """Return inputs (K, m) that are constant over each segment."""
 
-    def at(rows: Rows, steps: int) -> Array:
+    def step_inputs(rows: Rows, steps: int) -> Array:
         return np.repeat(values[rows, None, :], steps, axis=1)
 
-    return at
+    return step_inputs
 
 
 def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:
@@ -98,12 +98,12 @@ def movement(ends: Array, starts: Array) -> Array:
     """Return the unit of relative errors, (c,): the largest movement, floored by its kind."""
     with np.errstate(invalid="ignore"):
         moved = np.abs(ends - starts)
-    reach = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
-    half = len(reach) // 2
-    return np.concatenate([floored(reach[:half]), floored(reach[half:])])
+    largest = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
+    half = len(largest) // 2
+    return np.concatenate([floored(largest[:half]), floored(largest[half:])])
 
 
 def floored(sizes: Array) -> Array:
     """Return sizes (c,), none below `LEAST_SHARE` of the largest, and nowhere zero."""
-    found = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
-    return np.where(found > 0, found, 1.0)
+    result = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
+    return np.where(result > 0, result, 1.0)

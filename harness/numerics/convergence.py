@@ -56,7 +56,7 @@ class Sensitivity:
     Attributes:
         t: times, (S,).
         growth: largest g(t')/g(s) for s <= t' <= t, (S,).
-        begun: number of segments started at each time, (S,).
+        started: number of segments started at each time, (S,).
         local: largest error e over a segment, relative to the amplitude, at `step`.
         step: seconds.
         order: order of the method.
@@ -65,7 +65,7 @@ class Sensitivity:
 
     t: Array
     growth: Array
-    begun: Array
+    started: Array
     local: float
     step: float
     order: int
@@ -73,13 +73,13 @@ class Sensitivity:
 
     def horizon(self, h: float) -> float:
         """Return the time until which a run with step h should have a small error."""
-        expected = self.begun * self.growth * self.local * (h / self.step) ** self.order
+        expected = self.started * self.growth * self.local * (h / self.step) ** self.order
         large = expected > SMALL
         return float(self.t[max(int(np.argmax(large)) - 1, 0)] if large.any() else self.t[-1])
 
     def of_rounding(self, until: float) -> float:
         """Return the effect of one epsilon of rounding per segment, relative to the amplitude."""
-        share = (self.begun * self.growth)[self.t <= until]
+        share = (self.started * self.growth)[self.t <= until]
         return float(np.max(share, initial=0.0)) * self.epsilon
 
 
@@ -104,14 +104,14 @@ def sensitivity(
     apart = np.max(np.abs(states[:count] - run.states[:count]) / size, axis=1) / nudge
     apart = np.where(np.isfinite(apart), apart, np.inf)
     least = np.minimum.accumulate(np.maximum(apart, model.epsilon / nudge))
-    batch = Batch.of(motion, size)
+    batch = Batch.of_motion(motion, size)
     starts = without_companions(*coordinates.to_engine(batch.states))
     ends, _ = run_rung(model, coordinates, batch, starts, 2)
     off = np.max(np.abs(ends - motion.end) / size)
     return Sensitivity(
         t=run.t[:count],
         growth=np.maximum.accumulate(np.maximum(apart / least, 1.0)),
-        begun=np.searchsorted(motion.t, run.t[:count], side="left").astype(np.float64) + 1,
+        started=np.searchsorted(motion.t, run.t[:count], side="left").astype(np.float64) + 1,
         local=float(off) if math.isfinite(off) else math.inf,
         step=float(np.max(motion.lengths)) / 2,
         order=order,
@@ -120,20 +120,20 @@ def sensitivity(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Witness:
+class FullRunCheck:
     """Evidence from full runs, of positions, relative to the amplitude.
 
     Attributes:
         order: order of the error, observed between the two finest runs; nan if unknown.
         until: end of the interval with small errors, on which the order is measured.
         residual: error extrapolated to h -> 0 from the three finest runs.
-        left: bound of the residual: the finest run's change of it, rounding, and the reference.
+        bound: bound of the residual: the finest run's change of it, rounding, and the reference.
         expected: largest error of the run at the file's time step, predicted by two other runs on
             the interval where they predict small ones.
         surprise: difference of that run's error from the prediction.
         unsure: uncertainty of the prediction.
-        settled: whether the order is one that the engine may claim, or cannot be determined.
-        bears_out: whether order and residual converge as an accurate model's do.
+        order_plausible: whether the order is one that the engine may claim, or unknown.
+        converges: whether order and residual converge as an accurate model's do.
         excused: whether only a part of the runs was used, since the motion is chaotic.
         growth: largest amplification of differences, if measured; else 1.
     """
@@ -141,28 +141,28 @@ class Witness:
     order: float
     until: float
     residual: float
-    left: float
+    bound: float
     expected: float
     surprise: float
     unsure: float
-    settled: bool
-    bears_out: bool
+    order_plausible: bool
+    converges: bool
     excused: bool
     growth: float
 
     @property
-    def foretold(self) -> bool:
+    def predicted(self) -> bool:
         """True if the run at the file's time step matches the prediction of the other runs."""
         return self.surprise <= self.unsure
 
 
-def witness(
+def check_full_runs(
     runs: Sequence[SampledRun],
     claimed: int,
     size: Array,
     motion: Motion,
     sensitive: Sensitivity | None = None,
-) -> Witness:
+) -> FullRunCheck:
     """Return the evidence of runs: first at the file's time step, then at halves and doubles of it.
 
     Args:
@@ -171,36 +171,36 @@ def witness(
         sensitive: amplification of differences, to exclude the chaotic part of the motion.
     """
     shipped = runs[0]
-    beside = runs[1:3]
+    others = runs[1:3]
     runs = sorted(runs, key=lambda run: -run.h)
     first = first_break_off(runs[0].h, motion)
     ends = [motion.duration, motion.duration]
     if sensitive is not None:
         ends = [sensitive.horizon(run.h) for run in (runs[max(len(runs) - 3, 0)], runs[0])]
     lost = max(run.rounding for run in runs)
-    order, until = _order(*_legible(runs, size, max(ROUNDING, lost)), size, ends[0])
+    order, until = _order(*_above_rounding(runs, size, max(ROUNDING, lost)), size, ends[0])
     until = float(min(until, first))
     residual, increment = _residual(runs[-3:], until, claimed, size)
     times = runs[0].t[runs[0].t <= until]
-    known = motion.global_bound_at(times)[:, : len(size)] / size
-    left = increment + max(RESIDUAL, lost) + float(np.max(known, initial=0.0))
+    reference_bound = motion.global_bound_at(times)[:, : len(size)] / size
+    bound = increment + max(RESIDUAL, lost) + float(np.max(reference_bound, initial=0.0))
     if sensitive is not None:
-        left += sensitive.of_rounding(until)
+        bound += sensitive.of_rounding(until)
     nothing = sensitive is not None and not math.isfinite(order)
     low, high = claimed - SLACK, claimed + NEXT_ORDERS + SLACK
     rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= max(ROUNDING, lost)
-    settled = rounded or nothing or low <= order <= high
-    expected, surprise, unsure = _foretold(shipped, beside, min(first, ends[1]), claimed, size)
-    return Witness(
+    order_plausible = rounded or nothing or low <= order <= high
+    expected, surprise, unsure = _prediction(shipped, others, min(first, ends[1]), claimed, size)
+    return FullRunCheck(
         order=order,
         until=until,
         residual=residual,
-        left=left,
+        bound=bound,
         expected=expected,
         surprise=surprise,
         unsure=unsure,
-        settled=settled,
-        bears_out=shipped.finite and settled and residual <= left,
+        order_plausible=order_plausible,
+        converges=shipped.finite and order_plausible and residual <= bound,
         excused=sensitive is not None and min(ends) < motion.duration * (1 - 1e-9),
         growth=1.0 if sensitive is None else float(sensitive.growth[-1]),
     )
@@ -218,7 +218,7 @@ def largest_velocity(run: SampledRun, size: Array) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _legible(
+def _above_rounding(
     runs: Sequence[SampledRun], size: Array, floor: float
 ) -> tuple[SampledRun, SampledRun]:
     """Return the two finest runs with errors above rounding, else the two finest."""
@@ -286,7 +286,7 @@ def _together(runs: Sequence[SampledRun], until: float, size: Array) -> Array:
     return np.stack([run.error[:count, : len(size)] / size for run in runs])
 
 
-def _foretold(
+def _prediction(
     shipped: SampledRun, others: Sequence[SampledRun], until: float, claimed: int, size: Array
 ) -> tuple[float, float, float]:
     """Return the predicted largest error, the deviation from it, and its uncertainty.
@@ -300,22 +300,22 @@ def _foretold(
     lost = max(run.rounding for run in runs)
     if len(others) < 2 or not all(run.finite for run in runs):
         return 0.0, 0.0, max(RESIDUAL, lost)
-    own, *beside = _together(runs, until, size)
+    errors, *other_errors = _together(runs, until, size)
     ratios = [Fraction(other.h / shipped.h) for other in others]
-    one, two = _powers(ratios[:1], claimed), _powers(ratios, claimed)
-    rough = float(one[0]) * beside[0]
-    better = np.tensordot([float(w) for w in two], np.stack(beside), axes=1)
-    t = shipped.t[: len(own)]
+    single, double = _powers(ratios[:1], claimed), _powers(ratios, claimed)
+    rough = float(single[0]) * other_errors[0]
+    better = np.tensordot([float(w) for w in double], np.stack(other_errors), axes=1)
+    t = shipped.t[: len(errors)]
     kept = t <= _until(t, np.maximum(np.abs(rough), np.abs(better)) > SMALL)
     share = Fraction(0)
     for exponent in range(claimed + 2, claimed + NEXT_ORDERS + 1):
         by_one, by_two = (
             sum((w * r**exponent for w, r in zip(ws, ratios, strict=False)), Fraction(0))
-            for ws in (one, two)
+            for ws in (single, double)
         )
         share = max(share, abs(1 - by_two) / abs(by_two - by_one))
     moved = float(np.max(np.abs(better - rough)[kept]))
-    off = float(np.max(np.abs(own - better)[kept]))
+    off = float(np.max(np.abs(errors - better)[kept]))
     return float(np.max(np.abs(better)[kept])), off, float(share) * moved + max(RESIDUAL, lost)
 
 

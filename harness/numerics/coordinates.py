@@ -80,16 +80,16 @@ class CoordinateMap:
 
         It is zero as long as the engine satisfies the constraints that the equations assume.
         """
-        own_z, own_w = self.to_engine(states)
-        return np.concatenate([z - own_z, w - own_w], axis=1)
+        mapped_z, mapped_w = self.to_engine(states)
+        return np.concatenate([z - mapped_z, w - mapped_w], axis=1)
 
     def residual_rounding_scale(self, z: Array, w: Array) -> Array:
         """Return the change of each residual per unit of relative rounding in z and w, (2nz,)."""
         n = self.back.size
         there = np.abs(self.forward_slope(self.back(z))).reshape(len(z), -1, n)
         back = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
-        own = [np.abs(a) for a in (z, w)]
-        moved = [a + np.einsum("bzn,bny,by->bz", there, back, a) for a in own]
+        sizes = [np.abs(a) for a in (z, w)]
+        moved = [a + np.einsum("bzn,bny,by->bz", there, back, a) for a in sizes]
         return np.concatenate([np.max(a, axis=0) for a in moved])
 
     def drift(self, z: Array) -> float:
@@ -107,8 +107,8 @@ class CoordinateMap:
         """Return inputs (B, inputs) as engine forces at positions z, (B, nz)."""
         if self.push_matrix is None:
             return self.push(z, inputs)
-        found: Array = inputs @ self.push_matrix.T
-        return found
+        forces: Array = inputs @ self.push_matrix.T
+        return forces
 
     def force(self, inputs: Array) -> Force:
         """Return inputs (B, n, inputs), constant over each step, as engine forces."""
@@ -119,10 +119,10 @@ class CoordinateMap:
             return force
         scalar = self.push.scalar
 
-        def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+        def state_force(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
             return scalar(*z, *u)
 
-        return StateForce(inputs, at)
+        return StateForce(inputs, state_force)
 
 
 def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> CoordinateMap:
@@ -139,15 +139,17 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
     forward = [e.xreplace(values) for e in forward]
     back = [e.xreplace(values) for e in back]
     back_slope = sp.Matrix(back).jacobian(z)
-    work = back_slope.T * sp.Matrix([sp.sympify(f).xreplace(values) for f in system.forces()])
-    matrix = _pushes(work, system, z)
+    engine_forces = back_slope.T * sp.Matrix(
+        [sp.sympify(f).xreplace(values) for f in system.forces()]
+    )
+    matrix = _pushes(engine_forces, system, z)
     constants = None if matrix is None else np.array(matrix.tolist(), dtype=float)
     return CoordinateMap(
         forward=compile_function(forward, system.q),
         forward_slope=compile_function(list(sp.Matrix(forward).jacobian(system.q)), system.q),
         back=compile_function(back, z),
         back_slope=compile_function(list(back_slope), z),
-        push=compile_function(list(work), z, system.u),
+        push=compile_function(list(engine_forces), z, system.u),
         push_matrix=None if constants is None else constants.reshape(len(z), len(system.u)),
         periodic=_periodic(back),
     )
@@ -175,15 +177,15 @@ class CoordinateFamily:
     periodic: tuple[bool, ...]
     constants: frozenset[str]
 
-    def at(self, values: Sequence[float]) -> CoordinateMap:
+    def with_constants(self, values: Sequence[float]) -> CoordinateMap:
         """Return the map at values of all constants, in the system's order."""
         matrix = None if self.pushes is None else self.pushes(np.asarray(values, dtype=float))
         return CoordinateMap(
-            forward=self.forward.at(values),
-            forward_slope=self.forward_slope.at(values),
-            back=self.back.at(values),
-            back_slope=self.back_slope.at(values),
-            push=self.push.at(values),
+            forward=self.forward.bind(values),
+            forward_slope=self.forward_slope.bind(values),
+            back=self.back.bind(values),
+            back_slope=self.back_slope.bind(values),
+            push=self.push.bind(values),
             push_matrix=None if matrix is None else matrix.reshape(self.forward.size, -1),
             periodic=self.periodic,
         )
@@ -197,8 +199,8 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
     """
     forward, back, z = _declared(system, sidecar, names)
     back_slope = sp.Matrix(back).jacobian(z)
-    work = back_slope.T * sp.Matrix([sp.sympify(f) for f in system.forces()])
-    matrix = _pushes(work, system, z)
+    engine_forces = back_slope.T * sp.Matrix([sp.sympify(f) for f in system.forces()])
+    matrix = _pushes(engine_forces, system, z)
     symbols = [c.symbol for c in system.constants]
     used = set[sp.Basic]().union(*(e.free_symbols for e in (*map(sp.sympify, forward), *back)))
     return CoordinateFamily(
@@ -208,7 +210,7 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
         ),
         back=compile_function(back, z, symbols),
         back_slope=compile_function(list(back_slope), z, symbols),
-        push=compile_function(list(work), z, system.u, symbols),
+        push=compile_function(list(engine_forces), z, system.u, symbols),
         pushes=None if matrix is None else compile_function(list(matrix), symbols),
         periodic=_periodic(back),
         constants=frozenset(c.name for c in system.constants if c.symbol in used),
@@ -231,16 +233,18 @@ def _periodic(back: Sequence[sp.Expr]) -> tuple[bool, ...]:
     return tuple(bool(expression.has(sp.atan2)) for expression in back)
 
 
-def _pushes(work: sp.Matrix, system: System, z: Sequence[sp.Symbol]) -> sp.Matrix | None:
+def _pushes(engine_forces: sp.Matrix, system: System, z: Sequence[sp.Symbol]) -> sp.Matrix | None:
     """Return the force of each unit input on each engine coordinate, nz x inputs, if constant."""
     if not system.u:
         return sp.zeros(len(z), 0)
-    matrix = work.jacobian(system.u)
+    matrix = engine_forces.jacobian(system.u)
     return None if matrix.free_symbols & {*z, *system.u} else matrix
 
 
 def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str) -> list[sp.Expr]:
-    known = {c.name: c.q for c in system.coordinates} | {c.name: c.symbol for c in system.constants}
+    symbols = {c.name: c.q for c in system.coordinates} | {
+        c.name: c.symbol for c in system.constants
+    }
     for name in sidecar.coordinates:
         if name not in names:
             raise SidecarError(
@@ -248,18 +252,18 @@ def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str)
                 f" {', '.join(names)}"
             )
     forward = []
-    own = {c.name: c.q for c in system.coordinates}
+    positions = {c.name: c.q for c in system.coordinates}
     for name in names:
         place = f"{where}: [coordinates] {name}"
         if name in sidecar.coordinates:
             entry = sidecar.entry("coordinates", name)
-            forward.append(parse(sidecar.coordinates[name], known, entry))
-        elif name in own:
-            forward.append(own[name])
+            forward.append(parse(sidecar.coordinates[name], symbols, entry))
+        elif name in positions:
+            forward.append(positions[name])
         else:
             raise SidecarError(
                 f"{place}: is not a coordinate of {system.name}; define it as an "
-                f"expression of {', '.join(own)}"
+                f"expression of {', '.join(positions)}"
             )
     return forward
 
@@ -267,19 +271,19 @@ def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str)
 def _back(
     system: System, sidecar: Sidecar, names: Sequence[str], z: Sequence[sp.Symbol], where: str
 ) -> list[sp.Expr]:
-    known = dict(zip(names, z, strict=True)) | {c.name: c.symbol for c in system.constants}
-    own = {c.name for c in system.coordinates}
+    symbols = dict(zip(names, z, strict=True)) | {c.name: c.symbol for c in system.constants}
+    names_of_system = {c.name for c in system.coordinates}
     for name in sidecar.readback:
-        if name not in own:
+        if name not in names_of_system:
             raise SidecarError(f"{where}: [readback] {name} is not a coordinate of {system.name}")
     back = []
     for coordinate in system.coordinates:
         place = f"{where}: [readback] {coordinate.name}"
         if coordinate.name in sidecar.readback:
             entry = sidecar.entry("readback", coordinate.name)
-            back.append(parse(sidecar.readback[coordinate.name], known, entry))
+            back.append(parse(sidecar.readback[coordinate.name], symbols, entry))
         elif coordinate.name in names:
-            back.append(known[coordinate.name])
+            back.append(symbols[coordinate.name])
         else:
             raise SidecarError(
                 f"{place}: no joint has this name; define how to compute it from {', '.join(names)}"
@@ -297,9 +301,13 @@ def _check_inverse(
 ) -> None:
     values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
     place = {c.q: sp.Float(0.1 + 0.07 * i) for i, c in enumerate(system.coordinates)}
-    at = {symbol: e.xreplace(values).subs(place) for symbol, e in zip(z, forward, strict=True)}
+    values_of_z = {
+        symbol: e.xreplace(values).subs(place) for symbol, e in zip(z, forward, strict=True)
+    }
     for coordinate, expression in zip(system.coordinates, back, strict=True):
-        miss = abs(float(expression.xreplace(values).subs(at)) - float(place[coordinate.q]))
+        miss = abs(
+            float(expression.xreplace(values).subs(values_of_z)) - float(place[coordinate.q])
+        )
         if not miss < 1e-9:
             raise SidecarError(
                 f"{where}: [readback] {coordinate.name} is not the inverse of "

@@ -11,7 +11,7 @@ from physics_crosscheck.reference.solving.motion import Motion
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorDecomposition:
+class OscillationError:
     """An oscillation's error by parts: engine(t) = (1 + gain) reference(t - lag) + shift.
 
     Gain, lag and shift are linear in t, fitted by least squares. For y = Re(a exp(s t)) + const
@@ -38,7 +38,7 @@ class ErrorDecomposition:
     explained: float
 
 
-def decompose(t: Array, engine: Array, motion: Motion, component: int) -> ErrorDecomposition:
+def decompose(t: Array, engine: Array, motion: Motion, component: int) -> OscillationError:
     """Decompose the error of one position into amplitude and phase, and their growth.
 
     Args:
@@ -55,23 +55,23 @@ def decompose(t: Array, engine: Array, motion: Motion, component: int) -> ErrorD
     for _ in range(4):
         times = t - share @ lag
         inside = (times >= 0) & (times <= end)
-        reference = motion.at(np.clip(times, 0, end))
+        reference = motion.states_at(np.clip(times, 0, end))
         y, rate = reference[:, component], reference[:, n + component]
-        left = engine - (1 + share @ gain) * y - share @ shift
+        residual = engine - (1 + share @ gain) * y - share @ shift
         basis = np.concatenate([share * y[:, None], -share * rate[:, None], share], axis=1)
-        fit, *_ = np.linalg.lstsq(basis[inside], left[inside], rcond=1e-10)
+        fit, *_ = np.linalg.lstsq(basis[inside], residual[inside], rcond=1e-10)
         gain, lag, shift = gain + fit[:2], lag + fit[2:4], shift + fit[4:]
-    left = (left - basis @ fit)[inside]
-    error = engine - motion.at(t)[:, component]
+    residual = (residual - basis @ fit)[inside]
+    error = engine - motion.states_at(t)[:, component]
     total = float(np.sum(error[inside] ** 2))
     pace = float(np.std(rate) / max(float(np.std(y)), 1e-300))
     kept = float(np.exp(_decay(t, motion, component) * lag.sum()))
-    return ErrorDecomposition(
+    return OscillationError(
         amplitude=float((1 + gain.sum()) * kept - 1),
         phase=float(lag.sum() * pace),
         frequency=float(-lag[1] / end),
         damping=float(-gain[1] / end / pace) if pace > 0 else 0.0,
-        explained=1.0 - float(np.sum(left**2)) / total if total > 0 else 1.0,
+        explained=1.0 - float(np.sum(residual**2)) / total if total > 0 else 1.0,
     )
 
 
@@ -83,7 +83,7 @@ def _decay(t: Array, motion: Motion, component: int) -> float:
     meaning for other motions.
     """
     n = motion.start.shape[1] // 2
-    states = motion.at(t)
+    states = motion.states_at(t)
     pair = np.stack([states[:, component], states[:, n + component]], axis=1)
     size = np.max(np.abs(pair), axis=0)
     if len(t) < 8 or not size.all():

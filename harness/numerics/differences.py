@@ -18,8 +18,8 @@ def moved(deltas: Array) -> Array:
     Columns are consecutive, so that a subset of rows represents all columns.
     """
     unit = np.eye(len(deltas))[:, None, None] * np.array([1.0, -1.0])[:, None]
-    found: Array = (np.array(SIZES)[:, None, None] * unit).reshape(-1, len(deltas)) * deltas
-    return found
+    result: Array = (np.array(SIZES)[:, None, None] * unit).reshape(-1, len(deltas)) * deltas
+    return result
 
 
 def slopes(ends: Array, error: Array, deltas: Array) -> Estimate:
@@ -39,6 +39,6 @@ def slopes(ends: Array, error: Array, deltas: Array) -> Estimate:
     first, second, third = (np.tensordot(w, each[: len(w)], axes=1) for w in even)
     # Remainder of the extrapolation: the last change, times its reduction from the one before.
     before, last = np.abs(second - first), np.abs(third - second)
-    left = 2.5 * last * np.sqrt(np.minimum(1.0, last / np.maximum(before, 1e-300)))
+    remainder = 2.5 * last * np.sqrt(np.minimum(1.0, last / np.maximum(before, 1e-300)))
     rounded = np.tensordot(np.abs(even[-1]), each_error, axes=1)
-    return Estimate(value=third.T, uncertainty=(rounded + left).T)
+    return Estimate(value=third.T, uncertainty=(rounded + remainder).T)

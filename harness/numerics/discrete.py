@@ -26,7 +26,7 @@ LARGEST = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscreteLinearization:
+class StepLinearization:
     """One step about an equilibrium.
 
     Attributes:
@@ -60,7 +60,7 @@ def linearize_step(
     amplitude: Array,
     push: Array,
     resolution: float,
-) -> DiscreteLinearization | None:
+) -> StepLinearization | None:
     """Linearize one step, of the file's own time step, about an equilibrium.
 
     Args:
@@ -85,15 +85,15 @@ def linearize_step(
     if not np.isfinite(ends).all():
         return None
     lost = ROUNDED * run.digit(ends) + MARGIN * run.rounding(took)
-    found = slopes(ends, lost, deltas)
-    a, b = found.value[:, :size], found.value[:, size:]
+    engine_slopes = slopes(ends, lost, deltas)
+    a, b = engine_slopes.value[:, :size], engine_slopes.value[:, size:]
     error = bound = float("nan")
     differs, rule = False, model.step_rule
     if rule is not None and stepped is not None and steps_alike(rule, coordinates, states):
         wanted = slopes(run.rule(rule, stepped, 1), lost, deltas)
         changed = wanted.value - np.eye(size, len(deltas))
         scale = float(np.max(np.abs(changed))) or 1.0
-        off = np.abs(found.value - wanted.value) / scale
+        off = np.abs(engine_slopes.value - wanted.value) / scale
         # Truncation errors are the same in both; only rounding differs.
         doubt = slopes(0 * ends, 2 * lost, deltas).uncertainty / scale
         error, bound = float(np.max(off)), float(np.max(doubt))
@@ -101,7 +101,7 @@ def linearize_step(
     from scipy.linalg import expm  # slow import, not needed by every command
 
     exact = expm(taylor["A"] * model.step)
-    return DiscreteLinearization(
+    return StepLinearization(
         step=model.step,
         a=a,
         b=b,

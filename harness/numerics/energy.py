@@ -49,14 +49,14 @@ def energy_balance(
 
     n = states.shape[1] // 2
 
-    def of(times: Array, y: Array, u: Array) -> Array:
+    def powers(times: Array, y: Array, u: Array) -> Array:
         return power(y[:, :n], y[:, n:], u, times[:, None])
 
     u = motion.inputs(t)
-    held = of(t, states, u)[:, 0]
+    held = powers(t, states, u)[:, 0]
     still = states * (np.arange(2 * n) < n)
-    kinetic = held - of(t, still, u)[:, 0]
-    work = np.zeros((len(t), 2))
+    kinetic = held - powers(t, still, u)[:, 0]
+    energies = np.zeros((len(t), 2))
     done = np.zeros(2)
     for span in motion.spans:
         # Integrate each piece from break to break, since an input that jumps between samples would
@@ -65,10 +65,10 @@ def energy_balance(
         inside = (t > span.start) & (t < stop)
         times = np.concatenate([[span.start], t[inside], [stop]])
         y = np.stack([np.interp(times, t, column) for column in states.T], axis=1)
-        left = np.minimum(times, stop - 1e-9 * span.length)
-        rates = of(times, y, motion.inputs(left))[:, 1:]
+        before_stop = np.minimum(times, stop - 1e-9 * span.length)
+        rates = powers(times, y, motion.inputs(before_stop))[:, 1:]
         summed = cumulative_simpson(rates.T, x=times, initial=0.0).T + done
-        work[inside] = summed[1:-1]
-        work[t >= stop] = done = summed[-1]
-    largest = max(float(np.ptp(held)), float(np.max(np.abs(work))), float(np.max(kinetic)))
-    return EnergyBalance(held, work[:, 0], work[:, 1], largest)
+        energies[inside] = summed[1:-1]
+        energies[t >= stop] = done = summed[-1]
+    largest = max(float(np.ptp(held)), float(np.max(np.abs(energies))), float(np.max(kinetic)))
+    return EnergyBalance(held, energies[:, 0], energies[:, 1], largest)

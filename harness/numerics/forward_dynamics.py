@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.numerics.batch import floored
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.evenly import evenly
-from physics_crosscheck.harness.numerics.judgement import Judgement, judge
+from physics_crosscheck.harness.numerics.evenly import even_indices
+from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, is_linear
 from physics_crosscheck.reference.solving.next_state import Stepped
@@ -33,7 +33,7 @@ TURNS = 5
 TAKEN_APART = 8
 """Number of states at which forces are separated by kind."""
 
-TERMS = (
+FORCE_KINDS = (
     "mass matrix", "forces by position", "forces even in velocity", "forces odd in velocity",
     "forces of inputs",
 )  # fmt: skip
@@ -43,7 +43,7 @@ EQUALITIES = "equalities"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForwardDynamics:
+class AccelerationComparison:
     """Difference of an engine's accelerations from the equations'.
 
     Attributes:
@@ -51,20 +51,20 @@ class ForwardDynamics:
             If soft equalities are assumed exact, nz positions follow, relative to their range.
         states: number of states at which the engine returned accelerations.
         complete: whether it returned them at all states.
-        terms: largest difference in generalized forces by name, relative to the largest force on
-            the same coordinate; nan if the engine's mass matrix is singular. `EQUALITIES` is in
-            positions.
+        force_errors: largest difference in generalized forces by name, relative to the largest
+            force on the same coordinate; nan if the engine's mass matrix is singular.
+            `EQUALITIES` is in positions.
     """
 
-    judgement: Judgement
+    judgement: LimitVerdict
     states: int
     complete: bool
-    terms: dict[str, float]
+    force_errors: dict[str, float]
 
     @property
     def holds_equalities(self) -> bool:
         """True if soft equalities of the engine are assumed exact."""
-        return EQUALITIES in self.terms
+        return EQUALITIES in self.force_errors
 
 
 def mixed(states: Array, inputs: Array) -> tuple[Array, Array]:
@@ -88,7 +88,7 @@ def forward_dynamics(
     states: Array,
     inputs: Array,
     resolution: float,
-) -> ForwardDynamics | None:
+) -> AccelerationComparison | None:
     """Compare accelerations at states, and their terms.
 
     Args:
@@ -105,34 +105,34 @@ def forward_dynamics(
     """
     if not is_linear(coordinates, states):
         return None
-    of = _Compared(model, coordinates, stepped)
+    compared = _Compared(model, coordinates, stepped)
     starts = with_companions(*coordinates.to_engine(states), model.epsilon)
     held = inputs[starts.rows] * starts.gain[:, None]
     with np.errstate(all="ignore"):
         took = model.accelerations(starts.z, starts.w, coordinates.pushes(starts.z, held))
     if took is None:
         return None
-    told: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(took[: len(states)]), axis=1)
-    if not told.any():
+    returned: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(took[: len(states)]), axis=1)
+    if not returned.any():
         return None
-    expected, digit = of.expected(states, inputs)
-    scale = floored(np.max(np.abs(expected[told]), axis=0))
+    expected, digit = compared.expected(states, inputs)
+    scale = floored(np.max(np.abs(expected[returned]), axis=0))
     uncertainty = ROUNDED * model.epsilon * digit + MARGIN * starts.last_digits(took)
     defect = np.abs(took[: len(states)] - expected) / scale
     # A fixed coordinate has no rounding at all.
     uncertainty = np.where(uncertainty > 0, uncertainty / scale, model.epsilon)
-    rows = np.flatnonzero(told)[evenly(int(told.sum()), TAKEN_APART)]
-    terms = of.terms(states[rows], inputs[rows])
-    gaps = of.equality_gaps(states)
+    rows = np.flatnonzero(returned)[even_indices(int(returned.sum()), TAKEN_APART)]
+    force_errors = compared.force_errors(states[rows], inputs[rows])
+    gaps = compared.equality_gaps(states)
     if gaps is not None:
         defect, uncertainty = np.hstack([defect, gaps[0]]), np.hstack([uncertainty, gaps[1]])
-        terms[EQUALITIES] = float(np.max(gaps[0]))
-    found = judge(defect[told], uncertainty[told], resolution, None)
-    return ForwardDynamics(
-        judgement=replace(found, segment=int(np.flatnonzero(told)[found.segment])),
-        states=int(told.sum()),
-        complete=bool(told.all()),
-        terms=terms,
+        force_errors[EQUALITIES] = float(np.max(gaps[0]))
+    verdict = judge(defect[returned], uncertainty[returned], resolution, None)
+    return AccelerationComparison(
+        judgement=replace(verdict, segment=int(np.flatnonzero(returned)[verdict.segment])),
+        states=int(returned.sum()),
+        complete=bool(returned.all()),
+        force_errors=force_errors,
     )
 
 
@@ -151,8 +151,8 @@ class _Compared:
     @cached_property
     def _there(self) -> Array:
         """dz/dq, (nz, n)."""
-        found: Array = self.coordinates.forward_slope(np.zeros((1, self._n)))
-        return found.reshape(-1, self._n)
+        slope: Array = self.coordinates.forward_slope(np.zeros((1, self._n)))
+        return slope.reshape(-1, self._n)
 
     def expected(self, states: Array, inputs: Array) -> tuple[Array, Array]:
         """Return the equations' accelerations of z, and the effect of a last digit on them.
@@ -189,35 +189,35 @@ class _Compared:
         q, rates = states[:, : self._n], states[:, self._n :]
         return q, self.stepped.velocities(q, rates)
 
-    def _own(self, states: Array, inputs: Array, push: Array) -> Array:
+    def _accelerations(self, states: Array, inputs: Array, push: Array) -> Array:
         """Return the engine's accelerations of q, (B, n), under extra forces on q."""
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), self._n, -1)
         pushed = np.einsum("bnz,bn->bz", slope, push) + self.coordinates.pushes(z, inputs)
-        found = self.model.accelerations(z, w, pushed)
-        assert found is not None  # it returned some accelerations before
-        own: Array = np.einsum("bnz,bz->bn", slope, found)
-        return own
+        accelerations = self.model.accelerations(z, w, pushed)
+        assert accelerations is not None  # it returned some accelerations before
+        result: Array = np.einsum("bnz,bz->bn", slope, accelerations)
+        return result
 
-    def terms(self, states: Array, inputs: Array) -> dict[str, float]:
+    def force_errors(self, states: Array, inputs: Array) -> dict[str, float]:
         """Return the largest difference of each term, relative to the largest force."""
         with np.errstate(all="ignore"):
-            own, wanted = self._engine(states, inputs), self._equations(states, inputs)
+            engine, wanted = self._engine(states, inputs), self._equations(states, inputs)
         scale = floored(np.max([np.max(np.abs(one), axis=0) for one in wanted], axis=0))
         return {
             name: float(np.max(np.abs(a - b) / scale))
-            for name, a, b in zip(TERMS, own, wanted, strict=True)
+            for name, a, b in zip(FORCE_KINDS, engine, wanted, strict=True)
         }
 
     def _equations(self, states: Array, inputs: Array) -> list[Array]:
         """Return M a and the forces by kind, (B, n) each, of the equations."""
         q, m = self._halves(states)
         none = np.zeros_like(inputs)
-        mass, at = self.stepped.mass(q), self.stepped.force
-        still, ahead, astern = (at(q, speed, none) for speed in (0 * m, m, -m))
-        driven = at(q, m, inputs)
+        mass, force = self.stepped.mass(q), self.stepped.force
+        still, forward, backward = (force(q, speed, none) for speed in (0 * m, m, -m))
+        driven = force(q, m, inputs)
         a = np.linalg.solve(mass, driven[:, :, None])
-        return [(mass @ a)[:, :, 0], *_parts(still, ahead, astern, driven)]
+        return [(mass @ a)[:, :, 0], *_parts(still, forward, backward, driven)]
 
     def _engine(self, states: Array, inputs: Array) -> list[Array]:
         """Return M a and the forces by kind, from the engine's responses to forces."""
@@ -225,8 +225,8 @@ class _Compared:
         q, m = self._halves(states)
         speeds = (np.hstack([q, self.stepped.rates(q, speed)]) for speed in (0 * m, m, -m))
         none, still = np.zeros_like(inputs), np.zeros((count, n))
-        free = [self._own(one, none, still) for one in speeds]
-        driven = self._own(states, inputs, still)
+        free = [self._accelerations(one, none, still) for one in speeds]
+        driven = self._accelerations(states, inputs, still)
         mass = self.stepped.mass(q)
         # A force large enough to compare with the inertial forces.
         sizes = np.maximum(np.max(np.abs(driven), axis=1, keepdims=True), 1.0) * np.einsum(
@@ -235,14 +235,16 @@ class _Compared:
         answers = []
         for i in range(n):
             push = sizes * np.eye(n)[i]
-            both = (self._own(states, none, sign * push) for sign in (1, -1))
+            both = (self._accelerations(states, none, sign * push) for sign in (1, -1))
             answers.append((next(both) - next(both)) / (2 * sizes[:, i : i + 1]))
-        own = np.linalg.inv(np.stack(answers, axis=2))
+        mass_matrix = np.linalg.inv(np.stack(answers, axis=2))
         a = np.linalg.solve(mass, self.stepped.force(q, m, inputs)[:, :, None])
-        rest, ahead, astern, pushed = (np.einsum("bij,bj->bi", own, one) for one in (*free, driven))
-        return [(own @ a)[:, :, 0], *_parts(rest, ahead, astern, pushed)]
+        rest, forward, backward, pushed = (
+            np.einsum("bij,bj->bi", mass_matrix, one) for one in (*free, driven)
+        )
+        return [(mass_matrix @ a)[:, :, 0], *_parts(rest, forward, backward, pushed)]
 
 
-def _parts(still: Array, ahead: Array, astern: Array, driven: Array) -> list[Array]:
+def _parts(still: Array, forward: Array, backward: Array, driven: Array) -> list[Array]:
     """Separate forces at rest, moving both ways, and with inputs by what they depend on."""
-    return [still, (ahead + astern) / 2 - still, (ahead - astern) / 2, driven - ahead]
+    return [still, (forward + backward) / 2 - still, (forward - backward) / 2, driven - forward]

@@ -71,7 +71,7 @@ class SampledRun:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullRun(SampledRun):
+class CompleteRun(SampledRun):
     """One run from start to end.
 
     Attributes:
@@ -104,9 +104,9 @@ def why_no_run(duration: float, h: float) -> str:
         return f"the time step is {h:g} s; set one above zero"
     count = (duration + h * 1e-12) / h
     if count < 2:
-        taken = "it takes no step" if count < 1 else "it takes one step"
+        reason = "it takes no step" if count < 1 else "it takes one step"
         return (
-            f"dt = {h:g} s is too long for a motion of {duration:g} s: {taken}; set a shorter one"
+            f"dt = {h:g} s is too long for a motion of {duration:g} s: {reason}; set a shorter one"
         )
     if count > MOST_STEPS:
         return (
@@ -128,11 +128,11 @@ def full_run(
     power: VectorFunction,
     h: float,
     every: int = 0,
-) -> FullRun:
+) -> CompleteRun:
     """Run a motion from start to end with step h, sampled every `every` steps (0: automatic)."""
     extent = _Extent.whole(motion, h, every)
     run, zs, seconds = _rolled(model, coordinates, motion, h, extent)
-    return FullRun(
+    return CompleteRun(
         h=h,
         steps=run.steps,
         every=run.every,
@@ -152,10 +152,10 @@ def sampled_run(model: Model, coordinates: CoordinateMap, motion: Motion, h: flo
 
 
 def beginning(
-    model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, most: int
+    model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, limit: int
 ) -> SampledRun:
-    """Run the beginning of a motion, of at most `most` steps, sampled every `every` steps."""
-    steps = min(steps_of(motion.duration, h), most)
+    """Run the beginning of a motion, of at most `limit` steps, sampled every `every` steps."""
+    steps = min(steps_of(motion.duration, h), limit)
     extent = _Extent(steps - steps % every, every, motion.start[0])
     return _rolled(model, coordinates, motion, h, extent)[0]
 
@@ -200,7 +200,7 @@ def simulated(
         h: step, seconds.
         every: steps from sample to sample; 0 for automatic.
     """
-    extent = _Extent.of(duration, start, h, every)
+    extent = _Extent.of_duration(duration, start, h, every)
     run = _stepped(model, coordinates, inputs, duration, h, extent)
     return run.t, run.states
 
@@ -215,10 +215,10 @@ class _Extent:
 
     @staticmethod
     def whole(motion: Motion, h: float, every: int) -> _Extent:
-        return _Extent.of(motion.duration, motion.start[0], h, every)
+        return _Extent.of_duration(motion.duration, motion.start[0], h, every)
 
     @staticmethod
-    def of(duration: float, start: Array, h: float, every: int) -> _Extent:
+    def of_duration(duration: float, start: Array, h: float, every: int) -> _Extent:
         steps = steps_of(duration, h)
         # A power of two: runs of twice and of half the step share the samples.
         every = every or 2 ** max(0, (steps // SAMPLES).bit_length() - 1)
@@ -229,17 +229,17 @@ def _rolled(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, extent: _Extent
 ) -> tuple[SampledRun, Array, float]:
     """Return a run, its samples in engine coordinates, (S, nz), and its duration in seconds."""
-    own = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
+    samples = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
     run = SampledRun(
         h=h,
         steps=extent.steps,
         every=extent.every,
-        t=own.t,
-        states=own.states,
-        error=own.states - motion.at(own.t),
+        t=samples.t,
+        states=samples.states,
+        error=samples.states - motion.states_at(samples.t),
         epsilon=model.epsilon,
     )
-    return run, own.zs, own.seconds
+    return run, samples.zs, samples.seconds
 
 
 @dataclass(frozen=True, kw_only=True)

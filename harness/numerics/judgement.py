@@ -21,7 +21,7 @@ from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
-class Obstacle(Enum):
+class UnresolvedReason(Enum):
     """The reason why a comparison is unresolved."""
 
     STANDS_STILL = "all step sizes returned the same values"
@@ -36,22 +36,22 @@ class Obstacle(Enum):
         return _KINDS[self]
 
 
-_KINDS: Mapping[Obstacle, CaseKind] = {
-    Obstacle.STANDS_STILL: "stands still",
-    Obstacle.DIVERGES: "diverges",
-    Obstacle.WRONG_ORDER: "wrong order",
-    Obstacle.DIVERGES_HERE: "not smooth",
-    Obstacle.COARSE: "coarse",
+_KINDS: Mapping[UnresolvedReason, CaseKind] = {
+    UnresolvedReason.STANDS_STILL: "stands still",
+    UnresolvedReason.DIVERGES: "diverges",
+    UnresolvedReason.WRONG_ORDER: "wrong order",
+    UnresolvedReason.DIVERGES_HERE: "not smooth",
+    UnresolvedReason.COARSE: "coarse",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judgement:
+class LimitVerdict:
     """The verdict on the limits of K segments with C components.
 
     Attributes:
         outcome: AGREES, DIFFERS or UNRESOLVED.
-        obstacle: why it is unresolved.
+        unresolved_reason: why it is unresolved.
         segment, component: the most significant place.
         discrepancy, uncertainty: E and U of that component, relative; of that segment if it
             differs.
@@ -60,7 +60,7 @@ class Judgement:
     """
 
     outcome: Outcome
-    obstacle: Obstacle | None
+    unresolved_reason: UnresolvedReason | None
     segment: int
     component: int
     discrepancy: float
@@ -70,37 +70,37 @@ class Judgement:
     largest_uncertainty: float
 
 
-def obstacle(limit: Limit) -> Obstacle | None:
+def unresolved_reason(limit: Limit) -> UnresolvedReason | None:
     """Return why no limit has a known digit; None if there are known digits."""
     if float(limit.increments[0]) == 0.0:
-        return Obstacle.STANDS_STILL
+        return UnresolvedReason.STANDS_STILL
     if not limit.converges:
-        return Obstacle.DIVERGES
-    return None if limit.order_confirmed else Obstacle.WRONG_ORDER
+        return UnresolvedReason.DIVERGES
+    return None if limit.order_confirmed else UnresolvedReason.WRONG_ORDER
 
 
-def resolvable(limit: Limit, scale: Array, asked: float) -> float:
+def resolvable(limit: Limit, scale: Array, requested: float) -> float:
     """Return the requested resolution, or the finest that the engine's numbers allow.
 
     Doubles allow any resolution. With fewer digits, a limit is known to its rounding, and to the
     random scatter of its estimates within it.
     """
     if limit.epsilon <= EPSILON:
-        return asked
-    return max(asked, ROUNDED * float(np.max(limit.rounding / scale)))
+        return requested
+    return max(requested, ROUNDED * float(np.max(limit.rounding / scale)))
 
 
 def judge(
-    defect: Array, uncertainty: Array, resolution: float, obstacle: Obstacle | None
-) -> Judgement:
+    defect: Array, uncertainty: Array, resolution: float, unresolved_reason: UnresolvedReason | None
+) -> LimitVerdict:
     """Judge defects and their uncertainties, (K, C) each, both relative."""
-    if obstacle is not None:
+    if unresolved_reason is not None:
         segment, component = _place(defect)
         return _judgement(
             Outcome.UNRESOLVED,
             (segment, component),
             (defect, np.full_like(uncertainty, np.inf)),
-            obstacle,
+            unresolved_reason,
         )
     with np.errstate(invalid="ignore"):
         ratio = np.where(np.isfinite(uncertainty), defect / uncertainty, 0.0)
@@ -111,8 +111,8 @@ def judge(
         return _judgement(Outcome.DIFFERS, _most_telling(ratio, defect, differing), both)
     worst = _place(uncertainty)
     if uncertainty[worst] > resolution:
-        known = bool(np.isfinite(uncertainty[worst]))
-        here = Obstacle.COARSE if known else Obstacle.DIVERGES_HERE
+        finite = bool(np.isfinite(uncertainty[worst]))
+        here = UnresolvedReason.COARSE if finite else UnresolvedReason.DIVERGES_HERE
         return _judgement(Outcome.UNRESOLVED, worst, both, here)
     if measurable.any():
         return _judgement(Outcome.AGREES, _most_telling(ratio, defect, measurable), both)
@@ -131,18 +131,18 @@ def _most_telling(ratio: Array, defect: Array, chosen: NDArray[np.bool_]) -> tup
 
 def _judgement(
     outcome: Outcome,
-    at: tuple[int, int],
+    place: tuple[int, int],
     values: tuple[Array, Array],
-    obstacle: Obstacle | None = None,
-) -> Judgement:
+    unresolved_reason: UnresolvedReason | None = None,
+) -> LimitVerdict:
     defect, uncertainty = values
-    segment, component = at
+    segment, component = place
     # Report a difference at its place; otherwise a component's largest E and largest U.
-    there = bool(defect[at] > uncertainty[at])
+    there = bool(defect[place] > uncertainty[place])
     rows = slice(segment, segment + 1) if there else slice(None)
-    return Judgement(
+    return LimitVerdict(
         outcome=outcome,
-        obstacle=obstacle,
+        unresolved_reason=unresolved_reason,
         segment=segment,
         component=component,
         discrepancy=float(np.nanmax(defect[rows, component])),

@@ -19,14 +19,14 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
 """Step counts of the rungs. They are distinct primes, because non-smooth motion can mislead rungs
-that share a grid. Their gaps keep the sum of the weights' magnitudes at 44.1 for eight rungs and
-59.4 for nine, with the exponents 1, 2, 3, ..."""
+that share a grid. Their gaps keep the sum of the weights' magnitudes
+at 44.1 for eight rungs, 59.4 for nine, with the exponents 1, 2, 3, ..."""
 
 FIRST_JUDGED = 6
 """Rungs needed before a limit has an uncertainty. Up to the fifth, two small increments in a row
 may still be chance."""
 
-ENOUGH = 0.1
+MIN_SHARE = 0.1
 """Rungs are added until the uncertainty is this share of the resolution, or no longer decreases.
 With a share of 1 a limit would be accepted a rung early; one of a soft coupling was off by 1.2
 U."""
@@ -107,10 +107,10 @@ def scatter(
     weight = np.sqrt(1 / n)
     basis, _ = np.linalg.qr(np.stack([weight * (rungs[0] / n) ** e for e in powers], axis=1))
     values = weight[:, None, None] * (stack - stack[-1])
-    left = values - np.tensordot(basis, np.tensordot(basis.T, values, axes=1), axes=1)
-    found = np.sqrt(np.sum(left**2, axis=0) / (len(rungs) - len(powers)))
-    usual = np.sqrt(np.mean(found**2, axis=0))
-    return np.maximum(_neighbourhood(found), usual)
+    remainder = values - np.tensordot(basis, np.tensordot(basis.T, values, axes=1), axes=1)
+    deviation = np.sqrt(np.sum(remainder**2, axis=0) / (len(rungs) - len(powers)))
+    usual = np.sqrt(np.mean(deviation**2, axis=0))
+    return np.maximum(_neighbourhood(deviation), usual)
 
 
 def estimates_of(
@@ -162,7 +162,7 @@ def suffices(
 ) -> bool:
     """Return whether a further rung is not worth its cost, after `count` rungs."""
     worst = largest(limit.uncertainty / scale)
-    if worst <= ENOUGH * resolution:
+    if worst <= MIN_SHARE * resolution:
         return True
     if previous is None or count <= FIRST_JUDGED + 1:
         return False
@@ -226,8 +226,8 @@ def limits(
         here, before, earlier = smooth[m - 1], smooth[m - 2], smooth[m - 3]
         floor = _rounding(rungs, each[m], rounding_scale, observed_rounding, epsilon)
         if least:
-            own = 3 * scatter(stack, rungs, exponents, m)
-            floor = np.maximum(floor, own * float(np.abs(each[m]) @ np.sqrt(rungs)))
+            fit_rounding = 3 * scatter(stack, rungs, exponents, m)
+            floor = np.maximum(floor, fit_rounding * float(np.abs(each[m]) @ np.sqrt(rungs)))
         promised = np.maximum(here, before * _ratio(before, earlier))
         ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
         uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
@@ -239,19 +239,19 @@ def limits(
         uncertainty = uncertainty + rounded_alike
         # Segments of a non-smooth motion have no limit; the others keep theirs.
         still = np.max(here / scale, axis=1)
-        settled = (still < increments[0] / 10) | (still < 1e-12)
+        has_limit = (still < increments[0] / 10) | (still < 1e-12)
         if epsilon > EPSILON:  # segments that move by rounding alone have converged
-            settled |= still < 3 * np.max(floor / scale * np.ones_like(here), axis=1)
-        uncertainty = np.where(settled[:, None], uncertainty, np.inf)
+            has_limit |= still < 3 * np.max(floor / scale * np.ones_like(here), axis=1)
+        uncertainty = np.where(has_limit[:, None], uncertainty, np.inf)
         worst = largest(uncertainty / scale)
         if best is None or worst < best[0]:
             best = (worst, m, uncertainty, floor + rounded_alike)
     assert best is not None, f"a limit needs {FIRST_JUDGED} step sizes"
     _, m, uncertainty, rounding = best
-    known = np.isfinite(uncertainty).all(axis=1)
-    converges = bool(known.any())
+    converged = np.isfinite(uncertainty).all(axis=1)
+    converges = bool(converged.any())
     order, confirmed = observed_order(
-        (stack[:, known] if converges else stack) / scale,
+        (stack[:, converged] if converges else stack) / scale,
         rungs,
         exponents[0],
         float(np.max(rounding_scale / scale)) * (epsilon / EPSILON),
@@ -271,8 +271,8 @@ def limits(
 
 def largest(uncertainty: Array) -> float:
     """Return the largest finite uncertainty; infinite if there are no finite ones."""
-    known = uncertainty[np.isfinite(uncertainty)]
-    return float(np.max(known)) if known.size else float("inf")
+    finite = uncertainty[np.isfinite(uncertainty)]
+    return float(np.max(finite)) if finite.size else float("inf")
 
 
 def observed_order(
@@ -322,14 +322,14 @@ def _rounding(
     """Return 3 sum |w_i| times the rounding of each rung."""
     each = [epsilon * np.sqrt(n) * rounding_scale for n in rungs[: len(weight)]]
     if observed:
-        each = [np.maximum(usual, own) for usual, own in zip(each, observed, strict=False)]
+        each = [np.maximum(usual, seen) for usual, seen in zip(each, observed, strict=False)]
     bound: Array = 3 * np.tensordot(np.abs(weight), np.stack(each), axes=1)
     return bound
 
 
-def _neighbourhood(values: Array, reach: int = 2) -> Array:
-    """Return the largest value over each segment and `reach` neighbours on either side."""
-    padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
-    shifted = [padded[i : i + len(values)] for i in range(2 * reach + 1)]
+def _neighbourhood(values: Array, neighbours: int = 2) -> Array:
+    """Return the largest value over each segment and `neighbours` neighbours on either side."""
+    padded = np.pad(values, ((neighbours, neighbours), (0, 0)), mode="edge")
+    shifted = [padded[i : i + len(values)] for i in range(2 * neighbours + 1)]
     largest: Array = np.max(shifted, axis=0)
     return largest

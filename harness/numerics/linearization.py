@@ -27,13 +27,13 @@ RUNGS_USED = RUNGS[:8]
 FREE = 1e-4
 """Eigenvalues below this share of the motions' rate are considered rounded zeros."""
 
-TERMS = 60
+SERIES_TERMS = 60
 """Terms of the logarithm's series. Over a twentieth of the fastest period each is a third of the
 previous one."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class EngineLinearization:
+class LinearizationComparison:
     """Engine and Taylor linearization about one equilibrium.
 
     Attributes:
@@ -81,7 +81,7 @@ def linearize_engine(
     amplitude: Array,
     push: Array,
     resolution: float,
-) -> EngineLinearization:
+) -> LinearizationComparison:
     """Linearize an engine's model about an equilibrium, and compare.
 
     Args:
@@ -117,7 +117,7 @@ def linearize_engine(
     transfer_error = float("nan")
     if b.size:
         transfer_error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
-    return EngineLinearization(
+    return LinearizationComparison(
         equilibrium=equilibrium,
         a=found_a,
         b=found_b,
@@ -141,9 +141,9 @@ def linearize_engine(
 def _fastest(a: Array, amplitude: Array) -> float:
     """Return the fastest rate, rad/s; without springs and dampers, that of the motions."""
     n = len(a) // 2
-    own = float(np.max(np.abs(np.linalg.eigvals(a))))
+    eigenvalue = float(np.max(np.abs(np.linalg.eigvals(a))))
     seen = float(np.max(amplitude[n:] / np.maximum(amplitude[:n], 1e-300)))
-    return max(own if own > FREE * seen else seen, 1e-6)
+    return max(eigenvalue if eigenvalue > FREE * seen else seen, 1e-6)
 
 
 def _transition(
@@ -168,9 +168,9 @@ def _transition(
         scale=deltas[:size],
     )
     limit = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
-    found = slopes(limit.value, limit.uncertainty, deltas)
+    derivatives = slopes(limit.value, limit.uncertainty, deltas)
     matrix, doubt = np.eye(columns), np.zeros((columns, columns))
-    matrix[:size], doubt[:size] = found.value, found.uncertainty
+    matrix[:size], doubt[:size] = derivatives.value, derivatives.uncertainty
     return Estimate(value=matrix, uncertainty=doubt)
 
 
@@ -179,7 +179,7 @@ def _of_logarithm(matrix: Estimate) -> Array:
     size = np.abs(matrix.value - np.eye(len(matrix.value)))
     term, power = matrix.uncertainty, size
     total = term.copy()
-    for k in range(2, TERMS):
+    for k in range(2, SERIES_TERMS):
         term = size @ term + matrix.uncertainty @ power
         power = power @ size
         total += term / k
@@ -195,8 +195,8 @@ def _response(a: Array, b: Array, c: Array, d: Array, line: Complex) -> Complex:
     return np.array([c @ np.linalg.solve(s * identity - a, b) + d for s in line])
 
 
-def _relative(found: Array, wanted: Array) -> float:
-    return _share(np.abs(found - wanted), wanted)
+def _relative(engine: Array, wanted: Array) -> float:
+    return _share(np.abs(engine - wanted), wanted)
 
 
 def _share(values: Array, wanted: Array) -> float:
@@ -226,12 +226,12 @@ def _differs(transition: Estimate, a: Array, b: Array, length: float, resolution
     return bool(np.any((off > error) & (off + error > resolution)))
 
 
-def _pair(found: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[complex, ...], float]:
+def _pair(engine: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[complex, ...], float]:
     """Pair the eigenvalues of both by distance; also return the lowest similarity of vectors.
 
     Vectors of repeated eigenvalues are not unique and are ignored.
     """
-    values, vectors = np.linalg.eig(found)
+    values, vectors = np.linalg.eig(engine)
     targets, target_vectors = np.linalg.eig(wanted)
     cost = np.abs(values[:, None] - targets[None, :])
     from scipy.optimize import linear_sum_assignment  # slow import, not needed by every command

@@ -39,7 +39,7 @@ def residual_of(
     batch: Batch,
     starts: Starts,
     rungs: tuple[int, ...],
-    left: Sequence[Array],
+    residuals: Sequence[Array],
 ) -> Residual:
     """Return the limit of the residuals of the rungs.
 
@@ -51,10 +51,10 @@ def residual_of(
     """
     assert batch.ends is not None
     count = starts.count
-    ends = np.stack(left)[:, :count]
+    ends = np.stack(residuals)[:, :count]
     finite: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in ends.swapaxes(0, 1)])
     moved = [np.concatenate(coordinates.to_engine(a), axis=1) for a in (batch.ends, batch.states)]
-    scale = np.maximum(_held_scale(*moved), _reach(coordinates, batch))
+    scale = np.maximum(_held_scale(*moved), _unit_movement(coordinates, batch))
     rounding = coordinates.residual_rounding_scale(starts.z[:count], starts.w[:count])
     limit = limits(
         list(np.where(finite[:, None], ends, 0.0)),
@@ -62,8 +62,8 @@ def residual_of(
         (1, 1),
         scale,
         np.maximum(rounding, scale),
-        [starts.observed_rounding(one) for one in left],
-        starts.last_digits(left[-1]),
+        [starts.observed_rounding(one) for one in residuals],
+        starts.last_digits(residuals[-1]),
         starts.epsilon,
     )
     finest = np.max(np.abs(ends[-FINEST:]), axis=0)
@@ -77,17 +77,17 @@ def residual_of(
     return Residual(limit=limit, scale=scale)
 
 
-def _reach(coordinates: CoordinateMap, batch: Batch) -> Array:
+def _unit_movement(coordinates: CoordinateMap, batch: Batch) -> Array:
     """Return the movement of engine coordinates for one unit of each component, (2nz,)."""
-    at = np.concatenate(coordinates.to_engine(batch.states), axis=1)
+    positions = np.concatenate(coordinates.to_engine(batch.states), axis=1)
     if batch.scale is None:
-        return np.zeros(at.shape[1])
+        return np.zeros(positions.shape[1])
     moved = [
-        np.concatenate(coordinates.to_engine(batch.states + step), axis=1) - at
+        np.concatenate(coordinates.to_engine(batch.states + step), axis=1) - positions
         for step in np.diag(batch.scale)
     ]
-    reach: Array = np.max(np.abs(moved), axis=(0, 1))
-    return reach
+    movement: Array = np.max(np.abs(moved), axis=(0, 1))
+    return movement
 
 
 def _held_scale(ends: Array, starts: Array) -> Array:

@@ -93,11 +93,11 @@ class Starts:
         """
         if not self.pairs:
             return np.zeros(values.shape[1])
-        one, other = values[self.count : -self.pairs], values[-self.pairs :]
+        up, down = values[self.count : -self.pairs], values[-self.pairs :]
         between = values[self.rows[-self.pairs :]]
-        known = np.isfinite(one) & np.isfinite(other) & np.isfinite(between)
+        finite = np.isfinite(up) & np.isfinite(down) & np.isfinite(between)
         with np.errstate(invalid="ignore"):
-            bend = np.where(known, np.abs(one + other - 2 * between), 0.0)
+            bend = np.where(finite, np.abs(up + down - 2 * between), 0.0)
         largest: Array = np.max(bend, axis=0) / 2
         return largest
 
@@ -109,16 +109,16 @@ class Starts:
         """
         if not self.pairs:
             return np.zeros(values.shape[1])
-        one, other = values[self.count : -self.pairs], values[-self.pairs :]
-        known = np.isfinite(one) & np.isfinite(other)
+        up, down = values[self.count : -self.pairs], values[-self.pairs :]
+        finite = np.isfinite(up) & np.isfinite(down)
         with np.errstate(invalid="ignore"):
-            change = np.where(known, np.abs(one - other), 0.0)
+            change = np.where(finite, np.abs(up - down), 0.0)
         distance = self.epsilon**NEAR
         largest: Array = ALIKE * self.epsilon / (2 * distance) * np.max(change, axis=0)
         return largest
 
 
-def unheld(values: Array, epsilon: float) -> Array:
+def quantization_error(values: Array, epsilon: float) -> Array:
     """Return the part of values that an engine of this epsilon rounds away.
 
     With 2^-23 these are the digits after 24 binary digits. The engine starts off by this amount,

@@ -29,7 +29,7 @@ from physics_crosscheck.harness.numerics.ladder import (
 from physics_crosscheck.harness.numerics.residual import Residual, residual_of
 from physics_crosscheck.harness.numerics.rounding import (
     Starts,
-    unheld,
+    quantization_error,
     with_companions,
     without_companions,
 )
@@ -66,25 +66,25 @@ class Observable:
     """A quantity measured on every rung, of K starts and their companions; C components.
 
     Attributes:
-        at: its values (K + 2P, C) for a number of steps.
+        values: its values (K + 2P, C) for a number of steps.
         starts: the starts.
         exponents: leading exponent of h and increment.
         rounding_scale: magnitude that rounding is relative to, (C,).
         scale: unit of relative errors, (C,); None for the distance of the values from `origin`.
         origin: values at the start, (K, C), which replace those that are not finite; None if all
             values must be finite.
-        begun: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
+        initial: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
             doubles; its rounding is added to them.
         where: describes a start, by its segment and the rung, for a message.
     """
 
-    at: Callable[[int], Array]
+    values: Callable[[int], Array]
     starts: Starts
     exponents: tuple[int, int]
     rounding_scale: Array
     scale: Array | None
     origin: Array | None = None
-    begun: Array | None = None
+    initial: Array | None = None
     where: Callable[[int, int], str]
 
 
@@ -103,14 +103,16 @@ def extrapolate(
     Raises:
         BlownUpError: if the engine returns values that are not finite.
     """
-    at = coordinates.to_engine(batch.states)
-    starts = with_companions(*at, model.epsilon, every=batch.uneven)
-    left: list[Array] = []
-    observable = _ends(model, coordinates, batch, starts, left)
-    found = climb(observable, rungs, resolution)
+    positions = coordinates.to_engine(batch.states)
+    starts = with_companions(*positions, model.epsilon, every=batch.uneven)
+    residuals: list[Array] = []
+    observable = _ends(model, coordinates, batch, starts, residuals)
+    result = climb(observable, rungs, resolution)
     if batch.ends is None or not coordinates.redundant:
-        return found
-    return replace(found, residual=residual_of(coordinates, batch, starts, found.rungs, left))
+        return result
+    return replace(
+        result, residual=residual_of(coordinates, batch, starts, result.rungs, residuals)
+    )
 
 
 def limits_alone(
@@ -142,27 +144,29 @@ def climb(
     limit: Limit | None = None
     alive = np.ones(o.starts.count, dtype=bool)
     scale = o.scale
-    for found in _rungs(o, rungs):
-        value = found[: o.starts.count]
+    for values in _rungs(o, rungs):
+        value = values[: o.starts.count]
         raw.append(value)
-        rounding.append(o.starts.observed_rounding(found))
+        rounding.append(o.starts.observed_rounding(values))
         alive &= np.isfinite(value).all(axis=1)
         if not alive.any():
             raise BlownUpError(f"no motion is finite, {o.where(0, rungs[len(raw) - 1])}")
         count = len(raw)
         if count < (FIRST_JUDGED if resolution is not None else len(rungs)):
             continue
-        known = raw if o.origin is None else [np.where(alive[:, None], v, o.origin) for v in raw]
+        finite_values = (
+            raw if o.origin is None else [np.where(alive[:, None], v, o.origin) for v in raw]
+        )
         if scale is None:
             assert o.origin is not None
-            scale = movement(known[-1], o.origin)
+            scale = movement(finite_values[-1], o.origin)
         previous = limit
         # Rounding of values that start at zero is relative to their movement.
         size = np.maximum(o.rounding_scale, scale)
-        alike = o.starts.last_digits(found if o.begun is None else found - o.begun)
+        alike = o.starts.last_digits(values if o.initial is None else values - o.initial)
         judged = partial(
             limits,
-            known,
+            finite_values,
             rungs[:count],
             o.exponents,
             scale,
@@ -194,42 +198,42 @@ def climb(
 def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
     """Yield the values (K + 2P, C) of one rung after another, companions included."""
     for rung in rungs:
-        found = o.at(rung)
-        finite = np.isfinite(found).all(axis=1)
+        values = o.values(rung)
+        finite = np.isfinite(values).all(axis=1)
         if o.origin is None and not finite.all():
             where = o.where(int(o.starts.rows[np.argmin(finite)]), rung)
             raise BlownUpError(f"values that are not finite, {where}")
-        yield found
+        yield values
 
 
 def _ends(
-    model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, left: list[Array]
+    model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, residuals: list[Array]
 ) -> Observable:
-    """Return the segments' ends as an observable; each rung appends its residual to `left`."""
+    """Return the segments' ends as an observable; each rung appends its residual to `residuals`."""
 
-    def at(rung: int) -> Array:
+    def ends_at(rung: int) -> Array:
         ends, residual = run_rung(model, coordinates, batch, starts, rung)
-        left.append(residual)
+        residuals.append(residual)
         return ends
 
     def where(row: int, rung: int) -> str:
         length = batch.lengths[row]
         when = "" if batch.times is None else f" at t = {batch.times[row]:.4g} s"
-        of = f" of {batch.name!r}" if batch.name else ""
-        return f"from the segment{when}{of}, in {rung} steps of {length / rung:.3g} s"
+        scenario = f" of {batch.name!r}" if batch.name else ""
+        return f"from the segment{when}{scenario}, in {rung} steps of {length / rung:.3g} s"
 
     size = starts.count
-    begun = None
+    initial = None
     if starts.epsilon > EPSILON:
-        begun = coordinates.from_engine(starts.z, starts.w, batch.states[starts.rows])
+        initial = coordinates.from_engine(starts.z, starts.w, batch.states[starts.rows])
     return Observable(
-        at=at,
+        values=ends_at,
         starts=starts,
         exponents=model.exponents(batch.varying),
         rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
         scale=batch.scale,
         origin=batch.states if batch.partial else None,
-        begun=begun,
+        initial=initial,
         where=where,
     )
 
@@ -253,7 +257,7 @@ def run_rung(
         force = coordinates.force(inputs)
         end_z, end_w = model.rollout(z, w, float(length) / rung, rung, force, rung)
         end_z, end_w = (
-            end[:, 0] + unheld(a, starts.epsilon) for end, a in ((end_z, z), (end_w, w))
+            end[:, 0] + quantization_error(a, starts.epsilon) for end, a in ((end_z, z), (end_w, w))
         )
         ends[chosen] = coordinates.from_engine(end_z, end_w, near[rows])
         if coordinates.redundant:

@@ -13,17 +13,17 @@ import numpy as np
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.convergence import (
     SMALL,
-    Witness,
+    FullRunCheck,
+    check_full_runs,
     first_break_off,
     largest,
     largest_velocity,
     sensitivity,
-    witness,
 )
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.decomposition import ErrorDecomposition, decompose
+from physics_crosscheck.harness.numerics.decomposition import OscillationError, decompose
 from physics_crosscheck.harness.numerics.full_run import (
-    FullRun,
+    CompleteRun,
     SampledRun,
     beginning,
     follows,
@@ -62,22 +62,22 @@ class StepStudy:
 
     Attributes:
         shipped: run at the file's own time step.
-        beside: runs at half of it, and at twice or a quarter; or at twice of it and more.
+        others: runs at half of it, and at twice or a quarter; or at twice of it and more.
         global_error: largest position error at the file's time step, relative to the amplitude.
         velocity_error: largest velocity error there, relative to the amplitude.
-        witness: joint evidence of the runs.
+        full_run_check: joint evidence of the runs.
         decomposition: of the error of the worst position; None if it is not small.
         steps_for: step at which all errors of positions and velocities are at most each of
             `TARGETS`, seconds; None if the order is unknown.
         checked: (target, step, larger measured error of both) of the one prediction that was run.
     """
 
-    shipped: FullRun
-    beside: tuple[FullRun, ...]
+    shipped: CompleteRun
+    others: tuple[CompleteRun, ...]
     global_error: float
     velocity_error: float
-    witness: Witness
-    decomposition: ErrorDecomposition | None
+    full_run_check: FullRunCheck
+    decomposition: OscillationError | None
     steps_for: tuple[float | None, ...]
     checked: tuple[float, float, float] | None
 
@@ -102,17 +102,17 @@ def study_step(
     """
     size, rates = np.split(amplitude, 2)
 
-    def run(h: float, every: int = 0) -> FullRun:
+    def run(h: float, every: int = 0) -> CompleteRun:
         return full_run(model, coordinates, motion, power, h, every)
 
     shipped = run(model.step)
     tiny = largest(shipped, size) <= TINY
-    runs = _coarser(run, shipped, motion, size, most=MOST_COARSER if tiny else 1)
+    runs = _coarser(run, shipped, motion, size, limit=MOST_COARSER if tiny else 1)
     if not tiny:
         runs.insert(1, _half(run, shipped))
-    found = witness(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
-    if found is None or (agrees and not (found.bears_out and found.foretold)):
-        runs, found = _finer(
+    evidence = check_full_runs(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
+    if evidence is None or (agrees and not (evidence.converges and evidence.predicted)):
+        runs, evidence = _finer(
             run,
             [shipped] if tiny else runs[:2],
             model=model,
@@ -122,40 +122,44 @@ def study_step(
             amplitude=amplitude,
             agrees=agrees,
         )
-    told = sorted(runs, key=lambda one: -one.h)
-    predicted = tuple(_step_for(target, told, (size, rates), motion) for target in TARGETS)
+    coarse_to_fine = sorted(runs, key=lambda one: -one.h)
+    predicted = tuple(
+        _step_for(target, coarse_to_fine, (size, rates), motion) for target in TARGETS
+    )
     return StepStudy(
         shipped=shipped,
-        beside=tuple(runs[1:]),
+        others=tuple(runs[1:]),
         global_error=largest(shipped, size),
         velocity_error=largest_velocity(shipped, rates),
-        witness=found,
+        full_run_check=evidence,
         decomposition=_decomposed(shipped, motion, size),
         steps_for=predicted,
         checked=_check(run, predicted, motion.duration, (size, rates)),
     )
 
 
-def _half(run: Callable[[float, int], FullRun], of: FullRun) -> FullRun:
-    return run(of.h / 2, 2 * of.every)
+def _half(run: Callable[[float, int], CompleteRun], base: CompleteRun) -> CompleteRun:
+    return run(base.h / 2, 2 * base.every)
 
 
 def _coarser(
-    run: Callable[[float, int], FullRun],
-    shipped: FullRun,
+    run: Callable[[float, int], CompleteRun],
+    shipped: CompleteRun,
     motion: Motion,
     size: Array,
     *,
-    most: int,
-) -> list[FullRun]:
+    limit: int,
+) -> list[CompleteRun]:
     """Return the run at the file's time step, and coarser ones while they follow the motion."""
     runs, every = [shipped], shipped.every
     whole = first_break_off(shipped.h, motion)
-    for _ in range(most):
+    for _ in range(limit):
         h, every = 2 * runs[-1].h, max(1, every // 2)
-        few = motion.duration / h < FEWEST_STEPS or h * motion.fastest * FEWEST_STEPS > 2 * math.pi
+        is_coarse = (
+            motion.duration / h < FEWEST_STEPS or h * motion.fastest * FEWEST_STEPS > 2 * math.pi
+        )
         large = 2 * largest(runs[-1], size) > SMALL  # twice the step doubles the error at least
-        if few or large or first_break_off(h, motion) < whole:
+        if is_coarse or large or first_break_off(h, motion) < whole:
             break
         coarse = run(h, every)
         if not coarse.finite or largest(coarse, size) > SMALL:
@@ -166,15 +170,15 @@ def _coarser(
     return runs
 
 
-def _alike(runs: Sequence[FullRun]) -> list[SampledRun]:
+def _alike(runs: Sequence[CompleteRun]) -> list[SampledRun]:
     """Return the same runs, sampled at the times of the one with the fewest samples."""
     spacing = max(run.h * run.every for run in runs)
     return [run.thinned(round(spacing / (run.h * run.every))) for run in runs]
 
 
 def _finer(
-    run: Callable[[float, int], FullRun],
-    runs: list[FullRun],
+    run: Callable[[float, int], CompleteRun],
+    runs: list[CompleteRun],
     *,
     model: Model,
     coordinates: CoordinateMap,
@@ -182,7 +186,7 @@ def _finer(
     claimed: int,
     amplitude: Array,
     agrees: bool,
-) -> tuple[list[FullRun], Witness]:
+) -> tuple[list[CompleteRun], FullRunCheck]:
     """Return the runs at the file's time step, half of it and less, and their evidence.
 
     Args:
@@ -191,31 +195,31 @@ def _finer(
     size = amplitude[: len(amplitude) // 2]
     shipped = runs[0]
     runs = runs if len(runs) > 1 else [shipped, _half(run, shipped)]
-    found = witness(runs, claimed, size, motion)
+    evidence = check_full_runs(runs, claimed, size, motion)
     # Extrapolation needs three runs, and more while errors are too large for the leading term.
-    while _wants_more(runs, found):
+    while _wants_more(runs, evidence):
         runs.append(_half(run, runs[-1]))
-        found = witness(runs, claimed, size, motion)
+        evidence = check_full_runs(runs, claimed, size, motion)
     together: list[SampledRun] = [*runs]
     if len(runs) == 2:  # a third full run would take too many steps
         quarter = runs[-1].h / 2, 2 * runs[-1].every
-        together.append(beginning(model, coordinates, motion, *quarter, most=MOST_STEPS))
-        found = witness(together, claimed, size, motion)
+        together.append(beginning(model, coordinates, motion, *quarter, limit=MOST_STEPS))
+        evidence = check_full_runs(together, claimed, size, motion)
     usable = agrees and follows(motion, shipped.h) and shipped.finite and runs[-1].finite
-    if usable and not (found.bears_out and found.foretold):
+    if usable and not (evidence.converges and evidence.predicted):
         # These runs do not converge, unless no run can follow the motion.
         sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)
-        found = witness(together, claimed, size, motion, sensitive)
-    return runs, found
+        evidence = check_full_runs(together, claimed, size, motion, sensitive)
+    return runs, evidence
 
 
-def _wants_more(runs: list[FullRun], found: Witness) -> bool:
+def _wants_more(runs: list[CompleteRun], evidence: FullRunCheck) -> bool:
     if runs[-1].steps > MOST_STEPS:
         return False
-    return len(runs) < 3 or (len(runs) < MOST_RUNS and not found.settled)
+    return len(runs) < 3 or (len(runs) < MOST_RUNS and not evidence.order_plausible)
 
 
-def _decomposed(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
+def _decomposed(run: CompleteRun, motion: Motion, size: Array) -> OscillationError | None:
     """Decompose the error of the worst position; None if it is too large."""
     if not run.finite or largest(run, size) > APART:
         return None
@@ -228,7 +232,9 @@ _Sizes = tuple[Array, Array]
 """Amplitudes of positions and of velocities, (n,) each."""
 
 
-def _step_for(target: float, runs: list[FullRun], sizes: _Sizes, motion: Motion) -> float | None:
+def _step_for(
+    target: float, runs: list[CompleteRun], sizes: _Sizes, motion: Motion
+) -> float | None:
     """Return the step for a target error of both positions and velocities.
 
     None if the step of either is unknown.
@@ -238,8 +244,8 @@ def _step_for(target: float, runs: list[FullRun], sizes: _Sizes, motion: Motion)
         _on_line(target, [(run.h, largest(run, size)) for run in runs]),
         _on_line(target, [(run.h, largest_velocity(run, rates)) for run in runs]),
     ]
-    found = [step for step in steps if step is not None]
-    return _handy(min(found), motion) if len(found) == len(steps) else None
+    known_steps = [step for step in steps if step is not None]
+    return _handy(min(known_steps), motion) if len(known_steps) == len(steps) else None
 
 
 def _on_line(target: float, points: list[tuple[float, float]]) -> float | None:
@@ -276,7 +282,7 @@ def _handy(h: float, motion: Motion) -> float:
 
 
 def _check(
-    run: Callable[..., FullRun],
+    run: Callable[..., CompleteRun],
     predicted: tuple[float | None, ...],
     duration: float,
     sizes: _Sizes,

@@ -17,12 +17,12 @@ from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.numerics.batch import movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.evenly import evenly
-from physics_crosscheck.harness.numerics.judgement import Judgement, judge
+from physics_crosscheck.harness.numerics.evenly import even_indices
+from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.rounding import (
     Starts,
-    unheld,
+    quantization_error,
     with_companions,
     without_companions,
 )
@@ -31,7 +31,7 @@ from physics_crosscheck.reference.solving.next_state import Stepped, next_states
 LATER, LONG = 10, 1000
 """Steps after which the difference is measured again."""
 
-FEW = 6
+LONG_RUN_STATES = 6
 """Number of states from which `LONG` steps are taken."""
 
 ROUNDED = 4.0
@@ -48,7 +48,7 @@ one, up to angles of 1e6 rad, whose sine has lost six digits. No start reveals t
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stepping:
+class StepComparison:
     """Difference of an engine's states after one step from those of its rule.
 
     Attributes:
@@ -63,7 +63,7 @@ class Stepping:
 
     rule: StepRule
     step: float
-    judgement: Judgement
+    judgement: LimitVerdict
     digits: float
     later: float
     long: float
@@ -85,8 +85,8 @@ def steps_alike(rule: StepRule, coordinates: CoordinateMap, states: Array) -> bo
         return is_linear(coordinates, states)
     n = coordinates.back.size
     entries = coordinates.forward_slope(states[:1, :n]).reshape(-1, n) != 0
-    alone = len(entries) == n and bool(np.all(entries.sum(axis=1) == 1))
-    return alone and is_linear(coordinates, states)
+    one_to_one = len(entries) == n and bool(np.all(entries.sum(axis=1) == 1))
+    return one_to_one and is_linear(coordinates, states)
 
 
 def step_engine(
@@ -99,7 +99,7 @@ def step_engine(
     *,
     fastest: float = 0.0,
     long: bool = False,
-) -> Stepping | None:
+) -> StepComparison | None:
     """Take one step of the model from every state, and compare.
 
     Args:
@@ -130,7 +130,7 @@ def step_engine(
     # Values that are not a number count as infinitely far off.
     apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
     scale = movement(expected, states)
-    return Stepping(
+    return StepComparison(
         rule=rule,
         step=model.step,
         judgement=judge(
@@ -143,7 +143,7 @@ def step_engine(
 
 
 def _long(run: Steps, rule: StepRule, stepped: Stepped) -> float:
-    return run.few(FEW).later(rule, stepped, LONG)
+    return run.subset(LONG_RUN_STATES).later(rule, stepped, LONG)
 
 
 class Steps:
@@ -169,7 +169,10 @@ class Steps:
         held = self._inputs[starts.rows] * starts.gain[:, None]
         force = self._coordinates.force(np.repeat(held[:, None], steps, axis=1))
         z, w = model.rollout(starts.z, starts.w, model.step, steps, force, steps)
-        z, w = (end[:, 0] + unheld(a, starts.epsilon) for end, a in ((z, starts.z), (w, starts.w)))
+        z, w = (
+            end[:, 0] + quantization_error(a, starts.epsilon)
+            for end, a in ((z, starts.z), (w, starts.w))
+        )
         return self._coordinates.from_engine(z, w, self._states[starts.rows])
 
     def rule(self, rule: StepRule, stepped: Stepped, steps: int) -> Array:
@@ -187,27 +190,27 @@ class Steps:
             steps=steps,
         )
 
-    def _of_equations(self, late: Array | None) -> Array | None:
+    def _of_equations(self, matrix: Array | None) -> Array | None:
         """Return a matrix of the engine's coordinates in the equations', (n, n)."""
-        return None if late is None else self._slope.T @ late @ self._slope
+        return None if matrix is None else self._slope.T @ matrix @ self._slope
 
     def _pairs_of_equations(self, coupled: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return pairs of the engine's coordinates as pairs of the equations', (n, n)."""
         same = self._slope != 0
-        found: NDArray[np.bool_] = same.T @ coupled @ same
-        return found
+        pairs: NDArray[np.bool_] = same.T @ coupled @ same
+        return pairs
 
-    def few(self, count: int) -> Steps:
+    def subset(self, count: int) -> Steps:
         """Return the same steps from `count` of the states, spread evenly."""
-        rows = evenly(len(self._states), count)
+        rows = even_indices(len(self._states), count)
         return Steps(self._model, self._coordinates, self._states[rows], self._inputs[rows])
 
     def later(self, rule: StepRule, stepped: Stepped, steps: int) -> float:
         """Return the largest difference after `steps` steps, in last digits."""
         with np.errstate(all="ignore"):  # some models blow up at the file's own time step
             expected = self.rule(rule, stepped, steps)
-            alone = without_companions(*self._coordinates.to_engine(self._states))
-            took = self._after(steps, alone)
+            starts = without_companions(*self._coordinates.to_engine(self._states))
+            took = self._after(steps, starts)
             return float(np.max(np.abs(took - expected) / np.max(self.digit(expected), axis=0)))
 
     def rounding(self, took: Array) -> Array:
@@ -220,10 +223,10 @@ class Steps:
         starts = self._starts
         before = self._coordinates.from_engine(starts.z, starts.w, self._states[starts.rows])
         added = took - before
-        told = starts.last_digits(added)
+        shared = starts.last_digits(added)
         if starts.epsilon <= EPSILON:
-            return told
-        return np.maximum(told, starts.observed_rounding(added))
+            return shared
+        return np.maximum(shared, starts.observed_rounding(added))
 
     def digit(self, ends: Array) -> Array:
         """Return the last digit of each component at each state, (B, 2n).
@@ -237,7 +240,7 @@ class Steps:
         parts = [np.maximum(size[:, :n], h * size[:, n:]), size[:, n:]]
         if self._mixes:
             parts = [np.broadcast_to(p.max(axis=1, keepdims=True), p.shape) for p in parts]
-        found = np.concatenate(parts, axis=1)
+        sizes = np.concatenate(parts, axis=1)
         epsilon = self._model.epsilon
-        digit: Array = epsilon * np.maximum(found, np.finfo(float).tiny / epsilon)
+        digit: Array = epsilon * np.maximum(sizes, np.finfo(float).tiny / epsilon)
         return digit

@@ -118,7 +118,7 @@ def _too_much(robot: Robot) -> str:
             return f"joint {link.name!r} is a {link.kind} joint"
     if robot.tree.pulls:
         return f"it has {robot.tree.pulls[0].name!r}, a tendon, an actuator or a bent spring"
-    return "its bodies move in a medium" if robot.tree.medium else ""
+    return "its bodies move in a medium" if robot.tree.fluid else ""
 
 
 def _joints(robot: Robot) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics, solved
-from physics_crosscheck.reference.mechanism.chart import Chart
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -23,7 +23,11 @@ class Charted:
     """
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
-        self._tree, self._dynamics, self._chart = tree, Dynamics(tree, field), Chart(tree, field)
+        self._tree, self._dynamics, self._chart = (
+            tree,
+            Dynamics(tree, field),
+            MinimalCoordinates(tree, field),
+        )
         self._field = field
         self._coupled = Coupled(tree) if tree.couplings else None
 
@@ -33,22 +37,22 @@ class Charted:
         if chart.plain and self._coupled is None:
             return self._dynamics.acceleration(x, rate, forces)
         y, v, q = self._state(x, rate)
-        asked = self._dynamics.force(q, v, chart.forces(y, self._spread(forces)))
-        return self._left(chart.seconds(y, v, self._solved(q, asked)))
+        applied = self._dynamics.force(q, v, chart.forces(y, self._spread(forces)))
+        return self._independent(chart.seconds(y, v, self._solved(q, applied)))
 
     def forces_for(self, x: Scalars, rate: Scalars, wanted: Scalars) -> Scalars:
         """Return the generalized forces that cause these second derivatives (inverse dynamics)."""
         y = self._state(x, rate)[0]
-        asked = -self.residual(x, rate, wanted, 0 * x)
-        return self._left(self._chart.given(y, self._spread(asked)))
+        applied = -self.residual(x, rate, wanted, 0 * x)
+        return self._independent(self._chart.given(y, self._spread(applied)))
 
     def residual(self, x: Scalars, rate: Scalars, second: Scalars, forces: Scalars) -> Scalars:
         """Return the residual forces of given second derivatives, on the independent velocities."""
         chart = self._chart
         y, v, q = self._state(x, rate)
         a = chart.accelerations(y, v, self._all(second))
-        left = self._dynamics.residual(q, v, a, chart.forces(y, self._spread(forces)))
-        return left if self._coupled is None else self._coupled.forces(left, self._field)
+        residual = self._dynamics.residual(q, v, a, chart.forces(y, self._spread(forces)))
+        return residual if self._coupled is None else self._coupled.forces(residual, self._field)
 
     def inertia(self, x: Scalars) -> Scalars:
         """Return the inertia of `residual` forces: M of the independent velocities, (n, n, ...)."""
@@ -61,13 +65,13 @@ class Charted:
         The accelerations are the derivatives of the independent velocities.
         """
         y = self._state(x, 0 * x)[0]
-        return self._left(self._chart.rates(y, self._all(by)))
+        return self._independent(self._chart.rates(y, self._all(by)))
 
     def effect(self, x: Scalars, forces: Scalars) -> Scalars:
         """Return the change of the second derivatives caused by generalized forces."""
         y, _, q = self._state(x, 0 * x)
-        asked = self._chart.forces(y, self._spread(forces))
-        return self._left(self._chart.rates(y, self._solved(q, asked)))
+        applied = self._chart.forces(y, self._spread(forces))
+        return self._independent(self._chart.rates(y, self._solved(q, applied)))
 
     def slopes(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
         """Return first-order changes of the second derivatives by the tree's parameters, (n, p, B).
@@ -95,8 +99,8 @@ class Charted:
         """
         y, v, q = self._state(x, rate)
         a = self._chart.accelerations(y, v, self._all(second))
-        found = self._dynamics.recursion.regressor(q, v, a)
-        return found if self._coupled is None else self._coupled.forces(found, self._field)
+        regressor = self._dynamics.recursion.regressor(q, v, a)
+        return regressor if self._coupled is None else self._coupled.forces(regressor, self._field)
 
     def mass(self, x: Scalars) -> Scalars:
         """Return M of the kinetic energy rate^T M rate / 2, (n, n, ...)."""
@@ -108,8 +112,8 @@ class Charted:
                 self._chart.velocities(y, eye[i].reshape(-1, *(1,) * (y.ndim - 1)) + 0 * y)
                 for i in range(self._tree.nv)
             ], axis=1)  # fmt: skip
-            asked = (mass[:, :, None] * columns[None]).sum(axis=1)
-            mass = (columns[:, :, None] * asked[:, None]).sum(axis=0)
+            applied = (mass[:, :, None] * columns[None]).sum(axis=1)
+            mass = (columns[:, :, None] * applied[:, None]).sum(axis=0)
         return mass if self._coupled is None else self._coupled.mass(mass, self._field)
 
     def powers(self, x: Scalars, rate: Scalars, forces: Scalars) -> Scalars:
@@ -120,33 +124,33 @@ class Charted:
         return np.stack([energy, supplied, self._dynamics.dissipated(q, v)])
 
     @property
-    def bent(self) -> bool:
+    def nonsmooth(self) -> bool:
         """True if some forces are not smooth."""
-        return self._dynamics.bent
+        return self._dynamics.nonsmooth
 
-    def bends(self, x: Scalars, rate: Scalars) -> Scalars:
+    def switching_functions(self, x: Scalars, rate: Scalars) -> Scalars:
         """Return quantities that change sign where a force is not smooth, (m, ...)."""
         _, v, q = self._state(x, rate)
-        return self._dynamics.bends(q, v)
+        return self._dynamics.switching_functions(q, v)
 
     def _state(self, x: Scalars, rate: Scalars) -> tuple[Scalars, Scalars, Scalars]:
         """Return all coordinates, and the tree's own velocities and positions."""
         y = x if self._coupled is None else self._coupled.positions(x, self._field)
         return y, self._chart.velocities(y, self._all(rate)), self._chart.positions(y)
 
-    def _solved(self, q: Scalars, asked: Scalars) -> Scalars:
+    def _solved(self, q: Scalars, applied: Scalars) -> Scalars:
         """Return the accelerations of the whole tree under forces and couplings."""
         mass = self._dynamics.mass(q)
         if self._coupled is None:
-            return solved(mass, asked)
+            return solved(mass, applied)
         coupled, field = self._coupled, self._field
-        return self._all(solved(coupled.mass(mass, field), coupled.forces(asked, field)))
+        return self._all(solved(coupled.mass(mass, field), coupled.forces(applied, field)))
 
     def _all(self, rates: Scalars) -> Scalars:
         """Return rates of all coordinates from those of the independent ones."""
         return rates if self._coupled is None else self._coupled.rates(rates, self._field)
 
-    def _left(self, values: Scalars) -> Scalars:
+    def _independent(self, values: Scalars) -> Scalars:
         """Select the independent coordinates."""
         return values if self._coupled is None else values[self._coupled.kept]
 

@@ -13,8 +13,8 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
-from physics_crosscheck.reference.dynamics.roundoff import Known, running_error
-from physics_crosscheck.reference.dynamics.simplify import LONG, solved, tidy
+from physics_crosscheck.reference.dynamics.roundoff import BoundedValue, running_error
+from physics_crosscheck.reference.dynamics.simplify import LONG, simplify_bounded, solved
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.system import System
@@ -62,9 +62,9 @@ class Equations(EquationsOfMotion):
         """dE/dt - supplied + dissipated along the motion: zero, unless T or V depend on t."""
         system = self.system
         rate = sp.diff(self.energy, t) - self.supplied + self.dissipated
-        for q, v, a, left in zip(system.q, system.v, system.a, self.residual, strict=True):
+        for q, v, a, residual in zip(system.q, system.v, system.a, self.residual, strict=True):
             # The residual is zero along the motion; v times it eliminates the accelerations.
-            rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a - v * left
+            rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a - v * residual
         balance = sp.simplify(sp.expand(rate))
         if balance.free_symbols & {*system.a}:
             balance = sp.simplify(
@@ -105,11 +105,13 @@ class Equations(EquationsOfMotion):
         times: Array,
         *,
         off: Array,
-        late: Array,
+        time_error: Array,
         rounded: bool,
     ) -> Array:
         """Return a bound of the error of the accelerations, from a running error analysis."""
-        variables = known(self.system, states, inputs, times, off=off, late=late)
+        variables = bounded_symbols(
+            self.system, states, inputs, times, off=off, time_error=time_error
+        )
         return running_error(list(self.acceleration), variables, rounded=rounded)
 
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
@@ -142,12 +144,18 @@ class Equations(EquationsOfMotion):
         return compile_function(put_in, self.system.q, self.system.v, self.system.u, (t,))
 
 
-def known(
-    system: Declaration, states: Array, inputs: Array, times: Array, *, off: Array, late: Array
-) -> dict[sp.Symbol, Known]:
+def bounded_symbols(
+    system: Declaration,
+    states: Array,
+    inputs: Array,
+    times: Array,
+    *,
+    off: Array,
+    time_error: Array,
+) -> dict[sp.Symbol, BoundedValue]:
     """Return value and error of every symbol of the equations; see `acceleration_error`."""
     none = np.zeros_like(times)
-    variables = {t: (times, late)}
+    variables = {t: (times, time_error)}
     variables |= {c.symbol: (np.full_like(times, c.value), none) for c in system.constants}
     variables |= {s: (states[..., i], none) for i, s in enumerate((*system.q, *system.v))}
     variables |= {s: (inputs[..., i], off[..., i]) for i, s in enumerate(system.u)}
@@ -163,10 +171,10 @@ def slopes_by(derivatives: NumericFunction, states: Array, inputs: Array, times:
     try:
         a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
         turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
-        found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+        slopes: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
     except np.linalg.LinAlgError:
         return np.full((len(states), n, 2 * n), np.inf)
-    return found
+    return slopes
 
 
 def _spread(force: sp.Expr) -> sp.Expr:
@@ -198,12 +206,12 @@ def _mass_and_force(
     """Return M, (n, n), and M a without the inputs, (n,)."""
     lagrangian = kinetic - potential
     momenta = [sp.diff(lagrangian, vi) for vi in v]
-    mass = sp.hessian(kinetic, v).applyfunc(tidy)
+    mass = sp.hessian(kinetic, v).applyfunc(simplify_bounded)
     force = []
     for qi, vi, pi in zip(q, v, momenta, strict=True):
         # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; all but M a moves to the right side.
         transport = sp.Add(*(sp.diff(pi, qj) * vj for qj, vj in zip(q, v, strict=True)))
         transport += sp.diff(pi, t)
         rest = sp.diff(lagrangian, qi) - sp.diff(dissipation, vi) - transport
-        force.append(_spread(tidy(rest)))
+        force.append(_spread(simplify_bounded(rest)))
     return sp.ImmutableMatrix(mass), tuple(force)

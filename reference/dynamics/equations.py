@@ -63,7 +63,7 @@ class EquationsOfMotion(ABC):
         times: Array,
         *,
         off: Array,
-        late: Array,
+        time_error: Array,
         rounded: bool,
     ) -> Array:
         """Return a bound of the error of the accelerations, (..., n).
@@ -72,7 +72,7 @@ class EquationsOfMotion(ABC):
             states, inputs: (..., 2n), (..., inputs).
             times: (...).
             off: error of the inputs, (..., inputs).
-            late: error of the times, (...).
+            time_error: error of the times, (...).
             rounded: whether to include rounding of the operations, besides errors of inputs and
                 times.
         """

@@ -14,8 +14,12 @@ from typing import TypeAlias
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.linearize import Linearization, taylor
-from physics_crosscheck.reference.dynamics.notation import Reading, names_what_is_derived, readings
+from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, taylor
+from physics_crosscheck.reference.dynamics.notation import (
+    EquationReading,
+    names_what_is_derived,
+    readings,
+)
 from physics_crosscheck.reference.mechanism.declaration import (
     Coordinate,
     DeclarationError,
@@ -31,7 +35,7 @@ Comparison: TypeAlias = tuple[sp.Expr, sp.Expr]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Erratum:
+class EquationCheck:
     """One published equation and its verdict.
 
     Attributes:
@@ -47,7 +51,9 @@ class Erratum:
     difference: str
 
 
-def errata(equations: Equations, linearizations: tuple[Linearization, ...]) -> tuple[Erratum, ...]:
+def errata(
+    equations: Equations, linearizations: tuple[TaylorLinearization, ...]
+) -> tuple[EquationCheck, ...]:
     """Compare every published equation with the derived one.
 
     Equations of motion are compared up to a nonzero factor of constants, potential energies up to a
@@ -62,8 +68,10 @@ def errata(equations: Equations, linearizations: tuple[Linearization, ...]) -> t
 
 
 def _compare(
-    published: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
-) -> Erratum:
+    published: PublishedEquation,
+    equations: Equations,
+    linearizations: tuple[TaylorLinearization, ...],
+) -> EquationCheck:
     match published.states:
         case "motion":
             choices = _motions(published, equations)
@@ -77,19 +85,19 @@ def _compare(
     agreement = UP_TO_SIGNS if "±" in published.text else AGREES
     ending = " = 0" if published.states in ("motion", "linear") else ""
     # All sides of a chain are compared with one derived expression.
-    derived = dict.fromkeys(f"{sp.sstr(found)}{ending}" for found, _ in best)
-    return Erratum(
+    derived = dict.fromkeys(f"{sp.sstr(expression)}{ending}" for expression, _ in best)
+    return EquationCheck(
         published=published,
         verdict=DIFFERS if _size(best) else agreement,
         derived="; ".join(derived),
         difference="; ".join(
-            sp.sstr(sp.expand(sp.simplify(left))) for _, left in best if left != 0
+            sp.sstr(sp.expand(sp.simplify(difference))) for _, difference in best if difference != 0
         ),
     )
 
 
 def _size(choice: Sequence[Comparison]) -> int:
-    return sum(len(sp.sstr(left)) for _, left in choice if left != 0)
+    return sum(len(sp.sstr(difference)) for _, difference in choice if difference != 0)
 
 
 def _motions(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
@@ -108,16 +116,20 @@ def _motions(published: PublishedEquation, equations: Equations) -> list[list[Co
     choices: list[list[Comparison]] = []
     for index, coordinate in concerned:
         derived = _undriven(equations.residual[index], published, equations)
-        found = [
+        comparisons = [
             (derived, _motion_left_over(reading, derived, equations))
             for reading in readings(published, system, coordinate)
         ]
-        choices = [[*c, f] for c, f in zip(choices or [[] for _ in found], found, strict=True)]
+        choices = [
+            [*c, f] for c, f in zip(choices or [[] for _ in comparisons], comparisons, strict=True)
+        ]
     return choices
 
 
 def _linear(
-    published: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
+    published: PublishedEquation,
+    equations: Equations,
+    linearizations: tuple[TaylorLinearization, ...],
 ) -> list[list[Comparison]]:
     """Return the comparisons of each reading with each row of the linear equations."""
     system = equations.system
@@ -128,7 +140,7 @@ def _linear(
         raise DeclarationError(
             f"{_place(published, equations)}: {published.of!r} is not an equilibrium"
         )
-    deviation = sp.Matrix(system.q) - sp.Matrix(linearization.at)
+    deviation = sp.Matrix(system.q) - sp.Matrix(linearization.symbolic_position)
     rows = (
         linearization.mass * sp.Matrix(system.a)
         + linearization.damping * sp.Matrix(system.v)
@@ -155,7 +167,9 @@ def _linear_parts(published: PublishedEquation, equations: Equations) -> list[li
     choices = []
     for reading in readings(published, system):
         derived = taylor(reading.sides[0], {coordinate.q: reading.point}, 1)
-        choices.append([(derived, _left_over(side, derived)) for side in reading.sides[1:]])
+        choices.append(
+            [(derived, _left_over(expression, derived)) for expression in reading.sides[1:]]
+        )
     return choices
 
 
@@ -172,13 +186,13 @@ def _values(published: PublishedEquation, equations: Equations) -> list[list[Com
     choices = []
     for reading in readings(published, system):
         derived = _undriven(reading.sides[0], published, equations)
-        found = []
-        for side in reading.sides[1:]:
-            left = _left_over(side, derived)
+        comparisons = []
+        for expression in reading.sides[1:]:
+            difference = _left_over(expression, derived)
             # The zero of a potential energy is arbitrary.
-            constant = derived == system.V and not left.free_symbols & variables
-            found.append((derived, sp.Integer(0) if constant else left))
-        choices.append(found)
+            constant = derived == system.V and not difference.free_symbols & variables
+            comparisons.append((derived, sp.Integer(0) if constant else difference))
+        choices.append(comparisons)
     return choices
 
 
@@ -213,9 +227,9 @@ def _is_something(expression: sp.Expr) -> bool:
     return bool(abs(sp.N(expression.xreplace(place), 30)) > 1e-12)
 
 
-def _motion_left_over(reading: Reading, derived: sp.Expr, equations: Equations) -> sp.Expr:
-    left, right = reading.sides
-    published = left - right
+def _motion_left_over(reading: EquationReading, derived: sp.Expr, equations: Equations) -> sp.Expr:
+    left_side, right_side = reading.sides
+    published = left_side - right_side
     difference = _left_over(published, derived)
     if difference == 0:
         return difference

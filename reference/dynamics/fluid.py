@@ -43,9 +43,9 @@ class _Box:
     turning_drag: Scalars
     turning_resistance: Scalars
 
-    def place(self, beside: Scalars) -> tuple[Scalars, Scalars]:
+    def place(self, vectors: Scalars) -> tuple[Scalars, Scalars]:
         """Return its position and rotation, shaped to broadcast with a batch of vectors."""
-        tall = (1,) * (beside.ndim - 1)
+        tall = (1,) * (vectors.ndim - 1)
         return self.position.reshape(3, *tall), self.rotation.reshape(3, 3, *tall)
 
 
@@ -62,9 +62,9 @@ class Immersion:
         self._tree, self._recursion, self._field = tree, recursion, field
         self._wind = None
         self._boxes: list[_Box] = []
-        if tree.medium is not None:
-            self._boxes = [_box(one, tree.medium, field) for one in tree.immersed]
-            self._wind = field.array(tree.medium.wind) if any(tree.medium.wind) else None
+        if tree.fluid is not None:
+            self._boxes = [_box(immersed, tree.fluid, field) for immersed in tree.immersed]
+            self._wind = field.array(tree.fluid.wind) if any(tree.fluid.wind) else None
 
     def __bool__(self) -> bool:
         """Return whether any box is immersed."""
@@ -75,22 +75,22 @@ class Immersion:
         none = self._field.array(np.zeros((3, *v.shape[1:])))
         on: list[Acting] = [(none, none) for _ in self._tree.links]
         placements = self._recursion.placements(q)
-        for one, box, moving in self._moving(placements, v):
+        for immersed, box, moving in self._moving(placements, v):
             force, moment = _dragged(box, moving)
-            on[one.link] = on[one.link][0] + force, on[one.link][1] + moment
-        return self._recursion.handed_down(placements, on)
+            on[immersed.link] = on[immersed.link][0] + force, on[immersed.link][1] + moment
+        return self._recursion.propagate(placements, on)
 
     @property
-    def bent(self) -> bool:
+    def nonsmooth(self) -> bool:
         """True if there is a quadratic drag."""
-        medium = self._tree.medium
-        return bool(self) and medium is not None and medium.density > 0
+        fluid = self._tree.fluid
+        return bool(self) and fluid is not None and fluid.density > 0
 
-    def bends(self, q: Scalars, v: Scalars) -> Scalars:
+    def switching_functions(self, q: Scalars, v: Scalars) -> Scalars:
         """Return the velocities whose sign changes make a drag non-smooth, (m, ...)."""
         placements = self._recursion.placements(q)
-        moving = self._moving(placements, v) if self.bent else ()
-        return np.concatenate([0 * v[:0], *(part for _, _, one in moving for part in one)])
+        moving = self._moving(placements, v) if self.nonsmooth else ()
+        return np.concatenate([0 * v[:0], *(part for _, _, motion in moving for part in motion)])
 
     def _moving(
         self, placements: list[Placement], v: Scalars
@@ -98,13 +98,13 @@ class Immersion:
         """Yield each box with the velocity of its center relative to the fluid, in its own axes."""
         links = self._recursion.velocities(placements, v)
         blowing = self._blowing(placements, v)
-        for one, box in zip(self._tree.immersed, self._boxes, strict=True):
-            angular, linear = links[one.link]
+        for immersed, box in zip(self._tree.immersed, self._boxes, strict=True):
+            angular, linear = links[immersed.link]
             if blowing:
-                linear = linear - blowing[one.link]
+                linear = linear - blowing[immersed.link]
             center, turn = box.place(linear)
             linear = linear + cross(angular, center)
-            yield one, box, Moving(turned_back(turn, angular), turned_back(turn, linear))
+            yield immersed, box, Moving(turned_back(turn, angular), turned_back(turn, linear))
 
     def _blowing(self, placements: list[Placement], v: Scalars) -> list[Scalars]:
         """Return the wind in each link's frame, (3, ...); empty without wind."""
@@ -119,8 +119,8 @@ def _dragged(box: _Box, moving: Moving) -> Acting:
     angular, linear = moving
     tall = (3, *(1,) * (linear.ndim - 1))
     drag, resistance, turning_drag, turning_resistance = (
-        one.reshape(tall)
-        for one in (box.drag, box.resistance, box.turning_drag, box.turning_resistance)
+        coefficients.reshape(tall)
+        for coefficients in (box.drag, box.resistance, box.turning_drag, box.turning_resistance)
     )
     center, turn = box.place(linear)
     force = turned(turn, -(drag * abs(linear) + resistance) * linear)
@@ -128,14 +128,14 @@ def _dragged(box: _Box, moving: Moving) -> Acting:
     return force, moment + cross(center, force)
 
 
-def _box(one: Immersed, medium: Fluid, field: Field) -> _Box:
-    size: Array = one.size
+def _box(immersed: Immersed, fluid: Fluid, field: Field) -> _Box:
+    size: Array = immersed.size
     others = size[[1, 2, 0]], size[[2, 0, 1]]
     mean = size.sum() / 3
-    density, viscosity = max(medium.density, 0.0), max(medium.viscosity, 0.0)
+    density, viscosity = max(fluid.density, 0.0), max(fluid.viscosity, 0.0)
     return _Box(
-        position=field.array(one.position),
-        rotation=field.array(one.rotation),
+        position=field.array(immersed.position),
+        rotation=field.array(immersed.rotation),
         drag=field.array(density / 2 * others[0] * others[1]),
         resistance=field.array(np.full(3, 3 * np.pi * viscosity * mean)),
         turning_drag=field.array(density / 64 * size * (others[0] ** 4 + others[1] ** 4)),

@@ -29,7 +29,7 @@ NOTHING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formulas:
+class SymbolicEquations:
     """M(q) a = f(q, v) of n coordinates.
 
     Attributes:
@@ -41,7 +41,9 @@ class Formulas:
     force: tuple[tuple[sp.Expr, ...], ...]
 
 
-def formulas(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> Formulas | str:
+def formulas(
+    tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]
+) -> SymbolicEquations | str:
     """Return the equations without joint forces, or the reason why they can't be printed.
 
     Args:
@@ -53,31 +55,33 @@ def formulas(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> 
     other = next((one for one in tree.links if one.kind not in ("hinge", "slide")), None)
     if other is not None:
         return f"joint {other.name!r} is a {other.kind} joint"
-    if tree.pulls or tree.couplings or tree.medium:
+    if tree.pulls or tree.couplings or tree.fluid:
         return "they are not written for tendons, actuators, joint couplings and fluids"
     return _written(tree, q, v)
 
 
-def _written(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> Formulas | str:
+def _written(
+    tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]
+) -> SymbolicEquations | str:
     n = tree.nv
     names = [f"{letter}{i}" for letter in "scqv" for i in range(n)]
     ring = PolyRing(names, RR, "lex")
     sines, cosines, positions, velocities = (ring.gens[k * n : (k + 1) * n] for k in range(4))
-    at = {gen: i for i, gen in enumerate(positions)}
-    field = objects(lambda x: sines[at[x]], lambda x: cosines[at[x]], ring.ground_new)
+    index = {gen: i for i, gen in enumerate(positions)}
+    field = objects(lambda x: sines[index[x]], lambda x: cosines[index[x]], ring.ground_new)
     dynamics = Dynamics(tree, field)
-    own, rates = _array(positions), _array(velocities)
+    coordinates, rates = _array(positions), _array(velocities)
     circles = [s**2 + c**2 - 1 for s, c in zip(sines, cosines, strict=True)]
-    mass = dynamics.mass(own)
-    force = dynamics.force(own, rates, 0 * rates)
+    mass = dynamics.mass(coordinates)
+    force = dynamics.force(coordinates, rates, 0 * rates)
     rows = [[_short(x, circles) for x in (*mass[i, :, 0], force[i, 0])] for i in range(n)]
     rows = [_without_nothing(row) for row in rows]
     count = sum(len(x) for row in rows for x in row)
     if count > MOST_TERMS:
         return f"they have {count} terms; more than {MOST_TERMS} are too long"
     symbols = [*map(sp.sin, q), *map(sp.cos, q), *q, *v]
-    written = [[_terms(x, symbols) for x in row] for row in rows]
-    return Formulas(
+    written = [[_products(x, symbols) for x in row] for row in rows]
+    return SymbolicEquations(
         mass=tuple(tuple(sp.Add(*x) for x in row[:-1]) for row in written),
         force=tuple(row[-1] for row in written),
     )
@@ -85,9 +89,9 @@ def _written(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> 
 
 def _array(values: Any) -> Scalars:
     """Return a batch of one, (n, 1)."""
-    found = np.empty((len(values), 1), dtype=object)
-    found[:, 0] = values
-    return found
+    result = np.empty((len(values), 1), dtype=object)
+    result[:, 0] = values
+    return result
 
 
 def _short(polynomial: Any, circles: list[Any]) -> Any:
@@ -104,7 +108,7 @@ def _without_nothing(row: list[Any]) -> list[Any]:
     ]
 
 
-def _terms(polynomial: Any, symbols: list[sp.Expr]) -> tuple[sp.Expr, ...]:
+def _products(polynomial: Any, symbols: list[sp.Expr]) -> tuple[sp.Expr, ...]:
     return tuple(
         sp.Mul(sp.Float(float(c), 15), *(x**k for x, k in zip(symbols, powers, strict=True)))
         for powers, c in polynomial.terms()

@@ -7,14 +7,14 @@ from dataclasses import fields
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.tree import Link, Tree
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 
-_OWN = ("mass", "center", "inertia")
-_LINKS = tuple(one.name for one in fields(Link) if one.name not in _OWN)
-_TREES = ("pulls", "couplings", "bushes")
+_INERTIAL = ("mass", "center", "inertia")
+_LINKS = tuple(one.name for one in fields(TreeLink) if one.name not in _INERTIAL)
+_TREES = ("pulls", "couplings", "bushings")
 
 
-def ten(link: Link) -> Array:
+def ten(link: TreeLink) -> Array:
     """Return the ten inertial parameters of a link, (10,), as in `Recursion.regressor`.
 
     They are mass, mass times center (3), and inertia about the origin, xx, yy, zz, xy, xz, yz.
@@ -25,30 +25,30 @@ def ten(link: Link) -> Array:
     return np.array([link.mass, *(link.mass * c), xx, yy, zz, xy, xz, yz])
 
 
-def bodies_apart(one: Tree, other: Tree) -> Array | None:
+def bodies_apart(first: Tree, second: Tree) -> Array | None:
     """Return differences of inertial parameters, (10 links,); None if anything else differs."""
     same = (
-        len(one.links) == len(other.links)
-        and one.medium is None
-        and other.medium is None
-        and np.array_equal(one.gravity, other.gravity)
-        and all(getattr(one, name) == getattr(other, name) for name in _TREES)
+        len(first.links) == len(second.links)
+        and first.fluid is None
+        and second.fluid is None
+        and np.array_equal(first.gravity, second.gravity)
+        and all(getattr(first, name) == getattr(second, name) for name in _TREES)
     )
     if not same:
         return None
-    found = np.zeros((len(one.links), 10))
-    for row, mine, theirs in zip(found, one.links, other.links, strict=True):
+    differences = np.zeros((len(first.links), 10))
+    for row, mine, theirs in zip(differences, first.links, second.links, strict=True):
         if not _carried_alike(mine, theirs):
             return None
-        if not all(np.array_equal(getattr(mine, x), getattr(theirs, x)) for x in _OWN):
+        if not all(np.array_equal(getattr(mine, x), getattr(theirs, x)) for x in _INERTIAL):
             row[:] = ten(mine) - ten(theirs)
-    return found.ravel()
+    return differences.ravel()
 
 
-def _carried_alike(one: Link, other: Link) -> bool:
+def _carried_alike(first: TreeLink, second: TreeLink) -> bool:
     """Return whether two links differ at most in their inertial parameters."""
     for name in _LINKS:
-        mine, theirs = getattr(one, name), getattr(other, name)
+        mine, theirs = getattr(first, name), getattr(second, name)
         if mine is not theirs and not np.array_equal(mine, theirs):
             return False
     return True

@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.simplify import LONG, tidy
+from physics_crosscheck.reference.dynamics.simplify import LONG, simplify_bounded
 from physics_crosscheck.reference.mechanism.declaration import (
     DeclarationError,
     Equilibrium,
@@ -28,7 +28,7 @@ DIGITS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class Linearization:
+class TaylorLinearization:
     """M a + C v + K q = F u about an equilibrium, also as y' = A y + B u, z = Cy y + D u.
 
     q, v, z are deviations from the equilibrium; y = (q, v). The symbolic matrices keep the
@@ -36,7 +36,7 @@ class Linearization:
     """
 
     equilibrium: str
-    at: tuple[sp.Expr, ...]
+    symbolic_position: tuple[sp.Expr, ...]
     position: Array
     mass: sp.ImmutableMatrix
     damping: sp.ImmutableMatrix
@@ -52,7 +52,7 @@ class Linearization:
         return {name: to_array(matrix) for name, matrix in self.exact.items()}
 
 
-def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
+def linearize(equations: Equations, equilibrium: Equilibrium) -> TaylorLinearization:
     """Return the equations linearized about an equilibrium, which is checked or searched for.
 
     Raises:
@@ -62,14 +62,14 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
         return _linearized(equations, equilibrium)
 
 
-def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization:
+def _linearized(equations: Equations, equilibrium: Equilibrium) -> TaylorLinearization:
     system = equations.system
-    at = _position(equations, equilibrium)
+    symbolic_position = _position(equations, equilibrium)
     still = dict.fromkeys((*system.v, *system.u), sp.Integer(0))
-    rest = dict(zip(system.q, at, strict=True)) | still
+    rest = dict(zip(system.q, symbolic_position, strict=True)) | still
 
     def evaluate(matrix: sp.Matrix) -> sp.ImmutableMatrix:
-        return sp.ImmutableMatrix(matrix.xreplace(rest).applyfunc(tidy))
+        return sp.ImmutableMatrix(matrix.xreplace(rest).applyfunc(simplify_bounded))
 
     force = sp.Matrix(equations.force)
     outputs = sp.Matrix([sp.sympify(o.expression) for o in system.outputs])
@@ -77,7 +77,9 @@ def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization
     damping = evaluate(-force.jacobian(system.v))
     stiffness = evaluate(-force.jacobian(system.q))
     pushes = (
-        evaluate(force.jacobian(system.u)) if system.u else sp.ImmutableMatrix.zeros(len(at), 0)
+        evaluate(force.jacobian(system.u))
+        if system.u
+        else sp.ImmutableMatrix.zeros(len(symbolic_position), 0)
     )
     seen = evaluate(outputs.jacobian((*system.q, *system.v)))
     through = (
@@ -103,7 +105,7 @@ def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization
                 f"{where}: the mass matrix is singular there; choose a position at "
                 "which every coordinate has an inertia, or correct T"
             ) from None
-        n, inputs = len(at), f.cols
+        n, inputs = len(symbolic_position), f.cols
         a = mp.zeros(2 * n)
         b = mp.zeros(2 * n, inputs) if inputs else mp.matrix(2 * n, 0)
         lower_k, lower_c = -inverse * k, -inverse * c
@@ -114,10 +116,10 @@ def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization
                 a[n + i, j], a[n + i, n + j] = lower_k[i, j], lower_c[i, j]
             for j in range(inputs):
                 b[n + i, j] = lower_f[i, j]
-        position = np.array([float(sp.N(p.subs(values), 30)) for p in at])
-    return Linearization(
+        position = np.array([float(sp.N(p.subs(values), 30)) for p in symbolic_position])
+    return TaylorLinearization(
         equilibrium=equilibrium.name,
-        at=at,
+        symbolic_position=symbolic_position,
         position=position,
         mass=mass,
         damping=damping,
@@ -133,47 +135,49 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
     system = equations.system
     where = f"system {system.name!r}, equilibrium {equilibrium.name!r}"
     still = dict.fromkeys((*system.v, *system.u, t), sp.Integer(0))
-    pull = [f.xreplace(still) for f in equations.force]
-    at = tuple(sp.sympify(equilibrium.at[c]) for c in system.coordinates)
+    forces = [f.xreplace(still) for f in equations.force]
+    declared = tuple(sp.sympify(equilibrium.at[c]) for c in system.coordinates)
     values = system.values
     if not equilibrium.search:
-        place = dict(zip(system.q, at, strict=True))
-        for coordinate, expression in zip(system.coordinates, pull, strict=True):
-            left = expression.xreplace(place)
+        place = dict(zip(system.q, declared, strict=True))
+        for coordinate, expression in zip(system.coordinates, forces, strict=True):
+            force = expression.xreplace(place)
             # Check the number first: it is fast and usually decides.
-            number = sp.N(left.xreplace(values), 30)
+            number = sp.N(force.xreplace(values), 30)
             if not (number.is_real and number.is_finite):
                 raise DeclarationError(
                     f"{where}: the force on {coordinate.name} there is "
-                    f"{shown(left)}, which is not a finite real number; choose "
+                    f"{shown(force)}, which is not a finite real number; choose "
                     "another position, or correct V"
                 )
-            if abs(number) > 1e-12 and (left := sp.simplify(left)) != 0:
+            if abs(number) > 1e-12 and (force := sp.simplify(force)) != 0:
                 raise DeclarationError(
                     f"{where}: is not an equilibrium: the force on "
-                    f"{coordinate.name} there is {left}; give the exact position, "
+                    f"{coordinate.name} there is {force}; give the exact position, "
                     "or set search=True"
                 )
-        return at
-    pull = [p for p in pull if p != 0]
+        return declared
+    forces = [p for p in forces if p != 0]
     # A coordinate without any force, such as a cart's on a level rail, keeps its position.
-    held = {q for q in system.q if not any(p.has(q) for p in pull)}
+    held = {q for q in system.q if not any(p.has(q) for p in forces)}
     free = [q for q in system.q if q not in held]
-    stays = {q: p for q, p in zip(system.q, at, strict=True) if q in held}
-    if len(pull) != len(free):
-        raise DeclarationError(f"{where}: no rest position found near {at}")
+    stays = {q: p for q, p in zip(system.q, declared, strict=True) if q in held}
+    if len(forces) != len(free):
+        raise DeclarationError(f"{where}: no rest position found near {declared}")
     if not free:
-        return at
+        return declared
     with mp.workdps(DIGITS):
-        residual = sp.lambdify(free, [p.xreplace(values) for p in pull], "mpmath", cse=True)
+        residual = sp.lambdify(free, [p.xreplace(values) for p in forces], "mpmath", cse=True)
         guess = [
-            mp.mpf(sp.N(p.subs(values), 30)) for q, p in zip(system.q, at, strict=True) if q in free
+            mp.mpf(sp.N(p.subs(values), 30))
+            for q, p in zip(system.q, declared, strict=True)
+            if q in free
         ]
         try:
-            found = mp.findroot(lambda *q: residual(*q), guess, tol=mp.mpf(10) ** (-80))
+            solution = mp.findroot(lambda *q: residual(*q), guess, tol=mp.mpf(10) ** (-80))
         except (ValueError, ZeroDivisionError):
-            raise DeclarationError(f"{where}: no rest position found near {at}") from None
-        roots = [found] if isinstance(found, mp.mpf) else list(found)
+            raise DeclarationError(f"{where}: no rest position found near {declared}") from None
+        roots = [solution] if isinstance(solution, mp.mpf) else list(solution)
         moved = dict(zip(free, map(_recognized, roots), strict=True))
     return tuple(stays[q] if q in held else moved[q] for q in system.q)
 
@@ -186,12 +190,12 @@ def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational], where: 
     """
     try:
         if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
-            found = to_mp(matrix.subs(values))
+            result = to_mp(matrix.subs(values))
         else:
             # Substitution one by one would take minutes.
             function = sp.lambdify(list(values), sp.Matrix(matrix), modules="mpmath", cse=True)
-            found = function(*(mp.mpf(v.p) / v.q for v in values.values()))
-        finite = all(isinstance(entry, mp.mpf) and mp.isfinite(entry) for entry in found)
+            result = function(*(mp.mpf(v.p) / v.q for v in values.values()))
+        finite = all(isinstance(entry, mp.mpf) and mp.isfinite(entry) for entry in result)
     except (TypeError, ValueError, ZeroDivisionError):
         finite = False
     if not finite:
@@ -199,7 +203,7 @@ def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational], where: 
             f"{where}: T, V, D or an output has a slope there that is not a finite "
             "real number; choose another position, or correct it"
         )
-    return found
+    return result
 
 
 def _recognized(root: mp.mpf) -> sp.Expr:
@@ -219,8 +223,8 @@ def taylor(expression: sp.Expr, point: Mapping[sp.Symbol, sp.Expr], order: int) 
     moved = expression.subs(
         {symbol: at + step * (symbol - at) for symbol, at in point.items()}, simultaneous=True
     )
-    terms = [sp.diff(moved, step, i).subs(step, 0) / sp.factorial(i) for i in range(order + 1)]
-    return sp.Add(*terms)
+    summands = [sp.diff(moved, step, i).subs(step, 0) / sp.factorial(i) for i in range(order + 1)]
+    return sp.Add(*summands)
 
 
 def classify(inputs: int, outputs: int) -> str:

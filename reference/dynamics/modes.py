@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from physics_crosscheck.reference.dynamics.linearize import DIGITS, Linearization, to_array
+from physics_crosscheck.reference.dynamics.linearize import DIGITS, TaylorLinearization, to_array
 from physics_crosscheck.reference.dynamics.simplify import LONG
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
@@ -19,7 +19,7 @@ s = sp.Symbol("s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pole:
+class Eigenvalue:
     """An eigenvalue of A.
 
     Attributes:
@@ -36,7 +36,7 @@ class Pole:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mode:
+class UndampedMode:
     """A mode of M a + K q = 0: frequency (rad/s) and shape with largest entry 1.
 
     The frequency of a rigid-body mode is 0. A negative stiffness (an upright pendulum) has a growth
@@ -53,18 +53,18 @@ class Mode:
         return self.frequency == 0 and self.growth == 0
 
 
-def poles(linearization: Linearization) -> tuple[Pole, ...]:
+def poles(linearization: TaylorLinearization) -> tuple[Eigenvalue, ...]:
     """Return the eigenvalues of A, slowest first.
 
     They are computed with 60 digits. A defective double root (a rigid-body mode, critical damping)
     then yields equal roots instead of a pair split by the square root of epsilon.
     """
     with mp.workdps(DIGITS):
-        found, _ = mp.eig(linearization.exact["A"], left=False, right=True)
-        scale = max((abs(value) for value in found), default=mp.mpf(1)) or mp.mpf(1)
+        eigenvalues, _ = mp.eig(linearization.exact["A"], left=False, right=True)
+        scale = max((abs(value) for value in eigenvalues), default=mp.mpf(1)) or mp.mpf(1)
         small = scale * mp.mpf(10) ** (-DIGITS // 4)
         groups: list[list[mp.mpc]] = []
-        for value in found:
+        for value in eigenvalues:
             for group in groups:
                 if abs(group[0] - value) < small:
                     group.append(value)
@@ -81,14 +81,14 @@ def poles(linearization: Linearization) -> tuple[Pole, ...]:
             size = 0.0 if re == 0 and im == 0 else float(abs(mean))
             damping = 0.0 - re / size if size else float("nan")
             result.append(
-                Pole(
+                Eigenvalue(
                     value=complex(re, im), multiplicity=len(group), frequency=size, damping=damping
                 )
             )
     return tuple(sorted(result, key=lambda p: (p.frequency, p.value.real)))
 
 
-def modes(linearization: Linearization) -> tuple[Mode, ...]:
+def modes(linearization: TaylorLinearization) -> tuple[UndampedMode, ...]:
     """Return undamped modes from the symmetric pencil (K, M), slowest first.
 
     Shapes of repeated roots are M-orthogonal (LAPACK dsygvd). A mode whose stiffness is zero, to
@@ -104,7 +104,7 @@ def modes(linearization: Linearization) -> tuple[Mode, ...]:
         squared = 0.0 if abs(value) < 1e-12 * scale else float(value)
         largest = shape[np.argmax(np.abs(shape))]
         result.append(
-            Mode(
+            UndampedMode(
                 frequency=np.sqrt(max(squared, 0.0)),
                 growth=np.sqrt(max(-squared, 0.0)),
                 shape=shape / largest,
@@ -113,7 +113,9 @@ def modes(linearization: Linearization) -> tuple[Mode, ...]:
     return tuple(sorted(result, key=lambda mode: (mode.frequency, mode.growth)))
 
 
-def damped_shapes(linearization: Linearization) -> list[tuple[complex, NDArray[np.complex128]]]:
+def damped_shapes(
+    linearization: TaylorLinearization,
+) -> list[tuple[complex, NDArray[np.complex128]]]:
     """Return complex shapes of the damped modes as (eigenvalue, q part of its vector).
 
     The largest entry of each shape is 1.
@@ -124,16 +126,16 @@ def damped_shapes(linearization: Linearization) -> list[tuple[complex, NDArray[n
     result = []
     for pole in poles(linearization):
         if pole.value.imag > 0:
-            terms = (m * pole.value**2, c * pole.value, k)
-            _, sizes, rows = np.linalg.svd(sum(terms))
-            largest = max(float(np.max(np.abs(term))) for term in terms)
+            matrices = (m * pole.value**2, c * pole.value, k)
+            _, sizes, rows = np.linalg.svd(sum(matrices))
+            largest = max(float(np.max(np.abs(term))) for term in matrices)
             for size, row in zip(sizes, rows.conj(), strict=True):
                 if size < 1e-10 * largest:
                     result.append((pole.value, row / row[np.argmax(np.abs(row))]))
     return result
 
 
-def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
+def transfer_functions(linearization: TaylorLinearization) -> sp.ImmutableMatrix:
     """Return outputs over inputs, symbolic in `s` and the constants: Cy (s I - A)^-1 B + D.
 
     They are computed from M s^2 + C s + K, whose inverse is half the size.
@@ -153,7 +155,7 @@ def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
     )
 
 
-def _numeric_transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
+def _numeric_transfer_functions(linearization: TaylorLinearization) -> sp.ImmutableMatrix:
     """Return transfer functions with numeric constants, since symbolic ones would fill pages."""
     m, c, k, f, cy, d = (
         sp.Matrix(rows.rows, rows.cols, lambda i, j, rows=rows: sp.Float(rows[i, j], DIGITS))
@@ -175,9 +177,11 @@ def _numeric_transfer_functions(linearization: Linearization) -> sp.ImmutableMat
 
 def _shown(polynomial: sp.Expr) -> sp.Expr:
     """Round coefficients to fifteen digits, and set those that are only rounding to zero."""
-    terms = sp.Poly(polynomial, s).all_coeffs()
-    size = max((abs(c) for c in terms), default=sp.Integer(0))
-    kept = [sp.N(c, 15) if abs(c) > size * sp.Float(10) ** -40 else sp.Integer(0) for c in terms]
+    coefficients = sp.Poly(polynomial, s).all_coeffs()
+    size = max((abs(c) for c in coefficients), default=sp.Integer(0))
+    kept = [
+        sp.N(c, 15) if abs(c) > size * sp.Float(10) ** -40 else sp.Integer(0) for c in coefficients
+    ]
     return sp.Add(*(c * s**p for p, c in enumerate(reversed(kept))))
 
 

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import sympy as sp
 from sympy.parsing.sympy_parser import parse_expr
 
-from physics_crosscheck.reference.dynamics.simplify import tidy
+from physics_crosscheck.reference.dynamics.simplify import simplify_bounded
 from physics_crosscheck.reference.mechanism.declaration import (
     Coordinate,
     DeclarationError,
@@ -42,7 +42,7 @@ _FUNCTIONS = {
 
 
 @dataclass(frozen=True)
-class Reading:
+class EquationReading:
     """An equation with one choice of its lost signs.
 
     Attributes:
@@ -56,7 +56,7 @@ class Reading:
 
 def readings(
     published: PublishedEquation, system: System, coordinate: Coordinate | None = None
-) -> list[Reading]:
+) -> list[EquationReading]:
     """Return every reading of an equation, in the order of its signs, minus first.
 
     Args:
@@ -73,7 +73,7 @@ def readings(
 
 def _readings(
     published: PublishedEquation, system: System, coordinate: Coordinate | None
-) -> list[Reading]:
+) -> list[EquationReading]:
     where = f"system {system.name!r}, Eq. {published.number}"
     count = published.text.count("±")
     if count > MOST_SIGNS:
@@ -95,7 +95,7 @@ def _readings(
         raise DeclarationError(f"{where}: {published.text!r} has {len(sides)} sides; expected two")
     point = sp.sympify(names.get(f"{published.of}0", 0))
     return [
-        Reading(tuple(side.subs(choice) for side in sides), point.subs(choice))
+        EquationReading(tuple(side.subs(choice) for side in sides), point.subs(choice))
         for values in itertools.product((-1, 1), repeat=count)
         for choice in [dict(zip(signs, values, strict=True))]
     ]
@@ -108,11 +108,11 @@ def names_what_is_derived(published: PublishedEquation, system: System) -> bool:
     """
     named = "|".join((*ENERGIES, *(q.name for q in system.quantities)))
     derivative = rf"d(?:{named})/d\w+'?"
-    left, _, rest = published.text.partition("=")
-    left = left.strip()
+    left_side, _, rest = published.text.partition("=")
+    left_side = left_side.strip()
     forms = rf"(?:{named})(?:'*\(\w+\))?|{derivative}|d/dt\((?:{named}|{derivative})\)"
-    again = rf"(?<!\w){re.escape(left)}(?![\w'(])"
-    return bool(re.fullmatch(forms, left)) and not re.search(again, rest)
+    again = rf"(?<!\w){re.escape(left_side)}(?![\w'(])"
+    return bool(re.fullmatch(forms, left_side)) and not re.search(again, rest)
 
 
 def _names(system: System, coordinate: Coordinate | None) -> Names:
@@ -127,8 +127,8 @@ def _names(system: System, coordinate: Coordinate | None) -> Names:
     def rate(expression: sp.Expr) -> sp.Expr:
         """Return the time derivative along any motion."""
         each = zip(system.q, system.v, system.a, strict=True)
-        terms = (sp.diff(expression, q) * v + sp.diff(expression, v) * a for q, v, a in each)
-        return sp.Add(sp.diff(expression, t), *terms)
+        summands = (sp.diff(expression, q) * v + sp.diff(expression, v) * a for q, v, a in each)
+        return sp.Add(sp.diff(expression, t), *summands)
 
     def value(function: sp.Expr, order: int, argument: sp.Expr) -> sp.Expr:
         """Return a function of one coordinate, or its derivative, at the argument."""
@@ -146,7 +146,7 @@ def _names(system: System, coordinate: Coordinate | None) -> Names:
 @cache
 def _tidied(expression: sp.Expr) -> sp.Expr:
     """Return a simplified quantity; the cache serves all equations of a system."""
-    return tidy(expression)
+    return simplify_bounded(expression)
 
 
 def _spelled(text: str, system: System, coordinate: Coordinate | None) -> str:
@@ -159,7 +159,7 @@ def _spelled(text: str, system: System, coordinate: Coordinate | None) -> str:
     if quantities:
         text = re.sub(
             rf"\b({'|'.join(quantities)})('*)\(",
-            lambda found: f"_value({found[1]}, {len(found[2])}, ",
+            lambda match: f"_value({match[1]}, {len(match[2])}, ",
             text,
         )
     if coordinate is not None:
@@ -184,24 +184,24 @@ def _split(text: str) -> list[str]:
 
 def _set(setting: str, names: Names, system: System) -> None:
     """Define a name, or its square, for this equation: `v_m^2 = v_x^2 + v_y^2`."""
-    left, right = setting.split("=")
-    found = re.fullmatch(r"(\w+)(\*\*2)?", left.strip())
-    if found is None:
-        raise ValueError(f"{left.strip()!r} is not a name")
-    name = found[1]
+    left_side, right_side = setting.split("=")
+    match = re.fullmatch(r"(\w+)(\*\*2)?", left_side.strip())
+    if match is None:
+        raise ValueError(f"{left_side.strip()!r} is not a name")
+    name = match[1]
     # The Lagrangian's own definition is a claim; redefining another word would change its meaning.
     if name != "L" and name in names and not any(name == f"{c.name}0" for c in system.coordinates):
         raise ValueError(f"{name} is declared already")
-    expression = _parsed(right, names)
-    names[name] = sp.sqrt(expression) if found[2] else expression
+    expression = _parsed(right_side, names)
+    names[name] = sp.sqrt(expression) if match[2] else expression
 
 
 def _parsed(text: str, names: Names) -> sp.Expr:
     _check_size(ast.parse(text.strip(), mode="eval").body)
-    found = parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
-    if not isinstance(found, sp.Expr):
+    expression = parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
+    if not isinstance(expression, sp.Expr):
         raise ValueError(f"{text.strip()!r} is not an expression")
-    return found
+    return expression
 
 
 def _check_size(node: ast.expr) -> int:
@@ -247,9 +247,9 @@ def _exponent(node: ast.expr) -> float:
 def _check_names(
     sides: tuple[sp.Expr, ...], system: System, further: set[sp.Symbol], where: str
 ) -> None:
-    known = {*system.q, *system.v, *system.a, *system.u, t, *system.values, *further}
-    for side in sides:
-        for symbol in sorted(side.free_symbols - known, key=str):
+    declared = {*system.q, *system.v, *system.a, *system.u, t, *system.values, *further}
+    for expression in sides:
+        for symbol in sorted(expression.free_symbols - declared, key=str):
             raise DeclarationError(f"{where}: {symbol} is not declared")
 
 

@@ -12,7 +12,7 @@ from physics_crosscheck.reference.mechanism.force_paths import (
     CablePath,
     FrameForce,
     JointForce,
-    Mark,
+    LinkFrame,
     Way,
 )
 from physics_crosscheck.reference.mechanism.rotations import (
@@ -28,7 +28,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     turned,
     turned_back,
 )
-from physics_crosscheck.reference.mechanism.tree import WORLD, Link, Tree
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
 
 Line = tuple[Scalars, Scalars]
 """A length, (1, ...), and its derivatives by the velocities (power per unit force), (nv, ...)."""
@@ -47,23 +47,23 @@ class Lines:
         self._tree, self._recursion, self._field = tree, recursion, field
         self._fixed = cache(self._quaternion_of)
 
-    def at(self, ways: list[Way], q: Scalars) -> list[Line]:
+    def lines_of(self, ways: list[Way], q: Scalars) -> list[Line]:
         """Return each path's length and derivatives."""
         placements = self._recursion.placements(q)
         poses = self._recursion.poses_of(placements)
-        found: list[Line] = []
+        lines: list[Line] = []
         for way in ways:
             if isinstance(way, JointForce):
-                found.append(self._joint(way, q))
+                lines.append(self._joint(way, q))
             elif isinstance(way, CablePath):
-                found.append(self._cord(way, q, placements, poses))
+                lines.append(self._cable(way, q, placements, poses))
             elif way.against is None:
-                found.append(self._frame(way, q, placements))
+                lines.append(self._frame(way, q, placements))
             else:
-                found.append(self._between(way, way.against, q, placements, poses))
-        return found
+                lines.append(self._between(way, way.against, q, placements, poses))
+        return lines
 
-    def turning(self, way: JointForce[int] | FrameForce[Mark], q: Scalars) -> Scalars:
+    def turning(self, way: JointForce[int] | FrameForce[LinkFrame], q: Scalars) -> Scalars:
         """Return the cosine of half the path's angle, (1, ...); s jumps where it changes sign."""
         if isinstance(way, JointForce):
             return self._quaternion(way.joint, q)[:1]
@@ -88,44 +88,48 @@ class Lines:
         here = self._tree.positions[link]
         return q[here.stop - 4 : here.stop]
 
-    def _turn(self, one: Mark, other: Mark, q: Scalars) -> Scalars:
+    def _turn(self, base: LinkFrame, frame: LinkFrame, q: Scalars) -> Scalars:
         """Return the quaternion (4, ...) of a frame in another, continuous in q."""
-        back = self._attitude(one, q)
+        back = self._attitude(base, q)
         back = np.concatenate([back[:1], -back[1:]])
-        found: Scalars = quaternion_product(back, self._attitude(other, q))
-        return found
+        result: Scalars = quaternion_product(back, self._attitude(frame, q))
+        return result
 
-    def _attitude(self, mark: Mark, q: Scalars) -> Scalars:
+    def _attitude(self, mark: LinkFrame, q: Scalars) -> Scalars:
         tall = (4, *(1,) * (q.ndim - 1))
-        found, link = self._fixed(mark).reshape(tall) + 0 * q[:1], mark.link
+        rotation, link = self._fixed(mark).reshape(tall) + 0 * q[:1], mark.link
         while link != WORLD:
-            one = self._tree.links[link]
-            if one.kind == "hinge":
+            joint = self._tree.links[link]
+            if joint.kind == "hinge":
                 half = q[self._tree.positions[link]] / 2
-                axis = self._field.array(one.axis).reshape(3, *(1,) * (q.ndim - 1))
-                own = np.concatenate([self._field.cos(half), axis * self._field.sin(half)])
-                found = quaternion_product(own, found)
-            elif one.kind != "slide":
-                found = quaternion_product(self._quaternion(link, q), found)
-            found = quaternion_product(self._fixed(one).reshape(tall), found)
-            link = one.parent
-        whole: Scalars = found
-        return whole
+                axis = self._field.array(joint.axis).reshape(3, *(1,) * (q.ndim - 1))
+                turn = np.concatenate([self._field.cos(half), axis * self._field.sin(half)])
+                rotation = quaternion_product(turn, rotation)
+            elif joint.kind != "slide":
+                rotation = quaternion_product(self._quaternion(link, q), rotation)
+            rotation = quaternion_product(self._fixed(joint).reshape(tall), rotation)
+            link = joint.parent
+        result: Scalars = rotation
+        return result
 
-    def _quaternion_of(self, fixed: Mark | Link) -> Scalars:
+    def _quaternion_of(self, fixed: LinkFrame | TreeLink) -> Scalars:
         """Return the quaternion of a frame in its parent, (4,)."""
         from scipy.spatial.transform import Rotation  # slow import, not needed by every command
 
         turn = Rotation.from_matrix(fixed.rotation).as_quat(scalar_first=True)
         return self._field.array(turn)
 
-    def _cord(
-        self, way: CablePath[Mark], q: Scalars, placements: list[Placement], poses: list[Placement]
+    def _cable(
+        self,
+        way: CablePath[LinkFrame],
+        q: Scalars,
+        placements: list[Placement],
+        poses: list[Placement],
     ) -> Line:
         length, on = 0 * q[:1], self._nothing(q)
         for share, marks in way.branches:
             by = self._field.array([share])
-            points = [self._marked(one, poses, q).origin for one in marks]
+            points = [self._marked(mark, poses, q).origin for mark in marks]
             for k in range(len(marks) - 1):
                 apart = points[k + 1] - points[k]
                 size = ((apart * apart).sum(axis=0) + VANISHING) ** 0.5
@@ -133,51 +137,51 @@ class Lines:
                 along = by * apart / size
                 self._push(on, marks[k + 1], poses, along, None)
                 self._push(on, marks[k], poses, -along, None)
-        return length, self._recursion.handed_down(placements, on)
+        return length, self._recursion.propagate(placements, on)
 
-    def _frame(self, way: FrameForce[Mark], q: Scalars, placements: list[Placement]) -> Line:
+    def _frame(self, way: FrameForce[LinkFrame], q: Scalars, placements: list[Placement]) -> Line:
         on = self._nothing(q)
         force, moment = self._gear(way, q)
         rotation = self._field.array(way.frame.rotation)
         if way.frame.link != WORLD:
             tall = (1,) * (q.ndim - 1)
             turn = rotation.reshape(3, 3, *tall)
-            at = self._field.array(way.frame.position).reshape(3, *tall)
+            origin = self._field.array(way.frame.position).reshape(3, *tall)
             along = turned(turn, force)
-            on[way.frame.link] = along, turned(turn, moment) + cross(at, along)
-        return 0 * q[:1], self._recursion.handed_down(placements, on)
+            on[way.frame.link] = along, turned(turn, moment) + cross(origin, along)
+        return 0 * q[:1], self._recursion.propagate(placements, on)
 
     def _between(
         self,
-        way: FrameForce[Mark],
-        against: Mark,
+        way: FrameForce[LinkFrame],
+        against: LinkFrame,
         q: Scalars,
         placements: list[Placement],
         poses: list[Placement],
     ) -> Line:
-        own, other = (self._marked(one, poses, q) for one in (way.frame, against))
+        frame, other = (self._marked(mark, poses, q) for mark in (way.frame, against))
         force, moment = self._gear(way, q)
         vector = rotation_vector(self._turn(against, way.frame, q))
-        apart = turned_back(other.rotation, own.origin - other.origin)
+        apart = turned_back(other.rotation, frame.origin - other.origin)
         length = (force * apart + moment * vector).sum(axis=0)[None]
         on = self._nothing(q)
         along, about = turned(other.rotation, force), turned(other.rotation, moment)
         self._push(on, way.frame, poses, along, about)
         self._push(on, against, poses, -along, -about)
-        row = self._recursion.handed_down(placements, on)
+        row = self._recursion.propagate(placements, on)
         for link in self._above(way.frame.link) & self._above(against.link):
             row[self._tree.velocities[link]] = 0 * row[self._tree.velocities[link]]
         return length, row
 
     def _above(self, link: int) -> set[int]:
         """Return the indices of a link and its ancestors."""
-        found: set[int] = set()
+        indices: set[int] = set()
         while link != WORLD:
-            found.add(link)
+            indices.add(link)
             link = self._tree.links[link].parent
-        return found
+        return indices
 
-    def _gear(self, way: FrameForce[Mark], q: Scalars) -> tuple[Scalars, Scalars]:
+    def _gear(self, way: FrameForce[LinkFrame], q: Scalars) -> tuple[Scalars, Scalars]:
         gear = self._field.array(np.array(way.gear)).reshape(6, *(1,) * (q.ndim - 1)) + 0 * q[:1]
         return gear[:3], gear[3:]
 
@@ -185,7 +189,7 @@ class Lines:
         none = self._field.array(np.zeros((3, *q.shape[1:])))
         return [(none, none) for _ in self._tree.links]
 
-    def _marked(self, mark: Mark, poses: list[Placement], q: Scalars) -> Placement:
+    def _marked(self, mark: LinkFrame, poses: list[Placement], q: Scalars) -> Placement:
         """Return a frame's pose in the world."""
         tall = (1,) * (q.ndim - 1)
         rotation = self._field.array(mark.rotation).reshape(3, 3, *tall) + 0 * q[:1]
@@ -200,7 +204,7 @@ class Lines:
     def _push(
         self,
         on: list[Acting],
-        mark: Mark,
+        mark: LinkFrame,
         poses: list[Placement],
         force: Scalars,
         moment: Scalars | None,
@@ -209,9 +213,9 @@ class Lines:
         if mark.link == WORLD:
             return
         turn = poses[mark.link].rotation
-        own = turned_back(turn, force)
-        at = self._field.array(mark.position).reshape(3, *(1,) * (own.ndim - 1))
-        about = cross(at, own)
+        local_force = turned_back(turn, force)
+        origin = self._field.array(mark.position).reshape(3, *(1,) * (local_force.ndim - 1))
+        about = cross(origin, local_force)
         if moment is not None:
             about = about + turned_back(turn, moment)
-        on[mark.link] = on[mark.link][0] + own, on[mark.link][1] + about
+        on[mark.link] = on[mark.link][0] + local_force, on[mark.link][1] + about

@@ -20,7 +20,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     turned,
     turned_back,
 )
-from physics_crosscheck.reference.mechanism.tree import Link
+from physics_crosscheck.reference.mechanism.tree import TreeLink
 
 INERTIAS = np.array([
     np.outer(one, other) + (np.outer(other, one) if k > 2 else 0)
@@ -75,7 +75,7 @@ class Composite(NamedTuple):
 
     def momentum(
         self, turning: Scalars, sliding: Scalars, rows: slice, batch: tuple[int, ...]
-    ) -> Columns:
+    ) -> WrenchColumns:
         """Return linear momentum, and angular momentum about the origin, per joint velocity."""
         ones = (1,) * len(batch)
         angular, linear = (part.reshape(3, -1, *ones) for part in (turning, sliding))
@@ -84,31 +84,35 @@ class Composite(NamedTuple):
         force = self.mass * linear + cross(angular, first)
         shape = (3, angular.shape[1], *batch)
         which = np.arange(rows.start, rows.stop)
-        return Columns(np.broadcast_to(force, shape), np.broadcast_to(moment, shape), which)
+        return WrenchColumns(np.broadcast_to(force, shape), np.broadcast_to(moment, shape), which)
 
     def seen(self, placed: Placement, field: Field) -> Composite:
         """Return the same body in the outer frame (parallel axis theorem)."""
         r, moment = placed.origin, turned(placed.rotation, self.moment)
         inertia = self.inertia.reshape(3, 3, *self.inertia.shape[2:] or (1,) * (r.ndim - 1))
-        own = product(product(placed.rotation, inertia), np.swapaxes(placed.rotation, 0, 1))
+        rotated = product(product(placed.rotation, inertia), np.swapaxes(placed.rotation, 0, 1))
         eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (r.ndim - 1))
         square = self.mass * (r * r).sum(axis=0) + 2 * (r * moment).sum(axis=0)
         mixed = r[:, None] * moment[None]
-        whole = own + square * eye - self.mass * r[:, None] * r[None]
+        whole = rotated + square * eye - self.mass * r[:, None] * r[None]
         return Composite(
             self.mass, moment + self.mass * r, whole - mixed - np.swapaxes(mixed, 0, 1)
         )
 
     def with_(self, other: Composite) -> Composite:
         """Return the composite of both bodies."""
-        one = self.inertia
-        inertia = one.reshape(3, 3, *(1,) * (other.inertia.ndim - 2)) if one.ndim == 2 else one
+        inertia_ = self.inertia
+        inertia = (
+            inertia_.reshape(3, 3, *(1,) * (other.inertia.ndim - 2))
+            if inertia_.ndim == 2
+            else inertia_
+        )
         return Composite(
             self.mass + other.mass, self.moment + other.moment, inertia + other.inertia
         )
 
 
-class Columns(NamedTuple):
+class WrenchColumns(NamedTuple):
     """Forces at a link for unit accelerations of some velocities, `which`: (3, columns, ...)."""
 
     force: Scalars
@@ -116,20 +120,20 @@ class Columns(NamedTuple):
     which: NDArray[np.intp]
 
     @staticmethod
-    def none(field: Field, batch: tuple[int, ...]) -> Columns:
+    def none(field: Field, batch: tuple[int, ...]) -> WrenchColumns:
         """Return columns of no velocity."""
         empty = field.array(np.zeros((3, 0, *batch)))
-        return Columns(empty, empty, np.arange(0))
+        return WrenchColumns(empty, empty, np.arange(0))
 
-    def beside(self, other: Columns) -> Columns:
+    def joined(self, other: WrenchColumns) -> WrenchColumns:
         """Return the columns of both."""
         pairs = zip(self[:2], other[:2], strict=True)
         force, moment = (np.concatenate(pair, axis=1) for pair in pairs)
-        return Columns(force, moment, np.concatenate([self.which, other.which]))
+        return WrenchColumns(force, moment, np.concatenate([self.which, other.which]))
 
-    def carried(self, placed: Placement) -> Columns:
+    def carried(self, placed: Placement) -> WrenchColumns:
         """Return the same columns in the parent's frame."""
-        return Columns(*carried_down(placed, self.force, self.moment), self.which)
+        return WrenchColumns(*carried_down(placed, self.force, self.moment), self.which)
 
 
 class LinkMotion(NamedTuple):
@@ -139,15 +143,15 @@ class LinkMotion(NamedTuple):
     turning: Scalars
     linear: Scalars
 
-    def asks(self, one: LinkNumbers) -> tuple[Scalars, Scalars]:
+    def wrench(self, link: LinkNumbers) -> tuple[Scalars, Scalars]:
         """Return the force, and moment about the origin, that cause this motion (Newton, Euler)."""
-        center = tall(one.center, self.linear.shape[1:])
+        center = tall(link.center, self.linear.shape[1:])
         w, dw = self.angular, self.turning
-        force = one.mass * (self.linear + cross(dw, center) + cross(w, cross(w, center)))
-        spin = np.tensordot(one.inertia, w, 1)
-        return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
+        force = link.mass * (self.linear + cross(dw, center) + cross(w, cross(w, center)))
+        spin = np.tensordot(link.inertia, w, 1)
+        return force, np.tensordot(link.inertia, dw, 1) + cross(w, spin) + cross(center, force)
 
-    def asks_each(self, field: Field) -> tuple[Scalars, Scalars]:
+    def wrench_regressor(self, field: Field) -> tuple[Scalars, Scalars]:
         """Return the derivatives of this wrench by the ten inertial parameters, (3, 10, ...)."""
         w, dw = self.angular[:, None], self.turning[:, None]
         eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (self.linear.ndim - 1))
@@ -160,18 +164,18 @@ class LinkMotion(NamedTuple):
         return force, np.concatenate([0 * point, cross(eye, point), moments], axis=1)
 
     def carrying(
-        self, here: Placement, one: LinkNumbers, v: Scalars, a: Scalars | None
+        self, here: Placement, link: LinkNumbers, v: Scalars, a: Scalars | None
     ) -> LinkMotion:
         """Return the motion of a child link; without `a` its joint velocities are constant."""
         w, r = self.angular, here.origin
         carried = turned_back(here.rotation, w)
-        turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
+        turning, sliding = np.tensordot(link.turning, v, 1), np.tensordot(link.sliding, v, 1)
         point = self.linear + cross(self.turning, r) + cross(w, cross(w, r))
         angular = turned_back(here.rotation, self.turning) + cross(carried, turning)
         linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
         if a is not None:
-            angular = angular + np.tensordot(one.turning, a, 1)
-            linear = linear + np.tensordot(one.sliding, a, 1)
+            angular = angular + np.tensordot(link.turning, a, 1)
+            linear = linear + np.tensordot(link.sliding, a, 1)
         return LinkMotion(carried + turning, angular, linear)
 
 
@@ -181,7 +185,7 @@ def carried_down(placed: Placement, force: Scalars, moment: Scalars) -> tuple[Sc
     return force, moment + cross(placed.origin[:, None], force)
 
 
-def numbers_of(link: Link, field: Field) -> LinkNumbers:
+def numbers_of(link: TreeLink, field: Field) -> LinkNumbers:
     """Return a link's constants in a number type."""
     turning, sliding = link.motion
     return LinkNumbers(

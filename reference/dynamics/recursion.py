@@ -12,12 +12,12 @@ import numpy as np
 
 from physics_crosscheck.reference.dynamics.propagation import (
     Acting,
-    Columns,
     Composite,
     LinkMotion,
     LinkNumbers,
     Moving,
     Placement,
+    WrenchColumns,
     carried_down,
     numbers_of,
     tall,
@@ -64,30 +64,30 @@ class Recursion:
 
     def poses_of(self, placements: list[Placement]) -> list[Placement]:
         """Return each link's frame in the world, from the frames in the parents."""
-        found: list[Placement] = []
-        for link, own in zip(self.tree.links, placements, strict=True):
+        poses: list[Placement] = []
+        for link, placement in zip(self.tree.links, placements, strict=True):
             if link.parent == WORLD:
-                found.append(own)
+                poses.append(placement)
                 continue
-            base = found[link.parent]
-            rotation = product(base.rotation, own.rotation)
-            found.append(Placement(rotation, base.origin + turned(base.rotation, own.origin)))
-        return found
+            base = poses[link.parent]
+            rotation = product(base.rotation, placement.rotation)
+            poses.append(Placement(rotation, base.origin + turned(base.rotation, placement.origin)))
+        return poses
 
     def rates(self, q: Scalars, v: Scalars) -> Scalars:
         """Return dq/dt, (nq, ...)."""
         parts = []
         rows = zip(self.tree.links, self.tree.positions, self.tree.velocities, strict=True)
         for link, here, there in rows:
-            given, own = q[here], v[there]
+            given, velocity = q[here], v[there]
             match link.kind:
                 case "hinge" | "slide":
-                    parts.append(own)
+                    parts.append(velocity)
                 case "ball":
-                    parts.append(quaternion_rate(given, own))
+                    parts.append(quaternion_rate(given, velocity))
                 case "free":
-                    parts.append(turned(from_quaternion(given[3:]), own[3:]))
-                    parts.append(quaternion_rate(given[3:], own[:3]))
+                    parts.append(turned(from_quaternion(given[3:]), velocity[3:]))
+                    parts.append(quaternion_rate(given[3:], velocity[:3]))
         return np.concatenate(parts)
 
     def mass(self, q: Scalars) -> Scalars:
@@ -95,18 +95,18 @@ class Recursion:
         placements, tree = self.placements(q), self.tree
         bodies, batch = self._composites(placements), q.shape[1:]
         out = self._field.array(np.zeros((tree.nv, tree.nv, *batch)))
-        felt = [Columns.none(self._field, batch) for _ in tree.links]
+        columns_at = [WrenchColumns.none(self._field, batch) for _ in tree.links]
         for i in reversed(range(len(tree.links))):
-            one, rows = self._links[i], tree.velocities[i]
-            own = bodies[i].momentum(one.turning, one.sliding, rows, batch)
-            columns = felt[i].beside(own)
-            found = self._felt(i, columns.force, columns.moment)
-            out[rows, columns.which] = found
-            out[columns.which, rows] = np.swapaxes(found, 0, 1)
+            link, rows = self._links[i], tree.velocities[i]
+            joint_columns = bodies[i].momentum(link.turning, link.sliding, rows, batch)
+            columns = columns_at[i].joined(joint_columns)
+            block = self._joint_force(i, columns.force, columns.moment)
+            out[rows, columns.which] = block
+            out[columns.which, rows] = np.swapaxes(block, 0, 1)
             for k in range(rows.start, rows.stop):
-                out[k, k] = (out[k, k] + one.armature).reshape(batch)
+                out[k, k] = (out[k, k] + link.armature).reshape(batch)
             if (parent := tree.links[i].parent) != WORLD:
-                felt[parent] = felt[parent].beside(columns.carried(placements[i]))
+                columns_at[parent] = columns_at[parent].joined(columns.carried(placements[i]))
         return out
 
     def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
@@ -116,8 +116,8 @@ class Recursion:
         """
         placements = self.placements(q)
         motions = self._motions(placements, v, a)
-        forces = [own.asks(one) for own, one in zip(motions, self._links, strict=True)]
-        return self.handed_down(placements, forces)
+        forces = [motion.wrench(link) for motion, link in zip(motions, self._links, strict=True)]
+        return self.propagate(placements, forces)
 
     def regressor(self, q: Scalars, v: Scalars, a: Scalars) -> Scalars:
         """Return the regressor of `bias` by the inertial parameters, (nv, 10 links, ...).
@@ -129,14 +129,14 @@ class Recursion:
         placements, tree = self.placements(q), self.tree
         out = self._field.array(np.zeros((tree.nv, 10 * len(tree.links), *v.shape[1:])))
         for i, motion in enumerate(self._motions(placements, v, a)):
-            force, moment = motion.asks_each(self._field)
-            at, columns = i, slice(10 * i, 10 * i + 10)
+            force, moment = motion.wrench_regressor(self._field)
+            ancestor, columns = i, slice(10 * i, 10 * i + 10)
             while True:
-                out[tree.velocities[at], columns] = self._felt(at, force, moment)
-                if (parent := tree.links[at].parent) == WORLD:
+                out[tree.velocities[ancestor], columns] = self._joint_force(ancestor, force, moment)
+                if (parent := tree.links[ancestor].parent) == WORLD:
                     break
-                force, moment = carried_down(placements[at], force, moment)
-                at = parent
+                force, moment = carried_down(placements[ancestor], force, moment)
+                ancestor = parent
         return out
 
     def lift(self, q: Scalars) -> Scalars:
@@ -146,7 +146,7 @@ class Recursion:
             up = self._field.array([-link.lifted]) * tall(self._gravity, batch)
             force = turned_back(pose.rotation, up + 0 * pose.origin)
             forces.append((force, cross(tall(self._field.array(link.lift), batch), force)))
-        return self.handed_down(self.placements(q), forces)
+        return self.propagate(self.placements(q), forces)
 
     def _motions(
         self, placements: list[Placement], v: Scalars, a: Scalars | None
@@ -155,32 +155,32 @@ class Recursion:
         tree, batch = self.tree, v.shape[1:]
         still = self._field.array(np.zeros((3, *batch)))
         up = still - tall(self._gravity, batch)
-        found: list[LinkMotion] = []
-        for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
-            base = LinkMotion(still, still, up) if link.parent == WORLD else found[link.parent]
+        motions: list[LinkMotion] = []
+        for i, (link, numbers) in enumerate(zip(tree.links, self._links, strict=True)):
+            base = LinkMotion(still, still, up) if link.parent == WORLD else motions[link.parent]
             there = tree.velocities[i]
-            own = None if a is None else a[there]
-            found.append(base.carrying(placements[i], one, v[there], own))
-        return found
+            acceleration = None if a is None else a[there]
+            motions.append(base.carrying(placements[i], numbers, v[there], acceleration))
+        return motions
 
     def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:
         """Return the velocity of each link, in its own frame, (3, ...) each."""
-        found: list[Moving] = []
+        velocities: list[Moving] = []
         still = self._field.array(np.zeros((3, *v.shape[1:])))
         rows = zip(self.tree.links, self._links, placements, self.tree.velocities, strict=True)
-        for link, one, here, there in rows:
-            base = Moving(still, still) if link.parent == WORLD else found[link.parent]
+        for link, numbers, here, there in rows:
+            base = Moving(still, still) if link.parent == WORLD else velocities[link.parent]
             linear = turned_back(here.rotation, base.linear + cross(base.angular, here.origin))
             angular = turned_back(here.rotation, base.angular)
-            found.append(
+            velocities.append(
                 Moving(
-                    angular + np.tensordot(one.turning, v[there], 1),
-                    linear + np.tensordot(one.sliding, v[there], 1),
+                    angular + np.tensordot(numbers.turning, v[there], 1),
+                    linear + np.tensordot(numbers.sliding, v[there], 1),
                 )
             )
-        return found
+        return velocities
 
-    def handed_down(self, placements: list[Placement], forces: list[Acting]) -> Scalars:
+    def propagate(self, placements: list[Placement], forces: list[Acting]) -> Scalars:
         """Return the joint forces of forces, and moments about origins, on the links, (nv, ...).
 
         Args:
@@ -191,30 +191,32 @@ class Recursion:
         out: list[Scalars] = [forces[0][0]] * len(tree.links)
         for i in reversed(range(len(tree.links))):
             force, moment = forces[i]
-            out[i] = self._felt(i, force, moment)
+            out[i] = self._joint_force(i, force, moment)
             if (parent := tree.links[i].parent) != WORLD:
                 force = turned(placements[i].rotation, force)
                 moment = turned(placements[i].rotation, moment) + cross(placements[i].origin, force)
                 forces[parent] = forces[parent][0] + force, forces[parent][1] + moment
         return np.concatenate(out)
 
-    def _felt(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
+    def _joint_force(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
         """Return the joint force of a force and its moment about the link's origin."""
-        one = self._links[link]
-        found: Scalars = np.tensordot(one.turning.T, moment, 1)
-        found = found + np.tensordot(one.sliding.T, force, 1)
-        return found
+        numbers = self._links[link]
+        result: Scalars = np.tensordot(numbers.turning.T, moment, 1)
+        result = result + np.tensordot(numbers.sliding.T, force, 1)
+        return result
 
-    def _placed(self, kind: str, one: LinkNumbers, q: Scalars) -> Placement:
+    def _placed(self, kind: str, numbers: LinkNumbers, q: Scalars) -> Placement:
         batch = q.shape[1:]
-        base = one.placement
+        base = numbers.placement
         rotation = base.rotation.reshape(3, 3, *(1,) * len(batch))
         origin = tall(base.origin, batch)
         match kind:
             case "hinge":
-                return Placement(product(rotation, about_axis(one.axis, q[0], self._field)), origin)
+                return Placement(
+                    product(rotation, about_axis(numbers.axis, q[0], self._field)), origin
+                )
             case "slide":
-                moved = turned(rotation, tall(one.axis, batch)) * q[0]
+                moved = turned(rotation, tall(numbers.axis, batch)) * q[0]
                 return Placement(rotation + 0 * q[0], origin + moved)
             case "ball":
                 return Placement(product(rotation, from_quaternion(q)), origin)
@@ -235,10 +237,10 @@ class Recursion:
                 bodies[parent] = bodies[parent].with_(bodies[i].seen(placements[i], self._field))
         return [widened(one, here) for one, here in zip(bodies, placements, strict=True)]
 
-    def _about(self, one: LinkNumbers) -> Scalars:
+    def _about(self, numbers: LinkNumbers) -> Scalars:
         """Return the inertia about the link's origin, (3, 3)."""
-        c = one.center
+        c = numbers.center
         eye = self._field.array(np.eye(3))
         moved = (c * c).sum(keepdims=True) * eye - c[:, None] * c[None]
-        found: Scalars = one.inertia + one.mass * moved
-        return found
+        result: Scalars = numbers.inertia + numbers.mass * moved
+        return result

@@ -20,12 +20,14 @@ UNIT = float(np.finfo(float).eps) / 2
 LIBRARY = 4 * UNIT
 """Largest relative error of a sine, an exponential or another function in numpy."""
 
-Known = tuple[Array, Array]
+BoundedValue = tuple[Array, Array]
 """A value and its error bound, of one shape."""
 
 
 def running_error(
-    expressions: Sequence[sp.Expr], variables: Mapping[sp.Symbol, Known], rounded: bool = True
+    expressions: Sequence[sp.Expr],
+    variables: Mapping[sp.Symbol, BoundedValue],
+    rounded: bool = True,
 ) -> Array:
     """Return error bounds of expressions, (..., len(expressions)).
 
@@ -34,33 +36,35 @@ def running_error(
         variables: values and errors, all of one shape (...).
         rounded: whether to include rounding of the operations, besides the variables' errors.
     """
-    known: dict[sp.Basic, Known] = dict(variables)
-    shape = np.broadcast_shapes(*(np.shape(value) for value, _ in known.values()))
+    bounded: dict[sp.Basic, BoundedValue] = dict(variables)
+    shape = np.broadcast_shapes(*(np.shape(value) for value, _ in bounded.values()))
     with np.errstate(all="ignore"):
-        found = [_walk(sp.sympify(e), known, float(rounded))[1] for e in expressions]
-    errors = np.empty((*shape, len(found)))
-    for i, error in enumerate(found):
+        results = [_walk(sp.sympify(e), bounded, float(rounded))[1] for e in expressions]
+    errors = np.empty((*shape, len(results)))
+    for i, error in enumerate(results):
         errors[..., i] = error
     return errors
 
 
-def _walk(expression: sp.Expr, known: dict[sp.Basic, Known], rounded: float) -> Known:
-    if expression in known:
-        return known[expression]
+def _walk(
+    expression: sp.Expr, bounded: dict[sp.Basic, BoundedValue], rounded: float
+) -> BoundedValue:
+    if expression in bounded:
+        return bounded[expression]
     if not expression.args:
         number = float(expression)
         exact = expression.is_Rational and sp.Rational(number) == expression
         off = 0.0 if exact else 2 * UNIT * abs(number) * rounded
         result = np.asarray(number), np.asarray(off)
     else:
-        operands = [_walk(operand, known, rounded) for operand in expression.args]
-        value, carried, own = _operation(expression, operands)
-        result = value, carried + own * rounded
-    known[expression] = result
+        operands = [_walk(operand, bounded, rounded) for operand in expression.args]
+        value, carried, rounding = _operation(expression, operands)
+        result = value, carried + rounding * rounded
+    bounded[expression] = result
     return result
 
 
-def _operation(expression: sp.Expr, operands: Sequence[Known]) -> tuple[Array, Array, Array]:
+def _operation(expression: sp.Expr, operands: Sequence[BoundedValue]) -> tuple[Array, Array, Array]:
     """Return the value, the propagated error of the operands, and the operation's own rounding."""
     values = [value for value, _ in operands]
     errors = [error for _, error in operands]
@@ -100,7 +104,7 @@ def _function(
     expression: sp.Expr, values: Sequence[Array], errors: Sequence[Array]
 ) -> tuple[Array, Array, Array]:
     compiled = _with_slopes(expression.func, len(values))
-    value, *slopes = (np.asarray(found) for found in compiled(*values))
+    value, *slopes = (np.asarray(array) for array in compiled(*values))
     # An exact operand adds no error, even where its derivative has no value.
     carried = sum(np.where(e > 0, np.abs(s) * e, 0.0) for s, e in zip(slopes, errors, strict=True))
     return value, np.asarray(carried), LIBRARY * np.abs(value)

@@ -8,7 +8,7 @@ LONG = 80
 """Operations above which `simplify` takes seconds per expression, and minutes for an arm."""
 
 
-def tidy(expression: sp.Expr) -> sp.Expr:
+def simplify_bounded(expression: sp.Expr) -> sp.Expr:
     """Return an equal expression: simplified if short, unchanged if long.
 
     A long expression is not expanded either: an arm's nested kinematics are shorter. Expressions
@@ -26,11 +26,11 @@ def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
     sympy's own `det` expands intermediate results, which takes minutes for an arm and rounds worse.
     """
     n = matrix.rows
-    known: dict[tuple[tuple[int, ...], tuple[int, ...]], sp.Expr] = {((), ()): sp.Integer(1)}
+    minors: dict[tuple[tuple[int, ...], tuple[int, ...]], sp.Expr] = {((), ()): sp.Integer(1)}
 
     def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> sp.Expr:
-        if (rows, columns) not in known:
-            known[rows, columns] = sp.Add(
+        if (rows, columns) not in minors:
+            minors[rows, columns] = sp.Add(
                 *(
                     (-1) ** k
                     * matrix[rows[0], column]
@@ -39,7 +39,7 @@ def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
                     if matrix[rows[0], column] != 0
                 )
             )
-        return known[rows, columns]
+        return minors[rows, columns]
 
     every = tuple(range(n))
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.bushings import Bushes
+from physics_crosscheck.reference.dynamics.bushings import Bushings
 from physics_crosscheck.reference.dynamics.fluid import Immersion
-from physics_crosscheck.reference.dynamics.force_elements import Pulls
+from physics_crosscheck.reference.dynamics.force_elements import ForceElements
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars, cross, turned
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
@@ -24,7 +24,10 @@ class Dynamics:
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
         self.tree, self.recursion, self._field = tree, Recursion(tree, field), field
-        self._pulls, self._bushes = Pulls(tree, self.recursion, field), Bushes(tree, field)
+        self._pulls, self._bushings = (
+            ForceElements(tree, self.recursion, field),
+            Bushings(tree, field),
+        )
         self._immersion = Immersion(tree, self.recursion, field)
         self._lifts = any(link.lifted for link in tree.links)
         for link in tree.links:
@@ -53,9 +56,9 @@ class Dynamics:
         mass = self.recursion.mass(q)
         if not self._pulls:
             return mass
-        own = self._pulls.mass()
-        found: Scalars = mass + own.reshape(*own.shape, *(1,) * (q.ndim - 1))
-        return found
+        armatures = self._pulls.mass()
+        result: Scalars = mass + armatures.reshape(*armatures.shape, *(1,) * (q.ndim - 1))
+        return result
 
     def force(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """Return f of M(q) a = f(q, v, u), (nv, ...).
@@ -64,7 +67,7 @@ class Dynamics:
             q, v: state.
             u: forces on the joints, (nv, ...).
         """
-        return self._left(self.recursion.bias(q, v), q, v, u)
+        return self._net_force(self.recursion.bias(q, v), q, v, u)
 
     def residual(self, q: Scalars, v: Scalars, a: Scalars, u: Scalars) -> Scalars:
         """Return the residual force f(q, v, u) - M(q) a, (nv, ...).
@@ -74,19 +77,19 @@ class Dynamics:
         bodies = self.recursion.bias(q, v, a) + self._along(self._armature, a) * a
         if self._pulls:
             bodies = bodies + np.tensordot(self._pulls.mass(), a, 1)
-        return self._left(bodies, q, v, u)
+        return self._net_force(bodies, q, v, u)
 
-    def _left(self, bodies: Scalars, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
+    def _net_force(self, bodies: Scalars, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """Return the sum of all forces, minus the inertial forces `bodies`."""
         damping = self._along(self._damping, v) * v
-        left: Scalars = u - bodies - self._turned_armature(v) - self.springs(q) - damping
+        force: Scalars = u - bodies - self._turned_armature(v) - self.springs(q) - damping
         if self._pulls:
-            left = left + self._pulls.forces(q, v)
-        if self._bushes:
-            left = left + self._bushes.forces(q, v)
+            force = force + self._pulls.forces(q, v)
+        if self._bushings:
+            force = force + self._bushings.forces(q, v)
         if self._immersion:
-            left = left + self._immersion.forces(q, v)
-        return left + self.recursion.lift(q) if self._lifts else left
+            force = force + self._immersion.forces(q, v)
+        return force + self.recursion.lift(q) if self._lifts else force
 
     def _along(self, numbers: Scalars, like: Scalars) -> Scalars:
         """Shape (nv,) to broadcast with a batch."""
@@ -101,20 +104,26 @@ class Dynamics:
         out = 0 * v
         for link, there in zip(self.tree.links, self.tree.velocities, strict=True):
             if link.kind == "free" and link.armature:
-                own = v[there]
+                velocity = v[there]
                 linear = slice(there.start + 3, there.stop)
-                out[linear] = self._array(link.armature) * cross(own[:3], own[3:])
+                out[linear] = self._array(link.armature) * cross(velocity[:3], velocity[3:])
         return out
 
     @property
-    def bent(self) -> bool:
+    def nonsmooth(self) -> bool:
         """True if some forces are not smooth."""
-        return self._pulls.bent or self._immersion.bent or bool(self._bushes)
+        return self._pulls.nonsmooth or self._immersion.nonsmooth or bool(self._bushings)
 
-    def bends(self, q: Scalars, v: Scalars) -> Scalars:
+    def switching_functions(self, q: Scalars, v: Scalars) -> Scalars:
         """Return quantities that change sign where a force is not smooth, (m, ...)."""
-        own = self._bushes.bends(q, v)
-        return np.concatenate([self._pulls.bends(q, v), self._immersion.bends(q, v), *own])
+        of_bushings = self._bushings.switching_functions(q, v)
+        return np.concatenate(
+            [
+                self._pulls.switching_functions(q, v),
+                self._immersion.switching_functions(q, v),
+                *of_bushings,
+            ]
+        )
 
     def acceleration(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """Return a = M^-1 f, (nv, ...)."""
@@ -123,38 +132,38 @@ class Dynamics:
     def kinetic(self, q: Scalars, v: Scalars) -> Scalars:
         """Return T = v^T M v / 2, joules, (...)."""
         mass = self.mass(q)
-        found: Scalars = (v * (mass * v).sum(axis=1)).sum(axis=0) / 2
-        return found
+        result: Scalars = (v * (mass * v).sum(axis=1)).sum(axis=0) / 2
+        return result
 
     def potential(self, q: Scalars) -> Scalars:
         """Return V of gravity and springs, joules, (...)."""
         gravity = self._field.array(self.tree.gravity)
-        found: Scalars = 0 * q.sum(axis=0, keepdims=True)
+        energy: Scalars = 0 * q.sum(axis=0, keepdims=True)
         rows = zip(self.tree.links, self.tree.positions, self.recursion.poses(q), strict=True)
         for link, here, pose in rows:
             center = self._field.array(link.center).reshape(3, *(1,) * (q.ndim - 1))
-            at = pose.origin + turned(pose.rotation, center)
-            found = found - self._array(link.mass) * np.tensordot(gravity[None], at, 1)
+            point = pose.origin + turned(pose.rotation, center)
+            energy = energy - self._array(link.mass) * np.tensordot(gravity[None], point, 1)
             if link.lifted:
                 lift = self._field.array(link.lift).reshape(center.shape)
-                at = pose.origin + turned(pose.rotation, lift)
-                found = found + self._array(link.lifted) * np.tensordot(gravity[None], at, 1)
+                point = pose.origin + turned(pose.rotation, lift)
+                energy = energy + self._array(link.lifted) * np.tensordot(gravity[None], point, 1)
             if link.stiffness:
                 stretched = q[here] - self._array(link.rest[0])
-                found = found + self._array(link.stiffness) * stretched**2 / 2
-        whole: Scalars = found[0]
-        for one in (self._pulls, self._bushes):
-            whole = whole + one.stored(q) if one else whole
+                energy = energy + self._array(link.stiffness) * stretched**2 / 2
+        whole: Scalars = energy[0]
+        for elements in (self._pulls, self._bushings):
+            whole = whole + elements.stored(q) if elements else whole
         return whole
 
     def dissipated(self, q: Scalars, v: Scalars) -> Scalars:
         """Return the power dissipated by dampers and the fluid, watts, (...)."""
-        found: Scalars = (self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v * v).sum(axis=0)
-        for one in (self._pulls, self._bushes):
-            found = found + one.dissipated(q, v) if one else found
+        power: Scalars = (self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v * v).sum(axis=0)
+        for elements in (self._pulls, self._bushings):
+            power = power + elements.dissipated(q, v) if elements else power
         if self._immersion:
-            found = found - (v * self._immersion.forces(q, v)).sum(axis=0)
-        return found
+            power = power - (v * self._immersion.forces(q, v)).sum(axis=0)
+        return power
 
     def _array(self, number: float) -> Scalars:
         """Return a number as (1,), which broadcasts against every batch."""
@@ -171,14 +180,14 @@ def solved(mass: Scalars, force: Scalars) -> Scalars:
         columns = np.moveaxis(force, 0, -1)[..., None]
         return np.moveaxis(np.linalg.solve(mass.transpose(axes), columns)[..., 0], -1, 0)
     n = len(mass)
-    left, found = mass.copy(), force.copy()
+    matrix, solution = mass.copy(), force.copy()
     for k in range(n):
         for i in range(k + 1, n):
-            share = left[i, k] / left[k, k]
-            left[i, k + 1 :] = left[i, k + 1 :] - share * left[k, k + 1 :]
-            found[i] = found[i] - share * found[k]
+            share = matrix[i, k] / matrix[k, k]
+            matrix[i, k + 1 :] = matrix[i, k + 1 :] - share * matrix[k, k + 1 :]
+            solution[i] = solution[i] - share * solution[k]
     for k in reversed(range(n)):
         for j in range(k + 1, n):
-            found[k] = found[k] - left[k, j] * found[j]
-        found[k] = found[k] / left[k, k]
-    return found
+            solution[k] = solution[k] - matrix[k, j] * solution[j]
+        solution[k] = solution[k] / matrix[k, k]
+    return solution

@@ -35,17 +35,17 @@ class TreeEquations(EquationsOfMotion):
     @cached_property
     def numeric_acceleration(self) -> TreeFunction:
         """a(q, v, u, (t,)), (..., n)."""
-        return TreeFunction(self._accelerations, self.system.tree.freedoms)
+        return TreeFunction(self._accelerations, self.system.tree.dof)
 
     @cached_property
     def numeric_power(self) -> TreeFunction:
         """(energy, power supplied, power dissipated) of (q, v, u, (t,))."""
-        return TreeFunction(self._powers, self.system.tree.freedoms)
+        return TreeFunction(self._powers, self.system.tree.dof)
 
     @cached_property
     def numeric_mass(self) -> TreeFunction:
         """M of (q, v, u, (t,)), in row-major order."""
-        return TreeFunction(self._masses, self.system.tree.freedoms)
+        return TreeFunction(self._masses, self.system.tree.dof)
 
     @cached_property
     def turning(self) -> Array:
@@ -55,8 +55,8 @@ class TreeEquations(EquationsOfMotion):
     def pushed_acceleration(self, q: Array, v: Array, forces: Array) -> Array:
         """Return accelerations under generalized forces, all (..., n)."""
         shape = np.broadcast_shapes(q.shape, v.shape, forces.shape)
-        at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
-        return _last(self._doubles.acceleration(*at))
+        arguments = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
+        return _last(self._doubles.acceleration(*arguments))
 
     def pushed_slopes(self, states: Array, forces: Array) -> Array:
         """Return derivatives of accelerations under constant forces by q and v, (B, n, 2n).
@@ -68,26 +68,26 @@ class TreeEquations(EquationsOfMotion):
             states: (B, 2n).
             forces: on the coordinates, (B, n).
         """
-        n, own = forces.shape[1], self._doubles
+        n, equations = forces.shape[1], self._doubles
         x, rate, pushed = (_first(part) for part in (states[:, :n], states[:, n:], forces))
-        second = own.acceleration(x, rate, pushed)
-        inverse = np.linalg.inv(np.moveaxis(own.inertia(x), -1, 0))
+        second = equations.acceleration(x, rate, pushed)
+        inverse = np.linalg.inv(np.moveaxis(equations.inertia(x), -1, 0))
 
-        def left(steps: Array) -> Scalars:
+        def residual(steps: Array) -> Scalars:
             """Return residual forces, (n, columns, B), at states displaced by (2n, columns)."""
             like = (n, steps.shape[1], len(states))
             moved = (x[:, None] + steps[:n, :, None], rate[:, None] + steps[n:, :, None])
-            known = (np.broadcast_to(part[:, None], like) for part in (second, pushed))
-            return own.residual(*moved, *known)
+            fixed = (np.broadcast_to(part[:, None], like) for part in (second, pushed))
+            return equations.residual(*moved, *fixed)
 
         sizes = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
         columns = []
         for some in np.array_split(np.arange(2 * n), -(-2 * n * len(states) // AT_ONCE)):
             step = np.zeros((2 * n, len(some)))
             step[some, range(len(some))] = sizes[some]
-            by = np.einsum("bij,jcb->icb", inverse, left(step) - left(-step), optimize=True)
-            at = np.broadcast_to(x[:, None], by.shape)
-            columns.append(own.seconds(at, by) / (2 * sizes[some][:, None]))
+            by = np.einsum("bij,jcb->icb", inverse, residual(step) - residual(-step), optimize=True)
+            positions = np.broadcast_to(x[:, None], by.shape)
+            columns.append(equations.seconds(positions, by) / (2 * sizes[some][:, None]))
         return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
 
     def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
@@ -96,36 +96,36 @@ class TreeEquations(EquationsOfMotion):
 
     def inertia(self, q: Array) -> Array:
         """Return M of the velocities at positions (B, n), (B, n, n); definite wherever T is."""
-        found: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
-        return found
+        result: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
+        return result
 
     def slopes_by_number(self, q: Array, v: Array, a: Array) -> Array:
         """Return derivatives of accelerations by the tree's parameters, (K, n, p), at K states."""
         return np.moveaxis(self._doubles.slopes(*map(_first, (q, v, a))), -1, 0)
 
     @property
-    def bent(self) -> bool:
+    def nonsmooth(self) -> bool:
         """True if some forces are not smooth."""
-        return self._doubles.bent
+        return self._doubles.nonsmooth
 
-    def bends(self, q: Array, v: Array) -> Array:
+    def switching_functions(self, q: Array, v: Array) -> Array:
         """Return quantities that change sign where a force is not smooth, (..., m)."""
-        return _last(self._doubles.bends(_first(q), _first(v)))
+        return _last(self._doubles.switching_functions(_first(q), _first(v)))
 
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
         """Return a bound of the rounding of accelerations at states (..., n): (n,)."""
-        at = [_first(part) for part in (q, v, forces)]
+        arguments = [_first(part) for part in (q, v, forces)]
         long = Charted(self.system.tree, LONG_DOUBLES)
-        exact = long.acceleration(*map(LONG_DOUBLES.array, at))
-        apart = np.abs(exact - self._doubles.acceleration(*at)).astype(float)
-        found: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
-        return found
+        exact = long.acceleration(*map(LONG_DOUBLES.array, arguments))
+        apart = np.abs(exact - self._doubles.acceleration(*arguments)).astype(float)
+        bound: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
+        return bound
 
     @cached_property
     def pushes(self) -> Array:
         """Generalized forces per unit input, (n, inputs)."""
         inputs = self.system.inputs
-        rows = [[float(one.on.get(c, 0)) for one in inputs] for c in self.system.coordinates]
+        rows = [[float(signal.on.get(c, 0)) for signal in inputs] for c in self.system.coordinates]
         return np.array(rows).reshape(len(rows), len(inputs))
 
     def acceleration_error(
@@ -135,14 +135,14 @@ class TreeEquations(EquationsOfMotion):
         times: Array,
         *,
         off: Array,
-        late: Array,
+        time_error: Array,
         rounded: bool,
     ) -> Array:
         """Return a bound of the error of the accelerations, from a comparison with long doubles."""
-        n = self.system.tree.freedoms
+        n = self.system.tree.dof
         q, v, u = (_first(part) for part in (states[..., :n], states[..., n:], inputs))
         inverse = np.stack(
-            [np.abs(self._doubles.effect(q, _beside(column, q)))
+            [np.abs(self._doubles.effect(q, _repeated(column, q)))
              for column in self.pushes.T] or [np.zeros((n, 0))]
         )  # fmt: skip
         error = np.zeros_like(q)
@@ -150,8 +150,8 @@ class TreeEquations(EquationsOfMotion):
             error = error + column * by
         if rounded:
             forces = _last(self._forces(u, v))
-            own = self.rounding(states[..., :n], states[..., n:], forces)
-            error = error + _beside(own, q)
+            rounding = self.rounding(states[..., :n], states[..., n:], forces)
+            error = error + _repeated(rounding, q)
         return _last(error)
 
     @cached_property
@@ -162,8 +162,8 @@ class TreeEquations(EquationsOfMotion):
         return np.tensordot(self.pushes, u, 1) if len(u) else np.zeros_like(like)
 
     def _accelerations(self, q: Array, v: Array, u: Array) -> Array:
-        found: Array = self._doubles.acceleration(q, v, self._forces(u, v))
-        return found
+        result: Array = self._doubles.acceleration(q, v, self._forces(u, v))
+        return result
 
     def _powers(self, q: Array, v: Array, u: Array) -> Array:
         return self._doubles.powers(q, v, self._forces(u, v))
@@ -178,11 +178,11 @@ class TreeFunction:
     """A function of (q, v, u) with the batch last, called as (q, v, u, (t,)) with it first.
 
     Attributes:
-        freedoms: degrees of freedom of the tree, the length of q.
+        dof: degrees of freedom of the tree, the length of q.
     """
 
     function: Callable[[Array, Array, Array], Array]
-    freedoms: int
+    dof: int
 
     def __call__(self, *arguments: Array) -> Array:
         """Evaluate."""
@@ -192,10 +192,10 @@ class TreeFunction:
 
     def scalar(self, *columns: float) -> Sequence[float]:
         """Return the same function of plain numbers: q, v, u and t."""
-        n = self.freedoms
+        n = self.dof
         q, v, u = np.array(columns[:n]), np.array(columns[n : 2 * n]), np.array(columns[2 * n : -1])
-        found: list[float] = self.function(q, v, u).tolist()
-        return found
+        result: list[float] = self.function(q, v, u).tolist()
+        return result
 
 
 def _first(values: Array) -> Scalars:
@@ -208,6 +208,6 @@ def _last(values: Scalars) -> Array:
     return np.moveaxis(values, 0, -1)
 
 
-def _beside(column: Array, like: Array) -> Array:
+def _repeated(column: Array, like: Array) -> Array:
     """Repeat a column (n,) at every state of a batch (n, ...)."""
     return np.broadcast_to(column.reshape(-1, *(1,) * (like.ndim - 1)), like.shape)

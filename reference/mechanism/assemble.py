@@ -16,22 +16,27 @@ from physics_crosscheck.reference.mechanism.bodies import (
     Triple,
     powers,
 )
-from physics_crosscheck.reference.mechanism.force_paths import JointForce, Mark, Way
+from physics_crosscheck.reference.mechanism.force_paths import JointForce, LinkFrame, Way
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.spatial_inertia import HERE, NOTHING, Lump, Place
+from physics_crosscheck.reference.mechanism.spatial_inertia import (
+    HERE,
+    NOTHING,
+    Place,
+    SpatialInertia,
+)
 from physics_crosscheck.reference.mechanism.tree import (
     VELOCITIES,
     WORLD,
-    Bush,
+    Bushing,
     Fluid,
     Immersed,
-    Link,
     Tree,
+    TreeCoupling,
     TreeError,
+    TreeForce,
+    TreeLink,
 )
-from physics_crosscheck.reference.mechanism.tree import Coupling as TreeCoupling
-from physics_crosscheck.reference.mechanism.tree import Pull as TreePull
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +62,7 @@ def assembled(
     gravity: Triple,
     pulls: Sequence[ForceElement] = (),
     couplings: Sequence[Coupling] = (),
-    medium: Fluid | None = None,
+    fluid: Fluid | None = None,
 ) -> Assembled:
     """Assemble bodies into a tree, parents before children.
 
@@ -69,23 +74,23 @@ def assembled(
         gravity: m/s^2.
         pulls: force elements of tendons and actuators.
         couplings: joints that follow other joints.
-        medium: fluid around the bodies.
+        fluid: fluid around the bodies.
 
     Raises:
         TreeError: with the body, joint or force element that does not fit.
     """
-    builder = _Builder(medium is not None)
+    builder = _Builder(fluid is not None)
     for body in bodies:
         builder.add(body)
     lower, upper = np.array(builder.bounds, dtype=float).reshape(-1, 2).T
-    pulled = (*builder.pulls, *(builder.pull(one) for one in pulls))
+    pulled = (*builder.pulls, *(builder.force_element(element) for element in pulls))
     tree = Tree(
         links=tuple(builder.whole()),
         gravity=np.array(gravity, dtype=float),
         pulls=pulled,
         couplings=tuple(map(builder.coupling, couplings)),
-        medium=medium,
-        bushes=tuple(builder.bushes),
+        fluid=fluid,
+        bushings=tuple(builder.bushings),
         immersed=tuple(builder.immersed),
     )
     return Assembled(
@@ -99,17 +104,17 @@ def assembled(
 class _Builder:
     """The links built so far; boxes for drag are recorded only if there is a fluid."""
 
-    def __init__(self, medium: bool) -> None:
-        self._medium = medium
+    def __init__(self, has_fluid: bool) -> None:
+        self._has_fluid = has_fluid
         self.places: dict[str, tuple[int, Place]] = {}
         self.bounds: list[tuple[float, float]] = []
-        self.pulls: list[TreePull] = []
+        self.pulls: list[TreeForce] = []
         self.cancelled: list[str] = []
         self.immersed: list[Immersed] = []
-        self.bushes: list[Bush] = []
-        self._links: list[Link] = []
-        self._lumps: list[Lump] = []
-        self._lifts: list[Lump] = []
+        self.bushings: list[Bushing] = []
+        self._links: list[TreeLink] = []
+        self._inertias: list[SpatialInertia] = []
+        self._lifts: list[SpatialInertia] = []
         self._joints: dict[str, int] = {}
 
     def add(self, body: RigidBody) -> None:
@@ -123,7 +128,7 @@ class _Builder:
                     f"the parent of body {body.name!r}, {body.parent!r}, must come before it"
                 )
             within, place = self.places[body.parent]
-        place = place.of(body.place)
+        place = place.compose(body.place)
         for joint in body.joints:
             within, place = self._joint(joint, within, place)
         self.places[body.name] = within, place
@@ -132,19 +137,21 @@ class _Builder:
 
     def _load(self, body: RigidBody, within: int, place: Place) -> None:
         """Add a body's mass to its link."""
-        lump = body.lump
-        own = lump.seen(place)
-        if own.mass and own.mass == -self._lumps[within].mass:
+        inertia = body.spatial_inertia
+        placed = inertia.seen(place)
+        if placed.mass and placed.mass == -self._inertias[within].mass:
             self.cancelled.append(body.name)
             return
-        self._lumps[within] = self._lumps[within].with_(own)
+        self._inertias[within] = self._inertias[within].with_(placed)
         if body.lift:
-            lifted = lump._replace(mass=lump.mass * body.lift, inertia=np.zeros((3, 3)))
+            lifted = inertia._replace(mass=inertia.mass * body.lift, inertia=np.zeros((3, 3)))
             self._lifts[within] = self._lifts[within].with_(lifted.seen(place))
-        if self._medium and body.dragged and (box := body.box) is not None:
-            at = place.of(box[0])
+        if self._has_fluid and body.dragged and (box := body.box) is not None:
+            box_place = place.compose(box[0])
             self.immersed.append(
-                Immersed(link=within, position=at.origin, rotation=at.rotation, size=box[1])
+                Immersed(
+                    link=within, position=box_place.origin, rotation=box_place.rotation, size=box[1]
+                )
             )
 
     def _joint(self, joint: Joint, within: int, place: Place) -> tuple[int, Place]:
@@ -152,23 +159,23 @@ class _Builder:
         if joint.name in self._joints:
             raise TreeError(f"two joints have the name {joint.name!r}")
         anchor = np.array(joint.at, dtype=float)
-        at, rotation, axis = place.at(anchor), place.rotation, joint.direction
+        origin, rotation, axis = place.transform(anchor), place.rotation, joint.direction
         if joint.kind == "hinge" and joint.zero:
             rotation = rotation @ about_axis(axis, np.array(-joint.zero), DOUBLES)
         elif joint.kind == "slide" and joint.zero:
-            at = at - rotation @ axis * joint.zero
+            origin = origin - rotation @ axis * joint.zero
         index = self._joints[joint.name] = len(self._links)
         damping, stiffness = powers(joint.damping), powers(joint.stiffness)
-        if joint.bent and joint.single:
+        if joint.nonlinear and joint.single:
             self.pulls.append(
-                TreePull(name=joint.name, joints=((index, 1.0),), stiffness=stiffness,
+                TreeForce(name=joint.name, joints=((index, 1.0),), stiffness=stiffness,
                          damping=damping, rest=(joint.rest, joint.rest))
             )  # fmt: skip
         self._links.append(
-            Link(
+            TreeLink(
                 name=joint.name,
                 parent=within,
-                position=at,
+                position=origin,
                 rotation=rotation,
                 kind=joint.kind,
                 axis=axis,
@@ -176,68 +183,68 @@ class _Builder:
                 center=np.zeros(3),
                 inertia=np.zeros((3, 3)),
                 armature=float(joint.armature),
-                damping=0.0 if joint.bent and joint.single else _only(damping),
-                stiffness=_only(stiffness) if joint.single and not joint.bent else 0.0,
+                damping=0.0 if joint.nonlinear and joint.single else _only(damping),
+                stiffness=_only(stiffness) if joint.single and not joint.nonlinear else 0.0,
                 rest=(float(joint.rest),),
             )
         )
-        self._lumps.append(NOTHING)
+        self._inertias.append(NOTHING)
         self._lifts.append(NOTHING)
         if not joint.single and (powers(joint.stiffness) or len(damping) > 1):
-            self.bushes.append(_bush(joint, index))
+            self.bushings.append(_bushing(joint, index))
         bounds = (joint.limits if joint.single else None) or (-np.inf, np.inf)
         self.bounds += [bounds] * VELOCITIES[joint.kind]
         return index, Place(np.eye(3), -anchor)
 
-    def whole(self) -> Iterator[Link]:
+    def whole(self) -> Iterator[TreeLink]:
         """Yield the links with their total masses."""
-        for link, lump, lift in zip(self._links, self._lumps, self._lifts, strict=True):
-            whole = replace(link, mass=lump.mass, center=lump.center, inertia=lump.inertia)
+        for link, inertia, lift in zip(self._links, self._inertias, self._lifts, strict=True):
+            whole = replace(link, mass=inertia.mass, center=inertia.center, inertia=inertia.inertia)
             yield replace(whole, lifted=lift.mass, lift=lift.center)
 
-    def pull(self, one: ForceElement) -> TreePull:
+    def force_element(self, element: ForceElement) -> TreeForce:
         """Return a force element of the tree, with its control fixed at the declared value."""
-        what, pairs = f"pull {one.name!r}", zip(one.bias, one.gain, strict=True)
-        constant, slope, drag = (float(b + g * one.control) for b, g in pairs)
-        stiffness, damping = powers(one.stiffness), powers(one.damping)
+        what, pairs = f"pull {element.name!r}", zip(element.bias, element.gain, strict=True)
+        constant, slope, drag = (float(b + g * element.control) for b, g in pairs)
+        stiffness, damping = powers(element.stiffness), powers(element.damping)
         if slope or drag:
             stiffness, damping = powers(-slope), powers(-drag)
-        return TreePull(
-            name=one.name,
-            joints=tuple((self._index(name, what), float(share)) for name, share in one.joints),
-            along=self._along(one, what),
+        return TreeForce(
+            name=element.name,
+            joints=tuple((self._index(name, what), float(share)) for name, share in element.joints),
+            along=self._along(element, what),
             constant=constant,
             stiffness=stiffness,
             damping=damping,
-            rest=one.rest,
-            armature=one.armature,
+            rest=element.rest,
+            armature=element.armature,
         )
 
-    def _along(self, one: ForceElement, what: str) -> Way | None:
-        if one.along is None:
+    def _along(self, element: ForceElement, what: str) -> Way | None:
+        if element.along is None:
             return None
-        if isinstance(one.along, JointForce):
-            return one.along.at(lambda joint: self._index(joint, what))
-        return one.along.at(lambda site: self._marked(site, what))
+        if isinstance(element.along, JointForce):
+            return element.along.mapped(lambda joint: self._index(joint, what))
+        return element.along.mapped(lambda site: self._marked(site, what))
 
-    def _marked(self, site: Site, what: str) -> Mark:
+    def _marked(self, site: Site, what: str) -> LinkFrame:
         within, place = WORLD, HERE
         if site.body is not None:
             if site.body not in self.places:
                 raise TreeError(f"{what} names body {site.body!r}, which does not exist")
             within, place = self.places[site.body]
-        place = place.of(site.place)
-        return Mark(link=within, position=place.origin, rotation=place.rotation)
+        place = place.compose(site.place)
+        return LinkFrame(link=within, position=place.origin, rotation=place.rotation)
 
-    def coupling(self, one: Coupling) -> TreeCoupling:
+    def coupling(self, declared: Coupling) -> TreeCoupling:
         """Return a coupling with link indices instead of joint names."""
-        what = f"the coupling of {one.follower!r}"
+        what = f"the coupling of {declared.follower!r}"
         return TreeCoupling(
-            follower=self._index(one.follower, what),
-            leader=None if one.leader is None else self._index(one.leader, what),
-            multiplier=one.multiplier,
-            offset=one.offset,
-            others=tuple((self._index(name, what), share) for name, share in one.others),
+            follower=self._index(declared.follower, what),
+            leader=None if declared.leader is None else self._index(declared.leader, what),
+            multiplier=declared.multiplier,
+            offset=declared.offset,
+            others=tuple((self._index(name, what), share) for name, share in declared.others),
         )
 
     def _index(self, joint: str, what: str) -> int:
@@ -250,10 +257,10 @@ def _only(values: tuple[float, ...]) -> float:
     return float(values[0]) if values else 0.0
 
 
-def _bush(joint: Joint, index: int) -> Bush:
+def _bushing(joint: Joint, index: int) -> Bushing:
     turn = np.array(joint.rest_turn or (1.0, 0.0, 0.0, 0.0), dtype=float)
     w, x, y, z = map(float, turn / np.linalg.norm(turn))
-    return Bush(
+    return Bushing(
         link=index,
         stiffness=powers(joint.stiffness),
         damping=powers(joint.damping)[1:],

@@ -17,7 +17,7 @@ import numpy as np
 from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import Lump, Place
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
 
 Triple = tuple[float, float, float]
@@ -94,7 +94,7 @@ class Joint:
         return self.kind in ("hinge", "slide")
 
     @property
-    def bent(self) -> bool:
+    def nonlinear(self) -> bool:
         """True if its spring or damper is nonlinear."""
         return len(powers(self.damping)) > 1 or len(powers(self.stiffness)) > 1
 
@@ -103,8 +103,8 @@ class Joint:
         """The axis as a unit vector, (3,)."""
         axis = np.array(self.axis, dtype=float)
         axis = axis / np.abs(axis).max()  # its square neither overflows nor underflows
-        found: Array = axis / np.linalg.norm(axis)
-        return found
+        result: Array = axis / np.linalg.norm(axis)
+        return result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,10 +167,10 @@ class RigidBody:
         return _place(self.position, self.rpy, self.quaternion)
 
     @property
-    def lump(self) -> Lump:
+    def spatial_inertia(self) -> SpatialInertia:
         """Its spatial inertia in its own frame."""
-        own = Lump(float(self.mass), np.zeros(3), self._tensor)
-        return own.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
+        central = SpatialInertia(float(self.mass), np.zeros(3), self._tensor)
+        return central.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
 
     @property
     def box(self) -> tuple[Place, Array] | None:
@@ -305,16 +305,18 @@ class Coupling:
 
 def powers(value: Powers) -> tuple[float, ...]:
     """Return the coefficients of the first, second, ... power, without trailing zeros."""
-    found = value if isinstance(value, tuple) else (value,)
-    while found and not found[-1]:
-        found = found[:-1]
-    return found
+    coefficients = value if isinstance(value, tuple) else (value,)
+    while coefficients and not coefficients[-1]:
+        coefficients = coefficients[:-1]
+    return coefficients
 
 
-def _place(at: Triple, rpy: Triple, quaternion: Quaternion | None) -> Place:
+def _place(position: Triple, rpy: Triple, quaternion: Quaternion | None) -> Place:
     if quaternion is None:
-        return Place(from_rpy(*rpy), np.array(at, dtype=float))
-    return Place(from_quaternion(np.array(quaternion, dtype=float)), np.array(at, dtype=float))
+        return Place(from_rpy(*rpy), np.array(position, dtype=float))
+    return Place(
+        from_quaternion(np.array(quaternion, dtype=float)), np.array(position, dtype=float)
+    )
 
 
 def _check(what: str, key: str, values: Sequence[float], count: int | None = None) -> None:

@@ -49,13 +49,13 @@ def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
 class _Joint(NamedTuple):
     """Slices of a ball or free joint in q (`place`, `quaternion`) and y (`turning`, `moving`)."""
 
-    at: slice
+    place: slice
     quaternion: slice
     turning: slice
     moving: slice
 
 
-class Chart:
+class MinimalCoordinates:
     """Positions y and rates of a tree's minimal coordinates, each (nv, ...); the batch is last.
 
     Args:
@@ -89,12 +89,12 @@ class Chart:
             s = y[joint.turning] / 4
             real = 1 - (s * s).sum(axis=0)
             q[joint.quaternion] = np.concatenate([real[None], 2 * s])
-            q[joint.at] = y[joint.moving]
+            q[joint.place] = y[joint.moving]
         return q
 
     def velocities(self, y: Scalars, rate: Scalars) -> Scalars:
         """Return the tree's v."""
-        return self.own(y, self.carried(y, rate))
+        return self.tree_velocities(y, self.carried(y, rate))
 
     def rates(self, y: Scalars, v: Scalars) -> Scalars:
         """Return the coordinate rates for the tree's v."""
@@ -140,12 +140,12 @@ class Chart:
 
     def steady(self, y: Scalars, m: Scalars) -> Scalars:
         """Return the derivative of the tree's v at constant m, caused by rotating link axes."""
-        v, out = self.own(y, m), 0 * m
+        v, out = self.tree_velocities(y, m), 0 * m
         for joint in self._free:
             out[joint.moving] = -cross(v[joint.turning], v[joint.moving])
         return out
 
-    def own(self, y: Scalars, m: Scalars) -> Scalars:
+    def tree_velocities(self, y: Scalars, m: Scalars) -> Scalars:
         """Return the tree's v for the velocities that engines store."""
         out = m.copy()
         self._place(out, y, m, turned_back)
@@ -180,11 +180,11 @@ class Chart:
             share = h / 2 * np.sinc(angle / 2 / np.pi)
             s = y[joint.turning] / 4
             square = (s * s).sum(axis=0)
-            real, own = (1 - square) / (1 + square), 2 * s / (1 + square)
+            real, real_axis = (1 - square) / (1 + square), 2 * s / (1 + square)
             by = share * angular
-            turned_real = real * np.cos(angle / 2) - (own * by).sum(axis=0)
-            turned_own = real * by + np.cos(angle / 2) * own + cross(own, by)
-            out[joint.turning] = 4 * turned_own / (1 + turned_real)
+            turned_real = real * np.cos(angle / 2) - (real_axis * by).sum(axis=0)
+            turned_axis = real * by + np.cos(angle / 2) * real_axis + cross(real_axis, by)
+            out[joint.turning] = 4 * turned_axis / (1 + turned_real)
         return out
 
     def forces(self, y: Scalars, given: Scalars) -> Scalars:
@@ -200,11 +200,11 @@ class Chart:
         return out
 
     def _place(
-        self, out: Scalars, y: Scalars, of: Scalars, way: Callable[[Scalars, Scalars], Scalars]
+        self, out: Scalars, y: Scalars, values: Scalars, way: Callable[[Scalars, Scalars], Scalars]
     ) -> None:
         """Rotate the linear part of free joints between the link's axes and the joint's."""
         for joint in self._free:
-            out[joint.moving] = way(self._turn(y, joint), of[joint.moving])
+            out[joint.moving] = way(self._turn(y, joint), values[joint.moving])
 
     def _turn(self, y: Scalars, joint: _Joint) -> Scalars:
         s = y[joint.turning] / 4
@@ -216,7 +216,7 @@ def _joints(tree: Tree) -> Iterator[_Joint]:
     for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True):
         if link.kind in ("ball", "free"):
             yield _Joint(
-                at=slice(here.start, here.stop - 4),
+                place=slice(here.start, here.stop - 4),
                 quaternion=slice(here.stop - 4, here.stop),
                 turning=slice(there.start, there.start + 3),
                 moving=slice(there.start + 3, there.stop),
@@ -226,13 +226,13 @@ def _joints(tree: Tree) -> Iterator[_Joint]:
 def _rate(s: Scalars, angular: Scalars) -> Scalars:
     """Return dp/dt of p = 4 s: B w, with B = (1 - s.s) 1 + 2 [s] + 2 s s^T."""
     square, along = (s * s).sum(axis=0), (s * angular).sum(axis=0)
-    found: Scalars = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
-    return found
+    result: Scalars = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
+    return result
 
 
 def _unturned(s: Scalars, rate: Scalars) -> Scalars:
     """Return the angular velocity for dp/dt: B^T dp/dt / (1 + s.s)^2."""
     square, along = (s * s).sum(axis=0), (s * rate).sum(axis=0)
     back = (1 - square) * rate - 2 * cross(s, rate) + 2 * s * along
-    found: Scalars = back / (1 + square) ** 2
-    return found
+    result: Scalars = back / (1 + square) ** 2
+    return result

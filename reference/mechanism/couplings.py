@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
-from physics_crosscheck.reference.mechanism.tree import Coupling, Tree, TreeError
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeCoupling, TreeError
 
 
 class Coupled:
@@ -42,27 +42,27 @@ class Coupled:
     def positions(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
         """Return y, (nv, ...), for x, (kept, ...)."""
         offset = field.array(self.offset).reshape(-1, *(1,) * (x.ndim - 1))
-        found: Scalars = self.rates(x, field) + offset
-        return found
+        result: Scalars = self.rates(x, field) + offset
+        return result
 
     def rates(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
         """Return G x for rates or accelerations."""
-        found: Scalars = np.tensordot(field.array(self.matrix), x, 1)
-        return found
+        result: Scalars = np.tensordot(field.array(self.matrix), x, 1)
+        return result
 
     def forces(self, y: Scalars, field: Field = DOUBLES) -> Scalars:
         """Return G^T y: forces on all coordinates, projected onto the independent ones."""
-        found: Scalars = np.tensordot(field.array(self.matrix.T), y, 1)
-        return found
+        result: Scalars = np.tensordot(field.array(self.matrix.T), y, 1)
+        return result
 
     def mass(self, whole: Scalars, field: Field = DOUBLES) -> Scalars:
         """Return G^T M G, (kept, kept, ...)."""
         half = np.tensordot(field.array(self.matrix.T), whole, 1)
         both = np.tensordot(half, field.array(self.matrix), ([1], [0]))
-        found: Scalars = np.moveaxis(both, -1, 1)
-        return found
+        result: Scalars = np.moveaxis(both, -1, 1)
+        return result
 
 
-def _leaders(tree: Tree, one: Coupling) -> dict[int, float]:
+def _leaders(tree: Tree, coupling: TreeCoupling) -> dict[int, float]:
     """Return the multipliers, by index of the leading coordinate."""
-    return {tree.velocities[link].start: multiplier for link, multiplier in one.leaders}
+    return {tree.velocities[link].start: multiplier for link, multiplier in coupling.leaders}

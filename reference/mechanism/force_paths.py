@@ -19,7 +19,7 @@ K = TypeVar("K")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mark:
+class LinkFrame:
     """A frame fixed to a link.
 
     Attributes:
@@ -43,7 +43,7 @@ class CablePath(Generic[P]):
 
     branches: tuple[tuple[float, tuple[P, ...]], ...]
 
-    def at(self, marks: Callable[[P], Q]) -> CablePath[Q]:
+    def mapped(self, marks: Callable[[P], Q]) -> CablePath[Q]:
         """Return the same path through other frames."""
         return CablePath(
             branches=tuple((share, tuple(map(marks, row))) for share, row in self.branches)
@@ -69,7 +69,7 @@ class FrameForce(Generic[P]):
     gear: tuple[float, ...]
     against: P | None = None
 
-    def at(self, marks: Callable[[P], Q]) -> FrameForce[Q]:
+    def mapped(self, marks: Callable[[P], Q]) -> FrameForce[Q]:
         """Return the same force on other frames."""
         against = None if self.against is None else marks(self.against)
         return FrameForce(frame=marks(self.frame), gear=self.gear, against=against)
@@ -92,10 +92,10 @@ class JointForce(Generic[J]):
     gear: tuple[float, ...]
     in_parent: bool = False
 
-    def at(self, joint: Callable[[J], K]) -> JointForce[K]:
+    def mapped(self, joint: Callable[[J], K]) -> JointForce[K]:
         """Return the same force on another joint."""
         return JointForce(joint=joint(self.joint), gear=self.gear, in_parent=self.in_parent)
 
 
-Way = CablePath[Mark] | FrameForce[Mark] | JointForce[int]
+Way = CablePath[LinkFrame] | FrameForce[LinkFrame] | JointForce[int]
 """A force path between links of a tree, by index."""

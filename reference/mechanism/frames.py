@@ -10,8 +10,8 @@ from physics_crosscheck.reference.mechanism.declaration import Declaration, Decl
 from physics_crosscheck.reference.mechanism.numeric import NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.pose import WORLD, Pose
 from physics_crosscheck.reference.mechanism.units import (
+    DIMENSIONLESS,
     LENGTH,
-    ONE,
     Dimension,
     UnitError,
     dimension_of,
@@ -32,7 +32,7 @@ def check_frames(system: Declaration) -> None:
     Raises:
         DeclarationError: with one sentence that names the problem.
     """
-    known = dimensions(system)
+    symbols = dimensions(system)
     for frame in system.frames:
         if not isinstance(frame, Pose):
             raise DeclarationError(f"system {system.name!r}: {frame!r} in frames is not a Pose")
@@ -48,7 +48,7 @@ def check_frames(system: Declaration) -> None:
         if len(frame.position) != 3:
             raise DeclarationError(f"{where}: its position must be three expressions, (x, y, z)")
         for number, entry in enumerate(frame.entries):
-            _check_entry(entry, "position" if number < 3 else "rotation", system, known, where)
+            _check_entry(entry, "position" if number < 3 else "rotation", system, symbols, where)
         _check_rotation(frame, system, where)
 
 
@@ -56,7 +56,7 @@ def _check_entry(
     entry: sp.Expr,
     what: str,
     system: Declaration,
-    known: Mapping[sp.Symbol, Dimension],
+    symbols: Mapping[sp.Symbol, Dimension],
     where: str,
 ) -> None:
     """Check that an entry is a length or a number, of positions and constants only."""
@@ -66,14 +66,14 @@ def _check_entry(
     if not entry.is_real and entry.is_number:
         raise DeclarationError(f"{where}: its {what} has {entry}, which is not a real number")
     # A plain number in a sum is in metres, as in a sketch.
-    terms = [one for one in sp.Add.make_args(entry) if not one.is_number]
-    expected = LENGTH if what == "position" else ONE
+    summands = [one for one in sp.Add.make_args(entry) if not one.is_number]
+    expected = LENGTH if what == "position" else DIMENSIONLESS
     try:
-        found = dimension_of(sp.Add(*terms), known)
+        dimension = dimension_of(sp.Add(*summands), symbols)
     except UnitError as error:
         raise DeclarationError(f"{where}: {error}") from None
-    if found is not None and terms and found != expected:
-        raise DeclarationError(f"{where}: its {what} has the unit {found}; expected {expected}")
+    if dimension is not None and summands and dimension != expected:
+        raise DeclarationError(f"{where}: its {what} has the unit {dimension}; expected {expected}")
 
 
 def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:

@@ -32,10 +32,10 @@ class TreeSystem(Declaration):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.coordinates) != self.tree.freedoms:
+        if len(self.coordinates) != self.tree.dof:
             raise DeclarationError(
                 f"system {self.name!r} has {len(self.coordinates)} coordinates, but "
-                f"its tree has {self.tree.freedoms} degrees of freedom"
+                f"its tree has {self.tree.dof} degrees of freedom"
             )
 
 
@@ -92,13 +92,13 @@ class MultibodySystem:
 
     def __post_init__(self) -> None:
         try:
-            found = self.assembled
-            Coupled(found.tree)  # raises if joints follow each other in a cycle
+            assembly = self.assembled
+            Coupled(assembly.tree)  # raises if joints follow each other in a cycle
         except TreeError as error:
             raise DeclarationError(str(error)) from None
-        if not found.tree.links:
+        if not assembly.tree.links:
             raise DeclarationError(f"system {self.name!r} has no joint, so nothing moves")
-        for name in found.cancelled:
+        for name in assembly.cancelled:
             raise DeclarationError(
                 f"the masses of body {name!r} and of the bodies fixed to it do not "
                 "add up to a positive mass; write positive masses"

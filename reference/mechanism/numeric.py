@@ -26,7 +26,7 @@ class NumericFunction:
         source: source text of the function.
         groups: sizes of the argument groups.
         size: size of the value.
-        last: fixed values of the last argument group; see `at`.
+        last: fixed values of the last argument group; see `bind`.
     """
 
     source: str
@@ -53,7 +53,7 @@ class NumericFunction:
         function, last = self._function, self.last
         return (lambda *columns: function(*columns, *last)) if last else function
 
-    def at(self, values: Sequence[float]) -> NumericFunction:
+    def bind(self, values: Sequence[float]) -> NumericFunction:
         """Return the function with its last group fixed, without compiling again."""
         return replace(self, groups=self.groups[:-1], last=tuple(map(float, values)))
 

@@ -47,12 +47,12 @@ def expression_of(value: object, place: str) -> sp.Expr:
     if isinstance(value, (bool, str, bytes, type(None))):
         raise DeclarationError(f"{place} is {shown(value)}: write a number or an expression")
     try:
-        found = sp.sympify(value)
+        expression = sp.sympify(value)
     except (sp.SympifyError, TypeError, ValueError, AttributeError, RecursionError):
-        found = None
-    if not isinstance(found, sp.Expr) or getattr(found, "is_Matrix", False):
+        expression = None
+    if not isinstance(expression, sp.Expr) or getattr(expression, "is_Matrix", False):
         raise DeclarationError(f"{place} is {shown(value)}: write a number or an expression")
-    return found
+    return expression
 
 
 def check_real(expression: sp.Expr, place: str, also: Sequence[type] = ()) -> None:
@@ -68,9 +68,9 @@ def check_real(expression: sp.Expr, place: str, also: Sequence[type] = ()) -> No
         )
     if expression.has(sp.nan, sp.oo, sp.zoo, -sp.oo):
         raise DeclarationError(f"{place} is {shown(expression)}, which is not a finite number")
-    known = (*FUNCTIONS, *also)
+    supported = (*FUNCTIONS, *also)
     for part in expression.atoms(sp.Function, sp.Derivative, sp.Integral, sp.Sum, sp.Product):
-        if not isinstance(part, known):
+        if not isinstance(part, supported):
             raise DeclarationError(
                 f"{place} has {shown(part)}, which has no value here. Write it with "
                 "powers, exponentials, logarithms, trigonometric or hyperbolic "
@@ -134,11 +134,11 @@ def check_over_time(
     # At the end itself another branch may apply.
     times[-1] = np.nextafter(stop, start)
     with np.errstate(all="ignore"):
-        found = values(times)
-    bad = ~np.isfinite(found)
+        results = values(times)
+    bad = ~np.isfinite(results)
     if bad.any():
         time = float(times[np.argmax(bad)])
-        raise DeclarationError(f"{place} {_at(expression, time)}")
+        raise DeclarationError(f"{place} {_describe_value(expression, time)}")
     for base in _critical(expression):
         zero = _zero(base, times)
         if zero is not None:
@@ -151,17 +151,17 @@ def check_over_time(
 
 def _critical(expression: sp.Expr) -> set[sp.Expr]:
     """Return expressions that must not vanish: denominators, radicands, arguments of logarithms."""
-    found = set()
+    bases = set()
     for part in expression.atoms(sp.Pow, sp.log, sp.tan, sp.sec, sp.cot, sp.csc):
         if isinstance(part, sp.Pow):
             whole = part.exp.is_Integer and part.exp >= 0
             if not whole and part.base.has(t):
-                found.add(part.base)
+                bases.add(part.base)
         elif part.has(t):
             angle = part.args[0]
             wave = {sp.log: angle, sp.tan: sp.cos(angle), sp.sec: sp.cos(angle)}
-            found.add(wave.get(part.func, sp.sin(angle)))
-    return found
+            bases.add(wave.get(part.func, sp.sin(angle)))
+    return bases
 
 
 def _zero(base: sp.Expr, times: Array) -> float | None:
@@ -187,7 +187,7 @@ def _zero(base: sp.Expr, times: Array) -> float | None:
     return float(every[changed[0]]) if changed.size and every[changed[0] + 1] < stop else None
 
 
-def _at(expression: sp.Expr, time: float) -> str:
+def _describe_value(expression: sp.Expr, time: float) -> str:
     """Describe the value of an expression at a time where it is not finite and real."""
     with mp.workdps(20):
         try:

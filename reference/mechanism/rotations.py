@@ -44,8 +44,8 @@ class Field:
         if self.dtype is not object:
             return plain.astype(self.dtype)
         out = np.empty(plain.shape, dtype=object)
-        for at in np.ndindex(plain.shape):
-            out[at] = self.number(float(plain[at]))
+        for index in np.ndindex(plain.shape):
+            out[index] = self.number(float(plain[index]))
         return out
 
 
@@ -65,37 +65,37 @@ def objects(sin: Callable[[Any], Any], cos: Callable[[Any], Any], number: Any) -
 
 def turned(matrix: Scalars, vector: Scalars) -> Scalars:
     """Return R x: (3, 3, ...) by (3, ...)."""
-    found: Scalars = (matrix * vector).sum(axis=1)
-    return found
+    result: Scalars = (matrix * vector).sum(axis=1)
+    return result
 
 
 def turned_back(matrix: Scalars, vector: Scalars) -> Scalars:
     """Return R^T x."""
-    found: Scalars = (matrix * vector[:, None]).sum(axis=0)
-    return found
+    result: Scalars = (matrix * vector[:, None]).sum(axis=0)
+    return result
 
 
-def cross(one: Scalars, other: Scalars) -> Scalars:
+def cross(a: Scalars, b: Scalars) -> Scalars:
     """Return the cross product, (3, ...)."""
-    found: Scalars = one[_NEXT] * other[_LAST] - one[_LAST] * other[_NEXT]
-    return found
+    result: Scalars = a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT]
+    return result
 
 
-def product(one: Scalars, other: Scalars) -> Scalars:
+def product(a: Scalars, b: Scalars) -> Scalars:
     """Return A B: (3, 3, ...) by (3, 3, ...)."""
-    found: Scalars = (one[:, :, None] * other[None]).sum(axis=1)
-    return found
+    result: Scalars = (a[:, :, None] * b[None]).sum(axis=1)
+    return result
 
 
 def about_axis(axis: Scalars, angle: Scalars, field: Field) -> Scalars:
     """Return the rotation by an angle (...) about a unit vector (3,): Rodrigues' formula."""
     batch = (1,) * np.ndim(angle)
-    one = axis.reshape(3, *batch)
+    unit = axis.reshape(3, *batch)
     sin, cos = field.sin(angle), field.cos(angle)
     eye = field.array(np.eye(3)).reshape(3, 3, *batch)
     skew = _skew(axis, field).reshape(3, 3, *batch)
-    found: Scalars = eye * cos + skew * sin + one[:, None] * one[None] * (1 - cos)
-    return found
+    result: Scalars = eye * cos + skew * sin + unit[:, None] * unit[None] * (1 - cos)
+    return result
 
 
 def _skew(x: Scalars, field: Field) -> Scalars:
@@ -115,8 +115,8 @@ def from_quaternion(q: Scalars) -> Scalars:
         [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
     ]
-    found: Scalars = np.array(rows) / (q * q).sum(axis=0)
-    return found
+    result: Scalars = np.array(rows) / (q * q).sum(axis=0)
+    return result
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
@@ -125,8 +125,8 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    found: NDArray[np.float64] = about_z @ about_y @ about_x
-    return found
+    result: NDArray[np.float64] = about_z @ about_y @ about_x
+    return result
 
 
 def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
@@ -139,9 +139,9 @@ def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
     return np.concatenate([real[None], w * angular + cross(x, angular)]) / 2
 
 
-def quaternion_product(one: Scalars, other: Scalars) -> Scalars:
-    """Return the quaternion product, (4, ...) each, real part first: first `other`, then `one`."""
-    w, x, v, y = one[:1], one[1:], other[:1], other[1:]
+def quaternion_product(a: Scalars, b: Scalars) -> Scalars:
+    """Return the quaternion product, (4, ...) each, real part first: first `b`, then `a`."""
+    w, x, v, y = a[:1], a[1:], b[:1], b[1:]
     real = w * v - (x * y).sum(axis=0)
     return np.concatenate([real, w * y + v * x + cross(x, y)])
 
@@ -156,5 +156,5 @@ def rotation_vector(q: Scalars) -> Scalars:
     # The quotient has a limit as x vanishes; `VANISHING` avoids 0/0.
     size = ((x * x).sum(axis=0) + VANISHING) ** 0.5
     angle = 2 * np.arctan2(size, abs(w)) * w / abs(w)
-    found: Scalars = angle / size * x
-    return found
+    result: Scalars = angle / size * x
+    return result

@@ -62,7 +62,7 @@ class Generator:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class SignalPiece:
     """The inputs between two breaks, where all are smooth."""
 
     start: float
@@ -72,8 +72,8 @@ class Piece:
     @cached_property
     def generators(self) -> tuple[Generator, ...] | None:
         """One generator per input; None if an input, such as a chirp, has none."""
-        found = [generator(expression) for expression in self.expressions]
-        return None if None in found else tuple(g for g in found if g is not None)
+        generators = [generator(expression) for expression in self.expressions]
+        return None if None in generators else tuple(g for g in generators if g is not None)
 
     @cached_property
     def constant(self) -> bool:
@@ -86,7 +86,7 @@ class Piece:
         return compile_function([sp.N(e, 17) for e in self.expressions], (t,))
 
 
-def pieces(system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
+def pieces(system: Declaration, scenario: Scenario) -> tuple[SignalPiece, ...]:
     """Split a scenario's inputs at their breaks.
 
     Raises:
@@ -98,8 +98,8 @@ def pieces(system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
     breaks = {0.0, float(scenario.duration)}
     place = f"system {system.name!r}, scenario {scenario.name!r}"
     for declared, expression in zip(system.inputs, inputs, strict=True):
-        found = _breaks(expression, f"{place}, input {declared.name}")
-        breaks |= {b for b in found if 0 < b < scenario.duration}
+        break_times = _breaks(expression, f"{place}, input {declared.name}")
+        breaks |= {b for b in break_times if 0 < b < scenario.duration}
     times = sorted(breaks)
     result = []
     for start, stop in pairwise(times):
@@ -111,20 +111,20 @@ def pieces(system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
                     f"{place}: the input {declared.name} is not smooth: {expression};"
                     " use Heaviside or Piecewise"
                 )
-        piece = Piece(start=start, stop=stop, expressions=smooth)
-        _check_values(piece, [i.name for i in system.inputs], place)
-        result.append(piece)
+        signal = SignalPiece(start=start, stop=stop, expressions=smooth)
+        _check_values(signal, [i.name for i in system.inputs], place)
+        result.append(signal)
     return tuple(result)
 
 
-def _check_values(piece: Piece, names: Sequence[str], place: str) -> None:
-    for i, (name, expression) in enumerate(zip(names, piece.expressions, strict=True)):
+def _check_values(signal: SignalPiece, names: Sequence[str], place: str) -> None:
+    for i, (name, expression) in enumerate(zip(names, signal.expressions, strict=True)):
 
         def values(times: Array, i: int = i) -> Array:
-            found: Array = piece.numeric(times[:, None])[:, i]
-            return found
+            result: Array = signal.numeric(times[:, None])[:, i]
+            return result
 
-        check_over_time(expression, values, piece.start, piece.stop, f"{place}: the input {name}")
+        check_over_time(expression, values, signal.start, signal.stop, f"{place}: the input {name}")
 
 
 def _exact(expression: sp.Expr) -> sp.Expr:
@@ -219,6 +219,6 @@ class Inputs:
         return values
 
 
-def numeric_inputs(signals: Sequence[Piece]) -> Inputs:
+def numeric_inputs(signals: Sequence[SignalPiece]) -> Inputs:
     """Return the inputs of all pieces as one numeric function of time."""
     return Inputs(tuple(p.start for p in signals), tuple(p.numeric for p in signals))

@@ -15,11 +15,11 @@ class Place(NamedTuple):
     rotation: Array
     origin: Array
 
-    def of(self, inner: Place) -> Place:
+    def compose(self, inner: Place) -> Place:
         """Return the pose of a frame given in this one."""
-        return Place(self.rotation @ inner.rotation, self.at(inner.origin))
+        return Place(self.rotation @ inner.rotation, self.transform(inner.origin))
 
-    def at(self, point: Array) -> Array:
+    def transform(self, point: Array) -> Array:
         """Return a point (3,) of this frame in the outer frame."""
         return self.origin + self.rotation @ point
 
@@ -27,19 +27,21 @@ class Place(NamedTuple):
 HERE = Place(np.eye(3), np.zeros(3))
 
 
-class Lump(NamedTuple):
+class SpatialInertia(NamedTuple):
     """A rigid body: mass in kg, center in m, (3,), central inertia in kg m^2, (3, 3)."""
 
     mass: float
     center: Array
     inertia: Array
 
-    def seen(self, place: Place) -> Lump:
+    def seen(self, place: Place) -> SpatialInertia:
         """Return the same body in the outer frame."""
         rotation = place.rotation
-        return Lump(self.mass, place.at(self.center), rotation @ self.inertia @ rotation.T)
+        return SpatialInertia(
+            self.mass, place.transform(self.center), rotation @ self.inertia @ rotation.T
+        )
 
-    def with_(self, other: Lump) -> Lump:
+    def with_(self, other: SpatialInertia) -> SpatialInertia:
         """Return both bodies welded together; their masses must not cancel."""
         if other.mass == 0.0:  # so that adding nothing changes no digit
             return self._replace(inertia=self.inertia + other.inertia)
@@ -51,7 +53,7 @@ class Lump(NamedTuple):
         spread = (
             self.mass * other.mass / mass * (apart @ apart * np.eye(3) - np.outer(apart, apart))
         )
-        return Lump(mass, center, self.inertia + other.inertia + spread)
+        return SpatialInertia(mass, center, self.inertia + other.inertia + spread)
 
 
-NOTHING = Lump(0.0, np.zeros(3), np.zeros((3, 3)))
+NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))

@@ -40,5 +40,5 @@ class System(Declaration):
         for scenario in self.scenarios:
             if scenario.name == name:
                 return scenario
-        known = ", ".join(s.name for s in self.scenarios)
-        raise KeyError(f"{self.name} has no scenario {name!r}; it has {known}")
+        names = ", ".join(s.name for s in self.scenarios)
+        raise KeyError(f"{self.name} has no scenario {name!r}; it has {names}")

@@ -38,7 +38,7 @@ class TreeError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Link:
+class TreeLink:
     """A body and the joint that carries it.
 
     The joint's frame is fixed in the parent's. The link's frame is the joint's frame, displaced by
@@ -97,7 +97,7 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pull:
+class TreeForce:
     """A force F along a length s, a combination of the positions of hinges and slides.
 
     F = constant - sum of k_i x^i - sum of d_i w |w|^(i - 1), i from 1, where w = ds/dt and x is the
@@ -126,7 +126,7 @@ class Pull:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bush:
+class Bushing:
     """A spring of a ball or free joint, with a damper of higher powers.
 
     The moment on its rotation is -(k_1 + k_2 r + k_3 r^2 ...) x, where x is the rotation vector
@@ -150,7 +150,7 @@ class Bush:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coupling:
+class TreeCoupling:
     """A hinge or slide that follows another joint: multiplier * position + offset.
 
     Attributes:
@@ -220,44 +220,48 @@ class Tree:
         gravity: m/s^2, (3,).
         pulls: force elements on several joints, or with nonlinear coefficients.
         couplings: joints that follow others, each at most once.
-        medium: fluid around the bodies; None for none.
+        fluid: fluid around the bodies; None for none.
         immersed: boxes on which the fluid acts.
-        bushes: springs of ball and free joints.
+        bushings: springs of ball and free joints.
     """
 
-    links: tuple[Link, ...]
+    links: tuple[TreeLink, ...]
     gravity: Array
-    pulls: tuple[Pull, ...] = ()
-    couplings: tuple[Coupling, ...] = ()
-    medium: Fluid | None = None
+    pulls: tuple[TreeForce, ...] = ()
+    couplings: tuple[TreeCoupling, ...] = ()
+    fluid: Fluid | None = None
     immersed: tuple[Immersed, ...] = ()
-    bushes: tuple[Bush, ...] = ()
+    bushings: tuple[Bushing, ...] = ()
 
     def __post_init__(self) -> None:
         for i, link in enumerate(self.links):
             if not WORLD <= link.parent < i:
                 raise TreeError(f"{link.name}: the link that carries it must come before it")
-        for pull in self.pulls:
-            self._check_pull(pull)
-        for one in self.couplings:
-            for i in (one.follower, *(leader for leader, _ in one.leaders)):
+        for element in self.pulls:
+            self._check_element(element)
+        for coupling in self.couplings:
+            for i in (coupling.follower, *(leader for leader, _ in coupling.leaders)):
                 if self.links[i].kind not in ("hinge", "slide"):
                     raise TreeError(
                         f"{self.links[i].name} is coupled, but neither a hinge nor a slide"
                     )
 
-    def _check_pull(self, pull: Pull) -> None:
-        for i, _ in pull.joints:
+    def _check_element(self, element: TreeForce) -> None:
+        for i, _ in element.joints:
             if self.links[i].kind not in ("hinge", "slide"):
-                raise TreeError(f"{pull.name}: {self.links[i].name} is neither a hinge nor a slide")
-        if pull.along is not None and (pull.joints or pull.armature):
+                raise TreeError(
+                    f"{element.name}: {self.links[i].name} is neither a hinge nor a slide"
+                )
+        if element.along is not None and (element.joints or element.armature):
             raise TreeError(
-                f"{pull.name}: its path does not run along joints, so it can't have an armature"
+                f"{element.name}: its path does not run along joints, so it can't have an armature"
             )
-        if isinstance(pull.along, JointForce):
-            joint, many = self.links[pull.along.joint], len(pull.along.gear)
-            if {"ball": 3, "free": 6}.get(joint.kind) != many:
-                raise TreeError(f"{pull.name}: {joint.name} does not take a gear of {many} numbers")
+        if isinstance(element.along, JointForce):
+            joint, size = self.links[element.along.joint], len(element.along.gear)
+            if {"ball": 3, "free": 6}.get(joint.kind) != size:
+                raise TreeError(
+                    f"{element.name}: {joint.name} does not take a gear of {size} numbers"
+                )
 
     @cached_property
     def positions(self) -> tuple[slice, ...]:
@@ -280,7 +284,7 @@ class Tree:
         return self.velocities[-1].stop if self.links else 0
 
     @property
-    def freedoms(self) -> int:
+    def dof(self) -> int:
         """Number of independent coordinates, after couplings."""
         return self.nv - len(self.couplings)
 

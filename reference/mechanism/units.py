@@ -41,7 +41,7 @@ class Dimension:
         return text or "1"
 
 
-ONE = Dimension()
+DIMENSIONLESS = Dimension()
 MASS = Dimension(mass=Fraction(1))
 LENGTH = Dimension(length=Fraction(1))
 TIME = Dimension(time=Fraction(1))
@@ -50,8 +50,8 @@ ENERGY = FORCE * LENGTH
 POWER = ENERGY / TIME
 
 _SYMBOLS = {
-    "1": ONE,
-    "rad": ONE,
+    "1": DIMENSIONLESS,
+    "rad": DIMENSIONLESS,
     "kg": MASS,
     "m": LENGTH,
     "s": TIME,
@@ -72,15 +72,15 @@ def parse_unit(text: str) -> Dimension:
     """
     if not isinstance(text, str) or not text.strip():
         raise UnitError(f"the unit {text!r} is empty; write '1' for a dimensionless number")
-    result = ONE
+    result = DIMENSIONLESS
     tokens = re.split(r"(?<!\*)([*/])(?!\*)", text.replace(" ", ""))
     operators = ["*", *tokens[1::2]]
     for operator, factor in zip(operators, tokens[::2], strict=True):
         match = _FACTOR.match(factor)
         if match is None or match[1] not in _SYMBOLS:
-            known = ", ".join(_SYMBOLS)
+            symbols = ", ".join(_SYMBOLS)
             raise UnitError(
-                f"the unit {text!r} has an unknown part {factor!r}; known units: {known}"
+                f"the unit {text!r} has an unknown part {factor!r}; known units: {symbols}"
             )
         dimension = _SYMBOLS[match[1]] ** Fraction(match[2] or 1)
         result = result * dimension if operator == "*" else result / dimension
@@ -96,7 +96,7 @@ def dimension_of(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) ->
     if expression.is_zero:
         return None
     if expression.is_number:
-        return ONE
+        return DIMENSIONLESS
     match expression:
         case sp.Symbol():
             return symbols[expression]
@@ -115,7 +115,7 @@ def dimension_of(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) ->
 def _dimension_of_product(
     expression: sp.Mul, symbols: Mapping[sp.Symbol, Dimension]
 ) -> Dimension | None:
-    product = ONE
+    product = DIMENSIONLESS
     for factor in expression.args:
         dimension = dimension_of(factor, symbols)
         if dimension is None:
@@ -129,7 +129,7 @@ def _dimension_of_angle(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimensi
     y, x = (dimension_of(argument, symbols) for argument in expression.args)
     if y is not None and x is not None and y != x:
         raise UnitError(f"{expression} compares {y} with {x}")
-    return ONE
+    return DIMENSIONLESS
 
 
 def _dimension_of_function(
@@ -138,12 +138,12 @@ def _dimension_of_function(
     """Check that the arguments of a function such as the sine are dimensionless."""
     for argument in expression.args:
         dimension = dimension_of(argument, symbols)
-        if dimension not in (None, ONE):
+        if dimension not in (None, DIMENSIONLESS):
             raise UnitError(
                 f"{argument} in {expression} has the unit {dimension}; expected a "
                 "dimensionless number"
             )
-    return ONE
+    return DIMENSIONLESS
 
 
 def _dimension_of_sum(

@@ -80,8 +80,8 @@ def _check_texts(part: object, where: str) -> None:
         if any("\ud800" <= c <= "\udfff" for c in part):
             raise DeclarationError(f"{where}: {part!a} is not Unicode text; type it again")
     elif isinstance(part, tuple):
-        for one in part:
-            _check_texts(one, where)
+        for item in part:
+            _check_texts(item, where)
     elif is_dataclass(part) and not isinstance(part, type):
         for field in fields(part):
             _check_texts(getattr(part, field.name), where)
@@ -144,8 +144,8 @@ def _check_values(system: Declaration, where: str) -> None:
     for name in ("T", "V", "D"):
         place = f"{where}: {name}"
         # `_check_smooth` reports functions that are not differentiable.
-        known = (*_SMOOTHLESS, sp.core.function.AppliedUndef)
-        check_real(expression_of(getattr(system, name), place), place, also=known)
+        allowed = (*_SMOOTHLESS, sp.core.function.AppliedUndef)
+        check_real(expression_of(getattr(system, name), place), place, also=allowed)
     for pushed in system.inputs:
         for coordinate, factor in pushed.on.items():
             place = f"{where}: the input {pushed.name} on {getattr(coordinate, 'name', coordinate)}"
@@ -164,26 +164,26 @@ def dimensions(system: Declaration) -> dict[sp.Symbol, Dimension]:
     Raises:
         UnitError: for a unit that can't be parsed.
     """
-    found = {t: TIME}
+    result = {t: TIME}
     for coordinate in system.coordinates:
         unit = parse_unit(coordinate.unit)
-        found |= {coordinate.q: unit, coordinate.v: unit / TIME, coordinate.a: unit / TIME / TIME}
+        result |= {coordinate.q: unit, coordinate.v: unit / TIME, coordinate.a: unit / TIME / TIME}
     for constant in system.constants:
-        found[constant.symbol] = parse_unit(constant.unit)
+        result[constant.symbol] = parse_unit(constant.unit)
     for declared in system.inputs:
-        found[declared.symbol] = parse_unit(declared.unit)
-    return found
+        result[declared.symbol] = parse_unit(declared.unit)
+    return result
 
 
 def _check_units(system: Declaration, where: str) -> None:
     try:
-        known = dimensions(system)
+        symbols = dimensions(system)
     except UnitError as error:
         raise DeclarationError(f"{where}: {error}") from None
     wanted = {"T": (system.T, ENERGY), "V": (system.V, ENERGY), "D": (system.D, POWER)}
     for name, (expression, expected) in wanted.items():
-        _check_symbols(expression, known, f"{where}: {name}")
-        _check_dimension(expression, expected, known, f"{where}: {name}")
+        _check_symbols(expression, symbols, f"{where}: {name}")
+        _check_dimension(expression, expected, symbols, f"{where}: {name}")
     for pushed in system.inputs:
         if not pushed.on:
             raise DeclarationError(f"{where}: the input {pushed.name} acts on no coordinate")
@@ -191,51 +191,51 @@ def _check_units(system: Declaration, where: str) -> None:
             place = f"{where}: the input {pushed.name}"
             if coordinate not in system.coordinates:
                 raise DeclarationError(f"{place} acts on an unknown coordinate {coordinate}")
-            expected = ENERGY / known[coordinate.q]
+            expected = ENERGY / symbols[coordinate.q]
             expression = sp.sympify(factor) * pushed.symbol
-            _check_symbols(expression, known, place)
-            _check_dimension(expression, expected, known, f"{place} on {coordinate.name}")
+            _check_symbols(expression, symbols, place)
+            _check_dimension(expression, expected, symbols, f"{place} on {coordinate.name}")
     for output in system.outputs:
-        _check_formula(output, known, f"{where}: the output {output.name}")
+        _check_formula(output, symbols, f"{where}: the output {output.name}")
     for quantity in system.quantities:
-        _check_formula(quantity, known, f"{where}: the quantity {quantity.name}")
+        _check_formula(quantity, symbols, f"{where}: the quantity {quantity.name}")
 
 
 def _check_formula(
-    item: Output | Quantity, known: Mapping[sp.Symbol, Dimension], place: str
+    item: Output | Quantity, symbols: Mapping[sp.Symbol, Dimension], place: str
 ) -> None:
     """Check that a formula has its declared unit."""
     expression = sp.sympify(item.expression)
-    _check_symbols(expression, known, place)
+    _check_symbols(expression, symbols, place)
     try:
         expected = parse_unit(item.unit)
     except UnitError as error:
         raise DeclarationError(f"{place}: {error}") from None
-    _check_dimension(expression, expected, known, place)
+    _check_dimension(expression, expected, symbols, place)
 
 
-def _check_symbols(expression: sp.Expr, known: Container[sp.Symbol], place: str) -> None:
+def _check_symbols(expression: sp.Expr, declared: Container[sp.Symbol], place: str) -> None:
     for symbol in sorted(expression.free_symbols, key=str):
-        if symbol not in known:
+        if symbol not in declared:
             raise DeclarationError(f"{place} uses {symbol}, which is not declared")
 
 
 def _check_dimension(
-    expression: sp.Expr, expected: Dimension, known: Mapping[sp.Symbol, Dimension], place: str
+    expression: sp.Expr, expected: Dimension, symbols: Mapping[sp.Symbol, Dimension], place: str
 ) -> None:
     try:
-        found = dimension_of(expression, known)
+        dimension = dimension_of(expression, symbols)
     except UnitError as error:
         raise DeclarationError(f"{place}: {error}") from None
-    if found is not None and found != expected:
-        raise DeclarationError(f"{place} has the unit {found}; expected {expected}")
+    if dimension is not None and dimension != expected:
+        raise DeclarationError(f"{place} has the unit {dimension}; expected {expected}")
 
 
 def _check_smooth(system: Declaration, where: str) -> None:
     for name in ("T", "V", "D"):
         for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
-            for found in getattr(system, name).atoms(bad):
-                raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
+            for part in getattr(system, name).atoms(bad):
+                raise DeclarationError(f"{where}: {name} is not differentiable: it has {part}")
 
 
 def _check_energies(system: Declaration, where: str) -> sp.Matrix:
@@ -303,8 +303,8 @@ def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, pl
             number_of(value, system.values, f"{place}, {name}: the value of {coordinate.name}")
     _check_map(scenario.inputs, system.inputs, constants | {t}, f"{place}, inputs")
     for pushed, value in scenario.inputs.items():
-        of = f"{place}, input {pushed.name}"
-        check_real(expression_of(value, of), of, also=SWITCHES)
+        input_place = f"{place}, input {pushed.name}"
+        check_real(expression_of(value, input_place), input_place, also=SWITCHES)
     duration = number_of(scenario.duration, {}, f"{place}: the duration")
     if duration <= 0:
         raise DeclarationError(f"{place}: the duration is {scenario.duration}; it must be positive")
@@ -313,12 +313,16 @@ def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, pl
             f"{place}: the duration is {scenario.duration} s, shorter than "
             f"{SHORTEST:g} s, the least that engines can step; make it longer"
         )
-    at = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
-    if not mass.xreplace(at).evalf().is_positive_definite:
+    start_values = {
+        c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates
+    }
+    if not mass.xreplace(start_values).evalf().is_positive_definite:
         raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
-    at |= {c.v: sp.sympify(scenario.v[c]).xreplace(system.values) for c in system.coordinates}
+    start_values |= {
+        c.v: sp.sympify(scenario.v[c]).xreplace(system.values) for c in system.coordinates
+    }
     for name in ("T", "V", "D"):
-        here = getattr(system, name).xreplace(at | {t: sp.Integer(0)})
+        here = getattr(system, name).xreplace(start_values | {t: sp.Integer(0)})
         number_of(here, system.values, f"{place}: {name} at its start")
 
 
@@ -327,7 +331,7 @@ DRAWN = (sp.Symbol, sp.Number, sp.NumberSymbol, sp.Add, sp.Mul, sp.Pow, sp.sin, 
 
 
 def _check_sketch(system: Declaration, where: str) -> None:
-    known = {*system.q, *(c.symbol for c in system.constants)}
+    symbols = {*system.q, *(c.symbol for c in system.constants)}
     for number, shape in enumerate(system.sketch, 1):
         place = f"{where}, shape {number} of the sketch"
         if not isinstance(shape, (Link, Body, Angle)):
@@ -338,11 +342,11 @@ def _check_sketch(system: Declaration, where: str) -> None:
                 f"{place}: unknown kind {shape.kind!r}; expected one of {list(kinds)}"
             )
         try:
-            found = expressions(shape)
+            entries = expressions(shape)
         except (TypeError, ValueError, sp.SympifyError) as error:
             raise DeclarationError(f"{place}: a point must be a pair (x, y): {error}") from None
-        for name, expression in found.items():
-            _check_symbols(expression, known, f"{place}, {name},")
+        for name, expression in entries.items():
+            _check_symbols(expression, symbols, f"{place}, {name},")
             for part in sp.preorder_traversal(expression):
                 if not isinstance(part, DRAWN):
                     raise DeclarationError(f"{place}, {name}: {part} can't be drawn")

@@ -11,7 +11,7 @@ from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.roundoff import UNIT, running_error
 from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import Piece
+from physics_crosscheck.reference.mechanism.signal import SignalPiece
 from physics_crosscheck.reference.solving.closed_form import Segments
 from physics_crosscheck.reference.solving.collocation import Field
 from physics_crosscheck.reference.solving.integrate import field_of
@@ -34,7 +34,7 @@ class Bounds:
 
 def bounds(
     equations: EquationsOfMotion,
-    signals: Sequence[Piece],
+    signals: Sequence[SignalPiece],
     spans: Sequence[Span],
     segments: Segments,
     *,
@@ -49,16 +49,28 @@ def bounds(
         flow: transition matrices of the segments, (K, 2n, 2n), if they are known.
     """
     flows, turned, rates = [], [], []
-    for rows, span, piece in each(spans, signals):
-        field = field_of(equations, piece)
-        at, starts = segments.t[rows], segments.start[rows]
-        own = transitions(field, at, starts, span.length) if flow is None else flow[rows]
+    for rows, span, signal in each(spans, signals):
+        field = field_of(equations, signal)
+        times_of_segments, starts = segments.t[rows], segments.start[rows]
+        own = (
+            transitions(field, times_of_segments, starts, span.length)
+            if flow is None
+            else flow[rows]
+        )
         nodes = segments.nodes[rows]
         flows.append(own)
         turned.append(
-            rounded_away(equations, piece, at, nodes, span.length, flow=own, rounded=not exact)
+            rounded_away(
+                equations,
+                signal,
+                times_of_segments,
+                nodes,
+                span.length,
+                flow=own,
+                rounded=not exact,
+            )
         )
-        rates.append(field(at + span.length, segments.end[rows]))
+        rates.append(field(times_of_segments + span.length, segments.end[rows]))
     bound = segments.bound + np.max(np.concatenate(turned), axis=0)
     times = np.append(segments.t, spans[-1].start + spans[-1].length * spans[-1].count)
     slopes = np.concatenate(rates)
@@ -70,11 +82,13 @@ def bounds(
     return Bounds(bound=bound, global_bound=chain)
 
 
-def each(spans: Sequence[Span], signals: Sequence[Piece]) -> Iterator[tuple[slice, Span, Piece]]:
+def each(
+    spans: Sequence[Span], signals: Sequence[SignalPiece]
+) -> Iterator[tuple[slice, Span, SignalPiece]]:
     """Yield the rows of each span's segments, the span, and the inputs over it."""
     first = 0
-    for span, piece in zip(spans, signals, strict=True):
-        yield slice(first, first + span.count), span, piece
+    for span, signal in zip(spans, signals, strict=True):
+        yield slice(first, first + span.count), span, signal
         first += span.count
 
 
@@ -96,18 +110,18 @@ def transitions(field: Field, times: Array, states: Array, length: float) -> Arr
 def _two_steps(field: Field, times: Array, states: Array, length: float) -> Array:
     h, y = length / 2, states
     for part in range(2):
-        at = times + part * h
-        k1 = field(at, y)
-        k2 = field(at + h / 2, y + h / 2 * k1)
-        k3 = field(at + h / 2, y + h / 2 * k2)
-        k4 = field(at + h, y + h * k3)
+        now = times + part * h
+        k1 = field(now, y)
+        k2 = field(now + h / 2, y + h / 2 * k1)
+        k3 = field(now + h / 2, y + h / 2 * k2)
+        k4 = field(now + h, y + h * k3)
         y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return y
 
 
 def rounded_away(
     equations: EquationsOfMotion,
-    piece: Piece,
+    signal: SignalPiece,
     times: Array,
     nodes: Array,
     length: float,
@@ -123,13 +137,13 @@ def rounded_away(
         flow: `transitions` of the segments.
         rounded: whether the accelerations' own terms are evaluated in doubles.
     """
-    forces = _acceleration_error(equations, piece, times, nodes, length, rounded=rounded)
+    forces = _acceleration_error(equations, signal, times, nodes, length, rounded=rounded)
     return _turned(flow, forces, length)
 
 
 def _acceleration_error(
     equations: EquationsOfMotion,
-    piece: Piece,
+    signal: SignalPiece,
     times: Array,
     nodes: Array,
     length: float,
@@ -145,14 +159,14 @@ def _acceleration_error(
     have the effect of both, plus the rounding of their own terms if doubles evaluate them.
     """
     n = nodes.shape[-1] // 2
-    at = times[:, None] + length * chebyshev_nodes()[LOOKED_AT]
-    late = 3 * UNIT * np.abs(at)
+    node_times = times[:, None] + length * chebyshev_nodes()[LOOKED_AT]
+    time_error = 3 * UNIT * np.abs(node_times)
     error = equations.acceleration_error(
         nodes[:, LOOKED_AT],
-        piece.numeric(at[..., None]),
-        at,
-        off=running_error(piece.expressions, {t: (at, late)}),
-        late=late,
+        signal.numeric(node_times[..., None]),
+        node_times,
+        off=running_error(signal.expressions, {t: (node_times, time_error)}),
+        time_error=time_error,
         rounded=rounded,
     )
     result: Array = np.max(error.reshape(len(times), -1, n), axis=1)
@@ -198,19 +212,19 @@ def _chained(
     Corliss 1999, Applied Mathematics and Computation 105(1), section 4).
     """
     # The next start's time is a double, which differs from the segment's end by rounding.
-    late = np.diff(times) - lengths
+    time_errors = np.diff(times) - lengths
     starts = np.concatenate([segments.start[1:], segments.end[-1:]])
     size = np.maximum(np.max(np.abs(segments.end), axis=0), 1e-300)
-    jumps = (starts - segments.end - late[:, None] * rates) / size
+    jumps = (starts - segments.end - time_errors[:, None] * rates) / size
     turns = flows * size / size[:, None]
     spread = _Spread.none(len(size), block=-(-len(jumps) // BLOCKS))
-    known = np.zeros_like(size)
+    error = np.zeros_like(size)
     chain = np.zeros((len(times), len(size)))
     with np.errstate(over="ignore", invalid="ignore"):
         for k, (turn, jump) in enumerate(zip(turns, jumps, strict=True), 1):
-            known = turn @ known + jump
+            error = turn @ error + jump
             spread = spread.carried(turn, bound / size)
-            chain[k] = np.abs(known) + spread.size
+            chain[k] = np.abs(error) + spread.size
     return np.where(np.isfinite(chain), chain * size, np.inf)
 
 
@@ -221,45 +235,47 @@ class _Spread:
     Attributes:
         past: boxes of complete blocks, (J, 2n).
         past_turns: their transitions, (J, 2n, 2n).
-        recent: boxes of the segments since the last complete block.
-        recent_turns: their transitions.
+        current: boxes of the segments since the last complete block.
+        current_turns: their transitions.
         block: segments per block; blocks keep the cost from growing with the square of the length.
     """
 
     past: Array
     past_turns: Array
-    recent: Array
-    recent_turns: Array
+    current: Array
+    current_turns: Array
     block: int
 
     @staticmethod
     def none(size: int, block: int) -> _Spread:
         """Return an empty set of boxes."""
         boxes, turns = np.zeros((0, size)), np.zeros((0, size, size))
-        return _Spread(past=boxes, past_turns=turns, recent=boxes, recent_turns=turns, block=block)
+        return _Spread(
+            past=boxes, past_turns=turns, current=boxes, current_turns=turns, block=block
+        )
 
     def carried(self, turn: Array, box: Array) -> _Spread:
         """Return the boxes one segment later, with a new box at its end."""
         past, past_turns = self.past, turn @ self.past_turns
-        recent = np.concatenate([self.recent, box[None]])
+        current = np.concatenate([self.current, box[None]])
         here = np.eye(len(box))[None]
-        recent_turns = np.concatenate([turn @ self.recent_turns, here])
-        if len(recent) == self.block:
-            past = np.concatenate([past, _sum(recent, recent_turns)[None]])
+        current_turns = np.concatenate([turn @ self.current_turns, here])
+        if len(current) == self.block:
+            past = np.concatenate([past, _sum(current, current_turns)[None]])
             past_turns = np.concatenate([past_turns, here])
-            recent, recent_turns = recent[:0], recent_turns[:0]
+            current, current_turns = current[:0], current_turns[:0]
         return _Spread(
             past=past,
             past_turns=past_turns,
-            recent=recent,
-            recent_turns=recent_turns,
+            current=current,
+            current_turns=current_turns,
             block=self.block,
         )
 
     @property
     def size(self) -> Array:
         """The box that encloses the sum of all boxes, (2n,)."""
-        return _sum(self.past, self.past_turns) + _sum(self.recent, self.recent_turns)
+        return _sum(self.past, self.past_turns) + _sum(self.current, self.current_turns)
 
 
 def _sum(boxes: Array, turns: Array) -> Array:

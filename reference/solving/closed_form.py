@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import mpmath as mp
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.linearize import Linearization
+from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import DIGITS, Generator, Piece
+from physics_crosscheck.reference.mechanism.signal import DIGITS, Generator, SignalPiece
 from physics_crosscheck.reference.solving.motion import NODES, Span, chebyshev_nodes
 
 
@@ -30,7 +30,7 @@ class Segments:
     method: str
 
 
-def augmented(linearization: Linearization, generators: Sequence[Generator]) -> mp.matrix:
+def augmented(linearization: TaylorLinearization, generators: Sequence[Generator]) -> mp.matrix:
     """Return [[A, B e], [0, S]]: the system with the generators of its inputs appended."""
     a, b = linearization.exact["A"], linearization.exact["B"]
     size = a.rows + sum(g.matrix.rows for g in generators)
@@ -51,7 +51,10 @@ def augmented(linearization: Linearization, generators: Sequence[Generator]) -> 
 
 
 def solve_closed_form(
-    linearization: Linearization, start: Array, signals: Sequence[Piece], spans: Sequence[Span]
+    linearization: TaylorLinearization,
+    start: Array,
+    signals: Sequence[SignalPiece],
+    spans: Sequence[Span],
 ) -> Segments:
     """Solve all segments of a linear system.
 
@@ -63,8 +66,8 @@ def solve_closed_form(
     times, starts, ends, nodes = [], [], [], []
     with mp.workdps(DIGITS):
         state = [mp.mpf(y) - mp.mpf(o) for y, o in zip(start, origin, strict=True)]
-        for span, piece in zip(spans, signals, strict=True):
-            generators = piece.generators
+        for span, signal in zip(spans, signals, strict=True):
+            generators = signal.generators
             assert generators is not None  # checked by the caller
             matrix = augmented(linearization, generators)
             full = list(state)
@@ -107,19 +110,21 @@ def _inner(matrix: mp.matrix, span: Span, states: Array) -> Array:
 
 
 def state_at(
-    linearization: Linearization, start: Sequence[float], piece: Piece, time: float
+    linearization: TaylorLinearization, start: Sequence[float], signal: SignalPiece, time: float
 ) -> list[mp.mpf]:
     """Return the state after `time` seconds under the inputs of one piece, with `DIGITS` digits.
 
     Raises:
         ValueError: if an input has no generator.
     """
-    if piece.generators is None:
+    if signal.generators is None:
         raise ValueError("no linear equation generates an input of this piece")
     with mp.workdps(DIGITS):
         offsets = [*linearization.position, *np.zeros(len(linearization.position))]
         full = [mp.mpf(y) - mp.mpf(o) for y, o in zip(start, offsets, strict=True)]
-        for generator in piece.generators:
-            full += generator.state(piece.start)
-        final = mp.expm(augmented(linearization, piece.generators) * mp.mpf(time)) * mp.matrix(full)
+        for generator in signal.generators:
+            full += generator.state(signal.start)
+        final = mp.expm(augmented(linearization, signal.generators) * mp.mpf(time)) * mp.matrix(
+            full
+        )
         return [final[i] + mp.mpf(o) for i, o in enumerate(offsets)]

@@ -69,15 +69,15 @@ def collocate(
     output = np.empty((len(times), len(chebyshev_nodes()), states.shape[1]))
     current = states
     for part in range(2):
-        at = times + part * half
-        stage_times = at[:, None] + half * nodes
+        step_times = times + part * half
+        stage_times = step_times[:, None] + half * nodes
 
         def rates(slopes: Array, start: Array = current, times: Array = stage_times) -> Array:
             stages = start[:, None, :] + half * _weighted(matrix, slopes)
             return field(times, stages)
 
-        begun = np.repeat(field(at, current)[:, None, :], STAGES, axis=1)
-        slopes = _iterated(rates, begun, names, converged)
+        initial = np.repeat(field(step_times, current)[:, None, :], STAGES, axis=1)
+        slopes = _iterated(rates, initial, names, converged)
         inside = [
             (i, 2 * c - part) for i, c in enumerate(chebyshev_nodes()) if part <= 2 * c <= part + 1
         ]

@@ -22,7 +22,7 @@ PRIOR = 1e-6
 nonzero while there are fewer states than parameters."""
 
 
-def telling(rows: Array, count: int) -> list[int]:
+def select_d_optimal(rows: Array, count: int) -> list[int]:
     """Select the states that identify the parameters best, the most informative first.
 
     Args:
@@ -33,20 +33,20 @@ def telling(rows: Array, count: int) -> list[int]:
     white = _whitened(rows)
     states, m, r = white.shape
     flat, eye = white.reshape(-1, r), np.eye(m)
-    known = np.eye(r) / PRIOR
+    covariance = np.eye(r) / PRIOR
     shown = eye + white @ np.swapaxes(white, 1, 2) / PRIOR
-    left, found = np.ones(states, dtype=bool), list[int]()
+    available, chosen = np.ones(states, dtype=bool), list[int]()
     for _ in range(count):
-        gain = np.where(left, np.linalg.slogdet(shown)[1], -np.inf)
+        gain = np.where(available, np.linalg.slogdet(shown)[1], -np.inf)
         best = int(np.argmax(gain))
-        left[best] = False
-        found.append(best)
+        available[best] = False
+        chosen.append(best)
         # The inverse information decreases by the state's information (Woodbury).
-        by = np.linalg.solve(np.linalg.cholesky(shown[best]), white[best] @ known)
-        known = known - by.T @ by
+        by = np.linalg.solve(np.linalg.cholesky(shown[best]), white[best] @ covariance)
+        covariance = covariance - by.T @ by
         both = (flat @ by.T).reshape(states, m, m)
         shown = shown - both @ np.swapaxes(both, 1, 2)
-    return found
+    return chosen
 
 
 def _whitened(rows: Array) -> Array:
@@ -57,5 +57,5 @@ def _whitened(rows: Array) -> Array:
     flat = flat[:, length > 0] / length[length > 0]
     across, triangle = np.linalg.qr(flat)
     turn, sizes, _ = np.linalg.svd(triangle)
-    found: Array = across @ turn[:, : len(sizes)][:, sizes > INDEPENDENT * sizes[0]]
-    return found.reshape(states, m, -1)
+    result: Array = across @ turn[:, : len(sizes)][:, sizes > INDEPENDENT * sizes[0]]
+    return result.reshape(states, m, -1)

@@ -1,7 +1,7 @@
 """A system's equations with its constants as arguments, derived and compiled once.
 
-A motion at other constants needs no derivation or compilation: `Family.at` substitutes numbers. The
-reference motion is found by multiple shooting (`solving.shooting`).
+A motion at other constants needs no derivation or compilation: `Family.with_constants` substitutes
+numbers. The reference motion is found by multiple shooting (`solving.shooting`).
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.derive import Equations, known, slopes_by
+from physics_crosscheck.reference.dynamics.derive import Equations, bounded_symbols, slopes_by
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, about, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
-from physics_crosscheck.reference.mechanism.signal import Piece, numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
 from physics_crosscheck.reference.solving.bounds import each, rounded_away
 from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
 from physics_crosscheck.reference.solving.motion import Motion
@@ -49,20 +49,20 @@ class Family:
     derivatives: NumericFunction | None
 
     @staticmethod
-    def of(equations: Equations) -> Family:
+    def compile(equations: Equations) -> Family:
         """Compile the equations of a system."""
-        one, system = equations, equations.system
+        source, system = equations, equations.system
         symbols = [c.symbol for c in system.constants]
 
         def compiled(expressions: Sequence[sp.Expr]) -> NumericFunction:
             return compile_function(expressions, system.q, system.v, system.u, (t,), symbols)
 
         return Family(
-            equations=one,
-            acceleration=compiled(list(one.acceleration)),
-            power=compiled([one.energy, one.supplied, one.dissipated]),
-            mass=compiled(list(one.mass)),
-            derivatives=None if one.long else compiled(one.derivatives),
+            equations=source,
+            acceleration=compiled(list(source.acceleration)),
+            power=compiled([source.energy, source.supplied, source.dissipated]),
+            mass=compiled(list(source.mass)),
+            derivatives=None if source.long else compiled(source.derivatives),
         )
 
     @cached_property
@@ -72,10 +72,10 @@ class Family:
         return Declaration(**{f.name: getattr(system, f.name) for f in fields(Declaration)})
 
     @cached_property
-    def _signals(self) -> dict[str, tuple[Piece, ...]]:
+    def _signals(self) -> dict[str, tuple[SignalPiece, ...]]:
         return {}
 
-    def signals(self, system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
+    def signals(self, system: Declaration, scenario: Scenario) -> tuple[SignalPiece, ...]:
         """Return the inputs of a scenario; those without constants are resolved once."""
         symbols = {c.symbol for c in system.constants}
         free = set[sp.Basic]().union(
@@ -87,7 +87,7 @@ class Family:
             self._signals[scenario.name] = pieces(system, scenario)
         return self._signals[scenario.name]
 
-    def at(self, constants: Mapping[str, float]) -> DrawnEquations:
+    def with_constants(self, constants: Mapping[str, float]) -> DrawnEquations:
         """Return the equations for the given constants; others keep their declared values."""
         system = self.declared
         changed = tuple(
@@ -116,17 +116,17 @@ class DrawnEquations(EquationsOfMotion):
     @cached_property
     def numeric_acceleration(self) -> NumericFunction:
         """a(q, v, u, (t,))."""
-        return self.family.acceleration.at(self.values)
+        return self.family.acceleration.bind(self.values)
 
     @cached_property
     def numeric_power(self) -> NumericFunction:
         """(energy, supplied, dissipated) of (q, v, u, (t,))."""
-        return self.family.power.at(self.values)
+        return self.family.power.bind(self.values)
 
     @cached_property
     def numeric_mass(self) -> NumericFunction:
         """M of (q, v, u, (t,)), in row-major order."""
-        return self.family.mass.at(self.values)
+        return self.family.mass.bind(self.values)
 
     def acceleration_error(
         self,
@@ -135,11 +135,13 @@ class DrawnEquations(EquationsOfMotion):
         times: Array,
         *,
         off: Array,
-        late: Array,
+        time_error: Array,
         rounded: bool,
     ) -> Array:
         """Return a bound of the error of the accelerations, from a running error analysis."""
-        variables = known(self.system, states, inputs, times, off=off, late=late)
+        variables = bounded_symbols(
+            self.system, states, inputs, times, off=off, time_error=time_error
+        )
         expressions = list(self.family.equations.acceleration)
         return running_error(expressions, variables, rounded=rounded)
 
@@ -147,7 +149,7 @@ class DrawnEquations(EquationsOfMotion):
         """Return the slopes, computed numerically from the derivatives of M and f."""
         if self.family.derivatives is None:
             return super().slopes(states, inputs, times)
-        return slopes_by(self.family.derivatives.at(self.values), states, inputs, times)
+        return slopes_by(self.family.derivatives.bind(self.values), states, inputs, times)
 
 
 def solve_drawn(equations: DrawnEquations, scenario: Scenario) -> Motion:
@@ -182,14 +184,14 @@ def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
     rounded = [
         rounded_away(
             equations,
-            piece,
+            signal,
             segments.t[rows],
             segments.nodes[rows],
             span.length,
             flow=flow[rows],
             rounded=True,
         )
-        for rows, span, piece in each(spans, signals)
+        for rows, span, signal in each(spans, signals)
     ]
     return Motion(
         t=segments.t,

@@ -66,30 +66,32 @@ class Flow:
         self._forces = np.repeat(forces.T[..., None], stages, axis=2)
         self._take(tree, self._iterated(Charted(tree)))
 
-    def at(self, tree: Tree) -> Flow:
+    def for_tree(self, tree: Tree) -> Flow:
         """Return the segments of another tree, solved with this tree's Jacobian.
 
         Raises:
             ReferenceError: if they can't be solved.
         """
         _ = self._to_ends
-        found = Flow.__new__(Flow)
-        found.__dict__ |= {k: v for k, v in self.__dict__.items() if k not in ("_left", "_inverse")}
-        found._take(tree, self._corrected(Charted(tree)))
-        return found
+        flow = Flow.__new__(Flow)
+        flow.__dict__ |= {
+            k: v for k, v in self.__dict__.items() if k not in ("_rounding_residual", "_inverse")
+        }
+        flow._take(tree, self._corrected(Charted(tree)))
+        return flow
 
     @property
     def end(self) -> Array:
         """Ends of the segments, (B, 2 n)."""
         moved = self._length * np.einsum("s,xbs->bx", self._weights, self._slopes)
-        found: Array = self._start[..., 0].T + moved
-        return found
+        result: Array = self._start[..., 0].T + moved
+        return result
 
     def apart(self, other: Flow) -> Array:
         """Return the ends minus those of another tree from the same states, (B, 2 n)."""
         by = self._slopes - other._slopes
-        found: Array = self._length * np.einsum("s,xbs->bx", self._weights, by)
-        return found
+        result: Array = self._length * np.einsum("s,xbs->bx", self._weights, by)
+        return result
 
     def variation(self, changed: Tree) -> Array:
         """Return the first-order displacement of the ends for a slightly changed tree, (B, 2 n).
@@ -101,8 +103,8 @@ class Flow:
         field = np.concatenate([np.zeros_like(by), by])
         if not np.isfinite(field).all():
             raise ReferenceError("the changed tree has no finite forces")
-        found: Array = (self._to_ends @ _flat(field))[..., 0]
-        return found
+        result: Array = (self._to_ends @ _flat(field))[..., 0]
+        return result
 
     def moved(self, changed: Tree) -> Array:
         """Return the displacement of the ends for a changed tree, (B, 2 n).
@@ -110,80 +112,82 @@ class Flow:
         Raises:
             ReferenceError: if it can't be solved.
         """
-        return self.at(changed).apart(self)
+        return self.for_tree(changed).apart(self)
 
     def _take(self, tree: Tree, slopes: Scalars) -> None:
         """Store a tree and the rates of its states at the stages, (2 n, B, stages)."""
-        self.tree, self._own, self._slopes = tree, Charted(tree), slopes
+        self.tree, self._equations, self._slopes = tree, Charted(tree), slopes
         self._stages = self._staged(slopes)
 
     def _forces_apart(self, changed: Tree) -> Scalars:
         """Return the residual forces of a changed tree at the stages, minus this tree's."""
         by = bodies_apart(changed, self.tree)
         if by is None:
-            return self._residual(changed, self._stages) - self._left
+            return self._residual(changed, self._stages) - self._rounding_residual
         moved = np.flatnonzero(by)
-        found: Scalars = -np.tensordot(self._bodies[:, moved], by[moved], ([1], [0]))
-        return found
+        result: Scalars = -np.tensordot(self._bodies[:, moved], by[moved], ([1], [0]))
+        return result
 
     @cached_property
     def _bodies(self) -> Scalars:
         """Regressor of the forces at the stages by the bodies' inertial parameters."""
-        n = self.tree.freedoms
-        return self._own.bodies(self._stages[:n], self._stages[n:], self._slopes[n:])
+        n = self.tree.dof
+        return self._equations.bodies(self._stages[:n], self._stages[n:], self._slopes[n:])
 
     @cached_property
-    def _left(self) -> Scalars:
+    def _rounding_residual(self) -> Scalars:
         """Residual of the tree's own forces, caused by rounding."""
         return self._residual(self.tree, self._stages)
 
     @cached_property
     def _inverse(self) -> Scalars:
         """Inverse mass matrix at the stages, (n, n, B, stages)."""
-        mass = self._own.inertia(self._stages[: self.tree.freedoms])
+        mass = self._equations.inertia(self._stages[: self.tree.dof])
         mass = np.moveaxis(mass, (0, 1), (-2, -1))
-        found: Scalars = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
-        return found
+        result: Scalars = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
+        return result
 
     def _residual(self, tree: Tree, states: Scalars) -> Scalars:
         """Return a tree's residual forces at the known accelerations."""
-        n = tree.freedoms
+        n = tree.dof
         return Charted(tree).residual(states[:n], states[n:], self._slopes[n:], self._forces)
 
     def _pushed(self, forces: Scalars) -> Scalars:
         """Return the change of the coordinates' second derivatives caused by forces."""
         by = np.einsum("ij...,j...->i...", self._inverse, forces)
-        return self._own.seconds(self._stages[: self.tree.freedoms], by)
+        return self._equations.seconds(self._stages[: self.tree.dof], by)
 
     def _staged(self, slopes: Scalars) -> Scalars:
-        found: Scalars = self._start + self._length * np.einsum("st,xbt->xbs", self._matrix, slopes)
-        return found
+        result: Scalars = self._start + self._length * np.einsum(
+            "st,xbt->xbs", self._matrix, slopes
+        )
+        return result
 
-    def _field(self, own: Charted, states: Scalars) -> Scalars:
+    def _field(self, equations: Charted, states: Scalars) -> Scalars:
         rate = states[len(states) // 2 :]
         return np.concatenate(
-            [rate, own.acceleration(states[: len(states) // 2], rate, self._forces)]
+            [rate, equations.acceleration(states[: len(states) // 2], rate, self._forces)]
         )
 
-    def _iterated(self, own: Charted) -> Scalars:
+    def _iterated(self, equations: Charted) -> Scalars:
         """Return the rates at the stages, iterated from the segments' starts."""
-        slopes = self._field(own, np.repeat(self._start, self._count, axis=2))
-        return self._solved(own, slopes, lambda left: left)
+        slopes = self._field(equations, np.repeat(self._start, self._count, axis=2))
+        return self._solved(equations, slopes, lambda residual: residual)
 
-    def _corrected(self, own: Charted) -> Scalars:
+    def _corrected(self, equations: Charted) -> Scalars:
         """Return the rates of a changed tree, by Newton's method with the known Jacobian."""
-        return self._solved(own, self._slopes, self._newton)
+        return self._solved(equations, self._slopes, self._newton)
 
-    def _newton(self, left: Scalars) -> Scalars:
-        step = (self._resolvent @ _flat(left)).reshape(left.shape[1], self._count, -1)
+    def _newton(self, residual: Scalars) -> Scalars:
+        step = (self._resolvent @ _flat(residual)).reshape(residual.shape[1], self._count, -1)
         return np.moveaxis(step, (2, 0, 1), (0, 1, 2))
 
-    def _solved(self, own: Charted, slopes: Scalars, step: _Step) -> Scalars:
+    def _solved(self, equations: Charted, slopes: Scalars, step: _Step) -> Scalars:
         last = before = np.inf
         for count in range(1, ITERATIONS + 1):
             with np.errstate(all="ignore"):
                 try:
-                    by = step(self._field(own, self._staged(slopes)) - slopes)
+                    by = step(self._field(equations, self._staged(slopes)) - slopes)
                 except np.linalg.LinAlgError:
                     break
                 size = np.abs(slopes).max(axis=(1, 2)) + TINY
@@ -207,27 +211,29 @@ class Flow:
         count, _, size, _ = jacobian.shape
         rows = np.einsum("st,bsxy->bsxty", self._length * self._matrix, jacobian)
         whole = np.eye(self._count * size) - rows.reshape(count, self._count * size, -1)
-        found: Array = np.linalg.inv(whole)
-        return found
+        result: Array = np.linalg.inv(whole)
+        return result
 
     @cached_property
     def _to_ends(self) -> Array:
         """Map from added rates at the stages to the ends, (B, 2 n, stages 2 n)."""
         weights = np.kron(self._length * self._weights, np.eye(len(self._stages)))
-        found: Array = weights @ self._resolvent
-        return found
+        result: Array = weights @ self._resolvent
+        return result
 
     def _jacobian(self) -> Array:
         """Return the Jacobian of the rates at the stages, (B, stages, 2 n, 2 n), by differences.
 
         Differences of accelerations come from residual forces, which need no mass matrix.
         """
-        size, n = len(self._stages), self.tree.freedoms
+        size, n = len(self._stages), self.tree.dof
         units = np.eye(size)[:, :, None, None]
         columns = []
         for i in range(size):
             by = NUDGE * max(float(np.abs(self._stages[i]).max()), LEAST)
-            forces = self._residual(self.tree, self._stages + by * units[i]) - self._left
+            forces = (
+                self._residual(self.tree, self._stages + by * units[i]) - self._rounding_residual
+            )
             rates = np.broadcast_to(units[i, n:], forces.shape)
             columns.append(np.concatenate([rates, self._pushed(forces) / by]))
         return np.moveaxis(np.stack(columns), (0, 1, 2, 3), (3, 2, 0, 1))

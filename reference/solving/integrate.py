@@ -15,7 +15,7 @@ import sympy as sp
 from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import Piece
+from physics_crosscheck.reference.mechanism.signal import SignalPiece
 from physics_crosscheck.reference.solving.closed_form import Segments
 from physics_crosscheck.reference.solving.collocation import STAGES, Field, collocate
 from physics_crosscheck.reference.solving.collocation import ReferenceError as ReferenceError
@@ -28,14 +28,14 @@ MOST_OPERATIONS = 2500
 """Operations in the equations above which heyoka's compilation takes minutes."""
 
 
-def field_of(equations: EquationsOfMotion, piece: Piece) -> Field:
+def field_of(equations: EquationsOfMotion, signal: SignalPiece) -> Field:
     """Return dy/dt under the inputs of one piece, vectorized."""
     acceleration = equations.numeric_acceleration
     n = len(equations.system.coordinates)
 
     def field(times: Array, states: Array) -> Array:
         flat = times.reshape(-1, 1)
-        u = piece.numeric(flat).reshape(*times.shape, -1)
+        u = signal.numeric(flat).reshape(*times.shape, -1)
         out = np.empty_like(states)
         out[..., :n] = states[..., n:]
         out[..., n:] = acceleration(states[..., :n], states[..., n:], u, times[..., None])
@@ -47,7 +47,7 @@ def field_of(equations: EquationsOfMotion, piece: Piece) -> Field:
 def trajectory(
     equations: EquationsOfMotion,
     start: Array,
-    signals: Sequence[Piece],
+    signals: Sequence[SignalPiece],
     times: Array,
     rtol: float = 1e-13,
 ) -> Array:
@@ -58,22 +58,24 @@ def trajectory(
     n = len(equations.system.coordinates)
     values = np.empty((len(times), 2 * n))
     state = np.asarray(start, dtype=float)
-    for piece in signals:
-        drive = piece.numeric.scalar
+    for signal in signals:
+        drive = signal.numeric.scalar
 
         def rate(time: float, y: Array, drive: Callable[..., Sequence[float]] = drive) -> Array:
             return np.array([*y[n:], *acceleration(*y, *drive(time), time)])
 
-        last = piece is signals[-1]
-        chosen = (times >= piece.start) & ((times <= piece.stop) if last else (times < piece.stop))
+        last = signal is signals[-1]
+        chosen = (times >= signal.start) & (
+            (times <= signal.stop) if last else (times < signal.stop)
+        )
         solved = solve_ivp(
             rate,
-            (piece.start, piece.stop),
+            (signal.start, signal.stop),
             state,
             method="DOP853",
             rtol=rtol,
             atol=rtol * 1e-2,
-            t_eval=np.append(times[chosen], [] if last and piece.stop in times else piece.stop),
+            t_eval=np.append(times[chosen], [] if last and signal.stop in times else signal.stop),
         )
         if not solved.success or not np.isfinite(solved.y).all():
             raise ReferenceError(
@@ -88,7 +90,10 @@ def trajectory(
 
 
 def solve_numerically(
-    equations: EquationsOfMotion, start: Array, signals: Sequence[Piece], spans: Sequence[Span]
+    equations: EquationsOfMotion,
+    start: Array,
+    signals: Sequence[SignalPiece],
+    spans: Sequence[Span],
 ) -> Segments:
     """Solve all segments of a nonlinear system.
 
@@ -102,14 +107,14 @@ def solve_numerically(
     by_series = isinstance(equations, Equations) and _size(equations) <= MOST_OPERATIONS
     by_series = by_series and heyoka_installed()
     first = 0
-    for span, piece in zip(spans, signals, strict=True):
+    for span, signal in zip(spans, signals, strict=True):
         chosen = slice(first, first + span.count)
         first += span.count
-        field = field_of(equations, piece)
+        field = field_of(equations, signal)
         end, inner = collocate(field, times[chosen], starts[chosen], span.length)
         ends.append(end)
         nodes.append(inner)
-        given = piece, times[chosen], starts[chosen], span.length
+        given = signal, times[chosen], starts[chosen], span.length
         if isinstance(equations, Equations) and by_series:
             checks.append(_taylor_series(equations, *given))
         else:
@@ -198,7 +203,7 @@ def heyoka_installed() -> bool:
 
 
 def _taylor_series(
-    equations: Equations, piece: Piece, times: Array, states: Array, length: float
+    equations: Equations, signal: SignalPiece, times: Array, states: Array, length: float
 ) -> Array:
     """Integrate each segment by heyoka's adaptive Taylor series, in double precision."""
     import heyoka as hy
@@ -206,7 +211,7 @@ def _taylor_series(
     from physics_crosscheck.reference.mechanism.declaration import t
 
     system = equations.system
-    inputs = dict(zip(system.u, piece.expressions, strict=True))
+    inputs = dict(zip(system.u, signal.expressions, strict=True))
     # from_sympy rejects rationals, so every number becomes a float. evalf alone would leave those
     # within a function's argument, such as sin((4 + t/3)*t).
     right = [

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.linearize import Linearization
+from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization
 from physics_crosscheck.reference.dynamics.modes import modes
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import Piece
+from physics_crosscheck.reference.mechanism.signal import SignalPiece
 from physics_crosscheck.reference.solving.integrate import trajectory
 
 AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5)
@@ -34,7 +34,9 @@ class LinearityError:
     errors: tuple[float, ...]
 
 
-def linearity(equations: Equations, linearization: Linearization) -> tuple[LinearityError, ...]:
+def linearity(
+    equations: Equations, linearization: TaylorLinearization
+) -> tuple[LinearityError, ...]:
     """Release each mode at rest at growing amplitudes, and compare over one of its periods.
 
     There are no entries for linear equations, rigid-body modes (which have no period), and unstable
@@ -51,7 +53,9 @@ def linearity(equations: Equations, linearization: Linearization) -> tuple[Linea
             continue
         period = 2 * np.pi / mode.frequency
         times = np.linspace(0.0, period, 101)
-        still = Piece(start=0.0, stop=period, expressions=tuple(0 * u for u in equations.system.u))
+        still = SignalPiece(
+            start=0.0, stop=period, expressions=tuple(0 * u for u in equations.system.u)
+        )
         from scipy.linalg import expm  # slow import, not needed by every command
 
         flow: Array = expm(matrix[None] * times[:, None, None])

@@ -82,8 +82,8 @@ class Motion:
     @cached_property
     def movement(self) -> Array:
         """Largest movement of each component over a segment, (2n,)."""
-        reach: Array = np.max(np.abs(self.end - self.start), axis=0)
-        return reach
+        largest: Array = np.max(np.abs(self.end - self.start), axis=0)
+        return largest
 
     @cached_property
     def amplitude(self) -> Array:
@@ -92,7 +92,7 @@ class Motion:
         return size
 
     def global_bound_at(self, times: Array) -> Array:
-        """Return an error bound of `at` against the motion from the start, (len(times), 2n).
+        """Return an error bound of `states_at` against the motion from the start, (len(times), 2n).
 
         It combines the bounds of the neighbouring states and of the interpolation.
         """
@@ -101,7 +101,7 @@ class Motion:
         bound: Array = chain + INTERPOLATION * self.amplitude
         return bound
 
-    def at(self, times: Array) -> Array:
+    def states_at(self, times: Array) -> Array:
         """Return states at times within the motion, (len(times), 2n), by barycentric interpolation.
 
         Source: Berrut and Trefethen 2004, SIAM Review 46(3), eq. 4.2 and 5.4.

@@ -75,10 +75,10 @@ class SteppedEquations(Stepped):
         if self._constant is not None:
             return np.broadcast_to(self._constant, (len(q), *self._constant.shape))
         n, none = q.shape[1], np.zeros((len(q), self._inputs + 1))
-        found = self._mass(q, 0 * q, none[:, 1:], none[:, :1]).reshape(len(q), n, n)
+        mass = self._mass(q, 0 * q, none[:, 1:], none[:, :1]).reshape(len(q), n, n)
         if self._still and len(q):
-            self._constant = found[0]
-        return found
+            self._constant = mass[0]
+        return mass
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
         """Return f, (B, n)."""
@@ -120,8 +120,8 @@ class SteppedBodies(Stepped):
 
     def mass(self, q: Array) -> Array:
         """Return M, (B, n, n)."""
-        found = np.moveaxis(self._tree.mass(self._here(q)), -1, 0)
-        return found[:, self._order][:, :, self._order]
+        mass = np.moveaxis(self._tree.mass(self._here(q)), -1, 0)
+        return mass[:, self._order][:, :, self._order]
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
         """Return f, (B, n)."""
@@ -181,16 +181,18 @@ def next_states(
         if scheme == "Runge-Kutta 4":
             q, m = _runge_kutta(stepped, q, m, held, h)
             continue
-        late = damping
+        implicit = damping
         if by_velocity:
-            late = _by_velocity(stepped, q, m, held) * (1 if coupled is None else coupled)
-        m = m + h * _acceleration(stepped, q, m, held, _Late.of(h, late, stiffness))
+            implicit = _by_velocity(stepped, q, m, held) * (1 if coupled is None else coupled)
+        m = m + h * _acceleration(
+            stepped, q, m, held, _ImplicitTerms.from_matrices(h, implicit, stiffness)
+        )
         q = stepped.advanced(q, m, h)
     return np.concatenate([q, stepped.rates(q, m)], axis=1)
 
 
 @dataclass(frozen=True)
-class _Late:
+class _ImplicitTerms:
     """Implicit terms of a step: `mass` is added to M, (n, n) or (B, n, n).
 
     `by_velocity`, (n, n), times the velocity at the step's start is subtracted from the forces;
@@ -201,26 +203,30 @@ class _Late:
     by_velocity: Array | None
 
     @staticmethod
-    def of(h: float, damping: Array | None, stiffness: Array | None) -> _Late | None:
+    def from_matrices(
+        h: float, damping: Array | None, stiffness: Array | None
+    ) -> _ImplicitTerms | None:
         """Return the implicit terms of D and K; None if there are neither."""
         if stiffness is None:
-            return None if damping is None else _Late(h * damping, None)
+            return None if damping is None else _ImplicitTerms(h * damping, None)
         springs = h * stiffness
         mass = h * springs if damping is None else h * (damping + springs)
-        return _Late(mass, springs)
+        return _ImplicitTerms(mass, springs)
 
 
-def _acceleration(stepped: Stepped, q: Array, m: Array, u: Array, late: _Late | None) -> Array:
+def _acceleration(
+    stepped: Stepped, q: Array, m: Array, u: Array, implicit: _ImplicitTerms | None
+) -> Array:
     mass, force = stepped.mass(q), stepped.force(q, m, u)
-    left: Array = mass if late is None else mass + late.mass
-    if late is not None and late.by_velocity is not None:
-        force = force - m @ late.by_velocity.T
+    matrix: Array = mass if implicit is None else mass + implicit.mass
+    if implicit is not None and implicit.by_velocity is not None:
+        force = force - m @ implicit.by_velocity.T
     columns = force[:, :, None]
     if len(q[0]) == 1:  # the same division
         with np.errstate(all="ignore"):
-            return (columns / left)[:, :, 0]
+            return (columns / matrix)[:, :, 0]
     try:
-        return np.linalg.solve(left, columns).astype(float)[:, :, 0]
+        return np.linalg.solve(matrix, columns).astype(float)[:, :, 0]
     except np.linalg.LinAlgError:  # the mass matrix is arbitrary once a motion has blown up
         return np.full_like(q, np.nan)
 
@@ -230,8 +236,8 @@ def _by_velocity(stepped: Stepped, q: Array, m: Array, u: Array) -> Array:
     columns = []
     for i, size in enumerate(np.maximum(np.max(np.abs(m), axis=0), 1e-3)):
         moved = size * np.eye(m.shape[1])[i]
-        ahead, behind = (stepped.force(q, m + by, u) for by in (moved, -moved))
-        columns.append((behind - ahead) / (2 * size))
+        forward, backward = (stepped.force(q, m + by, u) for by in (moved, -moved))
+        columns.append((backward - forward) / (2 * size))
     return np.stack(columns, axis=2)
 
 
@@ -244,9 +250,9 @@ def _runge_kutta(stepped: Stepped, q: Array, m: Array, u: Array, h: float) -> tu
     rates, accelerations = [m], [_acceleration(stepped, q, m, u, None)]
     for share in (0.5, 0.5, 1.0):
         moved = share * h * rates[-1]
-        at = stepped.advanced(q, moved, 1.0)
+        position = stepped.advanced(q, moved, 1.0)
         now: Array = m + share * h * accelerations[-1]
         rates.append(stepped.unturned(moved, now))
-        accelerations.append(_acceleration(stepped, at, now, u, None))
+        accelerations.append(_acceleration(stepped, position, now, u, None))
     move, gain = (h / 6 * (a + d + 2 * (b + c)) for a, b, c, d in (rates, accelerations))
     return stepped.advanced(q, move, 1.0), m + gain

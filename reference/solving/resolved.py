@@ -32,44 +32,44 @@ UNCERTAIN = 4.0
 """Factor from the collocation's error for the known segments to that for a sample."""
 
 
-class Resolved:
+class ReusedSegments:
     """Segments of a tree, and those of trees with other parameters.
 
     Args:
         system: system of the tree.
-        known: its solved segments.
+        samples: its solved segments.
 
     Raises:
         ReferenceError: if the collocation does not reproduce the known ends.
     """
 
-    def __init__(self, system: TreeSystem, known: Samples) -> None:
-        self._system, self._known = system, known
-        self._rate = rate_of(TreeEquations(system), known.start, known.forces)
-        self._flow = Flow(system.tree, known.start, known.forces, known.length, STAGES)
-        self._off: Array = np.max(np.abs(self._flow.end - known.end), axis=0)
+    def __init__(self, system: TreeSystem, samples: Samples) -> None:
+        self._system, self._samples = system, samples
+        self._rate = rate_of(TreeEquations(system), samples.start, samples.forces)
+        self._flow = Flow(system.tree, samples.start, samples.forces, samples.length, STAGES)
+        self._off: Array = np.max(np.abs(self._flow.end - samples.end), axis=0)
 
-    def at(self, tree: Tree) -> Samples:
+    def for_tree(self, tree: Tree) -> Samples:
         """Return the segments of another tree with the same joints, from the same states.
 
         Raises:
             ReferenceError: if they can't be solved.
         """
-        known, equations = self._known, TreeEquations(replace(self._system, tree=tree))
-        ratio = rate_of(equations, known.start, known.forces) / self._rate
-        fastest = known.fastest * max(ratio, 1.0)
-        length = known.length / (ratio if ratio > QUICKER else 1.0)
+        samples, equations = self._samples, TreeEquations(replace(self._system, tree=tree))
+        ratio = rate_of(equations, samples.start, samples.forces) / self._rate
+        fastest = samples.fastest * max(ratio, 1.0)
+        length = samples.length / (ratio if ratio > QUICKER else 1.0)
         if ratio <= QUICKER:
             try:
                 return self._near(equations, fastest)
             except ReferenceError:  # the tree is too different
                 pass
-        return solved(equations, known.start, known.forces, length, fastest)
+        return solved(equations, samples.start, samples.forces, length, fastest)
 
     def _near(self, equations: TreeEquations, fastest: float) -> Samples:
-        known = self._known
-        flow = self._flow.at(equations.system.tree)
-        end = known.end + flow.apart(self._flow)
-        rounded = rounding_of(equations, known.start, known.forces, end, known.length)
-        bound = known.bound + UNCERTAIN * self._off + rounded
-        return replace(known, end=end, bound=bound, fastest=fastest)
+        samples = self._samples
+        flow = self._flow.for_tree(equations.system.tree)
+        end = samples.end + flow.apart(self._flow)
+        rounded = rounding_of(equations, samples.start, samples.forces, end, samples.length)
+        bound = samples.bound + UNCERTAIN * self._off + rounded
+        return replace(samples, end=end, bound=bound, fastest=fastest)

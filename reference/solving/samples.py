@@ -16,15 +16,15 @@ import numpy as np
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.collocation import Field, ReferenceError, collocate
-from physics_crosscheck.reference.solving.excitation import telling
+from physics_crosscheck.reference.solving.excitation import select_d_optimal
 from physics_crosscheck.reference.solving.integrate import by_runge_kutta
-from physics_crosscheck.reference.solving.switching import unbent
+from physics_crosscheck.reference.solving.switching import smooth_segments
 
 SEGMENTS_A_PERIOD = 30
 """Segments per period of the fastest motion at any state; an engine's step error falls with the
 seventh power of it."""
 
-REACH = 1.0
+SAMPLING_RANGE = 1.0
 """Sampling range of unlimited positions around home, rad or m."""
 
 FAR = np.pi
@@ -71,7 +71,7 @@ class Samples:
         end: states at the segments' ends, (K, 2n).
         bound: error bound of `end`, per component, (2n,).
         fastest: fastest rate at any of the states, rad/s.
-        bent: whether forces are not smooth, as a drag quadratic in the velocity.
+        nonsmooth: whether forces are not smooth, as a drag quadratic in the velocity.
     """
 
     start: Array
@@ -80,7 +80,7 @@ class Samples:
     end: Array
     bound: Array
     fastest: float
-    bent: bool = False
+    nonsmooth: bool = False
 
     @property
     def t(self) -> Array:
@@ -112,21 +112,21 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     Raises:
         ReferenceError: if the mass matrix is singular, or the two solutions differ.
     """
-    many = candidates(equations, limits, home, count, seed)
-    chosen = telling(many.rows(equations), count)
-    q, v = many.q[chosen], many.v[chosen]
-    forces = equations.forces_for(q, v, many.a[chosen])
+    pool = candidates(equations, limits, home, count, seed)
+    chosen = select_d_optimal(pool.rows(equations), count)
+    q, v = pool.q[chosen], pool.v[chosen]
+    forces = equations.forces_for(q, v, pool.a[chosen])
     start = np.concatenate([q, v], axis=1)
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
-    fastest = max(many.swing, _rates(equations, start, forces)[0], many.rate, spinning)
+    fastest = max(pool.swing, _rates(equations, start, forces)[0], pool.rate, spinning)
     if fastest > QUICKEST:
-        joint = equations.system.coordinates[int(np.argmax(many.settling))].name
+        joint = equations.system.coordinates[int(np.argmax(pool.settling))].name
         raise ReferenceError(
             f"its fastest motion takes {1 / fastest:.0e} s, too short to move any "
             f"position by more than rounding; joint {joint!r} is the fastest: check "
             "the inertia that it moves"
         )
-    length = min(_length(equations, fastest), many.longest)
+    length = min(_length(equations, fastest), pool.longest)
     return solved(equations, start, forces, length, fastest)
 
 
@@ -161,7 +161,7 @@ def solved(
         end=end,
         bound=bound,
         fastest=fastest,
-        bent=equations.bent,
+        nonsmooth=equations.nonsmooth,
     )
 
 
@@ -172,8 +172,8 @@ def rounding_of(
     n, size = forces.shape[1], np.max(np.abs(end), axis=0)
     rounded = equations.rounding(start[:, :n], start[:, n:], forces)
     jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
-    found: Array = 2 * np.finfo(float).eps * size + GROWTH * jolt
-    return found
+    bound: Array = 2 * np.finfo(float).eps * size + GROWTH * jolt
+    return bound
 
 
 def rate_of(equations: TreeEquations, start: Array, forces: Array) -> float:
@@ -203,9 +203,9 @@ class Candidates(NamedTuple):
 
     def rows(self, equations: TreeEquations) -> Array:
         """Return each state's sensitivity to the parameters, (P, n, p), by the accelerations."""
-        found = equations.slopes_by_number(self.q, self.v, self.a)
-        found /= np.max(np.abs(self.a), axis=0)[:, None]
-        return found
+        sensitivity = equations.slopes_by_number(self.q, self.v, self.a)
+        sensitivity /= np.max(np.abs(self.a), axis=0)[:, None]
+        return sensitivity
 
 
 def candidates(
@@ -217,11 +217,11 @@ def candidates(
     oscillation at rest, and times its square. The arguments are those of `samples`.
     """
     rng, n = np.random.default_rng(seed), len(home)
-    many = max(min(DRAWN, ROWS // n), TIMES * count)
-    reach = within(limits, home)
-    q = rng.uniform(reach[:, 0], reach[:, 1], (many, n))
-    extent = np.minimum((reach[:, 1] - reach[:, 0]) / 2, REACH)
-    none = np.zeros((many, n))
+    number_drawn = max(min(DRAWN, ROWS // n), TIMES * count)
+    sampling_range = within(limits, home)
+    q = rng.uniform(sampling_range[:, 0], sampling_range[:, 1], (number_drawn, n))
+    extent = np.minimum((sampling_range[:, 1] - sampling_range[:, 0]) / 2, SAMPLING_RANGE)
+    none = np.zeros((number_drawn, n))
     _check_masses(equations, q)
     swing, settling = _rates(equations, np.concatenate([q, none], axis=1), none)
     rate = min(max(swing, SLOWEST), LIVELIEST)
@@ -233,7 +233,7 @@ def candidates(
         return v, rng.uniform(-1, 1, q.shape) * extent * rate * np.maximum(rate, settling)
 
     v, a = moving(q, rate, settling)
-    if not equations.bent:
+    if not equations.nonsmooth:
         return Candidates(q, v, a, swing, rate, settling)
     # A drag grows with the velocity; if it dominates, slower states are as fast.
     lively = max(swing, LIVELIEST)
@@ -243,16 +243,16 @@ def candidates(
     fastest = max(swing, rate, _fastest(equations, q, v, a))
 
     def drawn(number: int) -> tuple[Array, Array]:
-        at = rng.uniform(reach[:, 0], reach[:, 1], (number, n))
-        velocities, wanted = moving(at, rate, settling)
-        forces = equations.forces_for(at, velocities, wanted)
-        return np.concatenate([at, velocities], axis=1), forces
+        positions = rng.uniform(sampling_range[:, 0], sampling_range[:, 1], (number, n))
+        velocities, wanted = moving(positions, rate, settling)
+        forces = equations.forces_for(positions, velocities, wanted)
+        return np.concatenate([positions, velocities], axis=1), forces
 
-    start, forces, longest = unbent(
+    start, forces, longest = smooth_segments(
         equations,
         lambda forces: _field(equations, forces),
         drawn,
-        many,
+        number_drawn,
         _length(equations, fastest),
     )
     q, v = start[:, :n], start[:, n:]
@@ -303,11 +303,11 @@ def within(limits: Array, home: Array) -> Array:
     """
     room = limits[:, 1] > limits[:, 0]
     low, high = np.where(room, limits.T, np.array([[-np.inf], [np.inf]]))
-    low = np.where(np.isfinite(low), low, np.minimum(home, high) - REACH)
-    high = np.where(np.isfinite(high), high, np.maximum(home, low) + REACH)
+    low = np.where(np.isfinite(low), low, np.minimum(home, high) - SAMPLING_RANGE)
+    high = np.where(np.isfinite(high), high, np.maximum(home, low) + SAMPLING_RANGE)
     near = np.clip(home, low, high)
-    found: Array = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
-    return found
+    result: Array = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
+    return result
 
 
 def _check_masses(equations: TreeEquations, q: Array) -> None:
@@ -317,15 +317,15 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
         ReferenceError: with the joint.
     """
     mass = equations.inertia(q)
-    own = np.einsum("kii->ki", mass)
-    if not np.isfinite(own).all():
+    diagonal = np.einsum("kii->ki", mass)
+    if not np.isfinite(diagonal).all():
         raise ReferenceError("the masses are not finite")
     # Scale by the diagonal, since a light part beside a heavy one is not singular.
-    size = np.sqrt(np.where(own > 0, own, 1.0))
+    size = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(mass / size[:, :, None] / size[:, None, :])
-    at = int(np.argmin(values[:, 0]))
-    if values[at, 0] <= SINGULAR:
-        joint = int(np.argmax(np.abs(vectors[at, :, 0])))
+    worst = int(np.argmin(values[:, 0]))
+    if values[worst, 0] <= SINGULAR:
+        joint = int(np.argmax(np.abs(vectors[worst, :, 0])))
         name = equations.system.coordinates[joint].name
         raise ReferenceError(
             f"joint {name!r} moves no mass or inertia, or a negative one: the mass "
@@ -350,5 +350,5 @@ def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[floa
     full = np.zeros((len(states), 2 * n, 2 * n))
     full[:, range(n), range(n, 2 * n)] = 1.0
     full[:, n:] = lower
-    own = np.max(np.abs(np.einsum("kii->ki", lower[:, :, n:])), axis=0)
-    return float(np.max(np.abs(np.linalg.eigvals(full)))), own
+    settling = np.max(np.abs(np.einsum("kii->ki", lower[:, :, n:])), axis=0)
+    return float(np.max(np.abs(np.linalg.eigvals(full)))), settling

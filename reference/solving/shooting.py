@@ -14,7 +14,7 @@ import numpy as np
 
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import Piece
+from physics_crosscheck.reference.mechanism.signal import SignalPiece
 from physics_crosscheck.reference.solving.bounds import each, transitions
 from physics_crosscheck.reference.solving.closed_form import Segments
 from physics_crosscheck.reference.solving.collocation import CONVERGED, ReferenceError, collocate
@@ -35,7 +35,7 @@ SHOTS = 8
 JOINED = 1e-12
 """Shooting converges if starts move by less than this, relative to the motion's size."""
 
-SETTLED = 1e-9
+STALLED = 1e-9
 """Smaller moves that hardly decrease are caused by rounding."""
 
 FAR = 0.1
@@ -53,7 +53,7 @@ ROUGH = 400
 
 def shoot(
     equations: EquationsOfMotion,
-    signals: Sequence[Piece],
+    signals: Sequence[SignalPiece],
     spans: Sequence[Span],
     times: Array,
     states: Array,
@@ -87,8 +87,8 @@ def shoot(
         end, nodes = _segments(*solved, starts, CONVERGED)
         flow = _transitions(*solved, starts)
     checks = [
-        by_runge_kutta(field_of(equations, piece), at[rows], starts[rows], span.length)
-        for rows, span, piece in each(spans, signals)
+        by_runge_kutta(field_of(equations, signal), at[rows], starts[rows], span.length)
+        for rows, span, signal in each(spans, signals)
     ]
     segments = Segments(
         t=at,
@@ -103,7 +103,7 @@ def shoot(
 
 def _segments(
     equations: EquationsOfMotion,
-    signals: Sequence[Piece],
+    signals: Sequence[SignalPiece],
     spans: Sequence[Span],
     times: Array,
     starts: Array,
@@ -115,8 +115,8 @@ def _segments(
         ReferenceError: where the collocation does not converge.
     """
     ends, inner = [], []
-    for rows, span, piece in each(spans, signals):
-        field = field_of(equations, piece)
+    for rows, span, signal in each(spans, signals):
+        field = field_of(equations, signal)
         end, nodes = collocate(field, times[rows], starts[rows], span.length, converged=converged)
         ends.append(end)
         inner.append(nodes)
@@ -125,7 +125,7 @@ def _segments(
 
 def _transitions(
     equations: EquationsOfMotion,
-    signals: Sequence[Piece],
+    signals: Sequence[SignalPiece],
     spans: Sequence[Span],
     times: Array,
     starts: Array,
@@ -133,15 +133,15 @@ def _transitions(
     """Return the derivatives of segments' ends by their starts, (K, 2n, 2n)."""
     return np.concatenate(
         [
-            transitions(field_of(equations, piece), times[rows], starts[rows], span.length)
-            for rows, span, piece in each(spans, signals)
+            transitions(field_of(equations, signal), times[rows], starts[rows], span.length)
+            for rows, span, signal in each(spans, signals)
         ]
     )
 
 
 def _joined(
     equations: EquationsOfMotion,
-    signals: Sequence[Piece],
+    signals: Sequence[SignalPiece],
     spans: Sequence[Span],
     times: Array,
     starts: Array,
@@ -162,7 +162,7 @@ def _joined(
         moved = _moves(flow, end[:-1] - starts[1:])
         worst, before = float(np.max(np.abs(moved) / size, initial=0.0)), worst
         # If it no longer decreases, only rounding along the chain remains.
-        joined = worst <= JOINED or (worst < SETTLED and worst > before / 4)
+        joined = worst <= JOINED or (worst < STALLED and worst > before / 4)
         if joined and shot > 0:
             return starts, end, nodes, flow
         if not worst <= FAR:

@@ -18,7 +18,7 @@ from physics_crosscheck.reference.mechanism.declaration import (
     about,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import Piece, numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
 from physics_crosscheck.reference.solving.bounds import bounds
 from physics_crosscheck.reference.solving.closed_form import solve_closed_form
 from physics_crosscheck.reference.solving.integrate import (
@@ -87,7 +87,7 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
         check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
     flow = None
-    exact = equations.linear and all(piece.generators is not None for piece in signals)
+    exact = equations.linear and all(signal.generators is not None for signal in signals)
     if exact and isinstance(equations, Equations):
         at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
         segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
@@ -95,13 +95,13 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
         segments = solve_numerically(equations, start, signals, spans)
     else:  # a recursion costs as much for one state as for many
         segments, flow = shoot(equations, signals, spans, times, states)
-    found = bounds(equations, signals, spans, segments, exact=exact, flow=flow)
+    error_bounds = bounds(equations, signals, spans, segments, exact=exact, flow=flow)
     return Motion(
         t=segments.t,
         start=segments.start,
         end=segments.end,
-        bound=found.bound,
-        global_bound=found.global_bound,
+        bound=error_bounds.bound,
+        global_bound=error_bounds.global_bound,
         nodes=segments.nodes,
         spans=spans,
         inputs=numeric_inputs(signals),
@@ -143,10 +143,10 @@ def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> No
     """
     n = len(equations.system.q)
     u = motion.inputs(motion.t)
-    at = motion.start[:, :n], motion.start[:, n:], u, motion.t[:, None]
+    arguments = motion.start[:, :n], motion.start[:, n:], u, motion.t[:, None]
     with np.errstate(all="ignore"):
-        mass = equations.numeric_mass(*at).reshape(-1, n, n)
-        energies = equations.numeric_power(*at)
+        mass = equations.numeric_mass(*arguments).reshape(-1, n, n)
+        energies = equations.numeric_power(*arguments)
     finite = np.isfinite(np.concatenate([mass.reshape(-1, n * n), energies], axis=1)).all(axis=1)
     if not finite.all():
         time = float(motion.t[np.argmin(finite)])
@@ -165,7 +165,7 @@ def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> No
         )
 
 
-def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
+def tile(signals: Sequence[SignalPiece], fastest: float) -> tuple[Span, ...]:
     """Divide each piece into a prime number of equal segments.
 
     A prime number keeps the segments from being a simple fraction of a period that divides the
@@ -174,22 +174,22 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
     whole = signals[-1].stop - signals[0].start
     wanted = max(SEGMENTS_A_PERIOD * fastest / (2 * np.pi), SEGMENTS_AT_LEAST / whole)
     spans = []
-    for piece in signals:
-        duration = piece.stop - piece.start
+    for signal in signals:
+        duration = signal.stop - signal.start
         count = sp.nextprime(max(int(np.ceil(wanted * duration)) - 1, 1))
         spans.append(
             Span(
-                start=piece.start,
+                start=signal.start,
                 length=duration / int(count),
                 count=int(count),
-                constant_input=piece.constant,
+                constant_input=signal.constant,
             )
         )
     return tuple(spans)
 
 
 def fastest_rate(
-    equations: EquationsOfMotion, signals: Sequence[Piece], times: Array, states: Array
+    equations: EquationsOfMotion, signals: Sequence[SignalPiece], times: Array, states: Array
 ) -> float:
     """Return the largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.
 
@@ -215,15 +215,15 @@ def fastest_rate(
         ]
     grid = np.linspace(0.0, signals[-1].stop, 2001)
     u = inputs(grid)
-    for piece in signals:
-        inside = (grid >= piece.start) & (grid < piece.stop)
+    for signal in signals:
+        inside = (grid >= signal.start) & (grid < signal.stop)
         values = u[inside]
-        if len(values) > 2 and not piece.constant:
-            reach = np.max(np.abs(values - values.mean(axis=0)), axis=0)
+        if len(values) > 2 and not signal.constant:
+            deviation = np.max(np.abs(values - values.mean(axis=0)), axis=0)
             slope = np.max(np.abs(np.diff(values, axis=0)), axis=0) / (grid[1] - grid[0])
             rates += [
                 float(s / r)
-                for s, r in zip(slope, reach, strict=True)
+                for s, r in zip(slope, deviation, strict=True)
                 if r > 1e-12 * np.max(np.abs(u))
             ]
     return max(rates)

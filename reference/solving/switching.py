@@ -32,7 +32,7 @@ Draw = Callable[[int], tuple[Array, Array]]
 """Sample so many states (K, 2n) and constant forces, (K, n)."""
 
 
-def unbent(
+def smooth_segments(
     equations: TreeEquations,
     field_of: Callable[[Array], Field],
     draw: Draw,
@@ -67,21 +67,21 @@ def _free(equations: TreeEquations, field: Field, start: Array, length: float) -
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
             states.append(_stepped(field, times, states[-1], h))
-        bends = np.stack([equations.bends(at[:, :n], at[:, n:]) for at in states])
-    sizes = np.max(np.abs(bends), axis=(0, 1), initial=0.0)
-    turned = np.any((bends > 0) != (bends[0] > 0), axis=0) & (
+        values = np.stack([equations.switching_functions(at[:, :n], at[:, n:]) for at in states])
+    sizes = np.max(np.abs(values), axis=(0, 1), initial=0.0)
+    turned = np.any((values > 0) != (values[0] > 0), axis=0) & (
         sizes > NOTHING * np.max(sizes, initial=0.0)
     )
     finite = np.isfinite(states[-1]).all(axis=1)
-    found: NDArray[np.bool_] = finite & np.logical_not(turned.any(axis=1))
-    return found
+    result: NDArray[np.bool_] = finite & np.logical_not(turned.any(axis=1))
+    return result
 
 
 def _stepped(field: Field, times: Array, states: Array, h: float) -> Array:
     """Take one step of the classical Runge-Kutta method of order 4."""
-    one = field(times, states)
-    two = field(times, states + h / 2 * one)
-    three = field(times, states + h / 2 * two)
-    four = field(times, states + h * three)
-    found: Array = states + h / 6 * (one + 2 * two + 2 * three + four)
-    return found
+    k1 = field(times, states)
+    k2 = field(times, states + h / 2 * k1)
+    k3 = field(times, states + h / 2 * k2)
+    k4 = field(times, states + h * k3)
+    result: Array = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return result

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.mechanism.chart import Chart
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -27,7 +27,7 @@ class SteppedTree:
     """
 
     def __init__(self, tree: Tree) -> None:
-        self._dynamics, self._chart = Dynamics(tree), Chart(tree)
+        self._dynamics, self._chart = Dynamics(tree), MinimalCoordinates(tree)
         self._coupled = Coupled(tree)
 
     def velocities(self, x: Scalars, rate: Scalars) -> Scalars:
@@ -60,13 +60,13 @@ class SteppedTree:
         y, m = self._all(x), self._rates(m)
         forces = np.zeros_like(m)
         forces[self._coupled.kept] = u
-        left = self._dynamics.residual(
+        residual = self._dynamics.residual(
             self._chart.positions(y),
-            self._chart.own(y, m),
+            self._chart.tree_velocities(y, m),
             self._chart.steady(y, m),
             self._chart.forces(y, forces),
         )
-        return self._coupled.forces(self._chart.given(y, left))
+        return self._coupled.forces(self._chart.given(y, residual))
 
     def _all(self, x: Scalars) -> Scalars:
         return self._coupled.positions(x)

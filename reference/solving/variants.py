@@ -23,7 +23,7 @@ from physics_crosscheck.reference.solving.collocation import collocate
 Kind = Literal[
     "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"
 ]
-"""Kind of a parameter: a constant, or one of the terms of `_terms`."""
+"""Kind of a parameter: a constant, or one of the terms of `_extra_terms`."""
 
 CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, relative to the motion's."""
@@ -82,11 +82,11 @@ class Variants:
         """Return the ends (B, 2n) of B segments, each with its own parameters (B, P)."""
         n = starts.shape[1] // 2
 
-        def field(at: Array, states: Array) -> Array:
-            u = inputs(at.ravel()).reshape(*at.shape, -1)
+        def field(instants: Array, states: Array) -> Array:
+            u = inputs(instants.ravel()).reshape(*instants.shape, -1)
             shape = (len(times),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
             a = self.acceleration(
-                states[..., :n], states[..., n:], u, at[..., None], parameters.reshape(shape)
+                states[..., :n], states[..., n:], u, instants[..., None], parameters.reshape(shape)
             )
             return np.concatenate([states[..., n:], a], axis=-1)
 
@@ -137,9 +137,9 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
     added_mass = sp.zeros(n)
     added_force = sp.zeros(n, 1)
     for i, coordinate in enumerate(system.coordinates):
-        speed, reach = max(amplitude[n + i], 1e-9), max(amplitude[i], 1e-9)
+        speed, extent = max(amplitude[n + i], 1e-9), max(amplitude[i], 1e-9)
         inertia = abs(float(mass[i, i])) or 1.0
-        for term in _terms(coordinate, inertia, speed=speed, reach=reach):
+        for term in _extra_terms(coordinate, inertia, speed=speed, extent=extent):
             symbol = sp.Symbol(f"extra_{term.kind.replace(' ', '_')}_{i}", real=True)
             symbols.append(symbol)
             if term.force is None:
@@ -177,17 +177,17 @@ class _Term(NamedTuple):
     unit: str
 
 
-def _terms(
-    coordinate: Coordinate, inertia: float, *, speed: float, reach: float
+def _extra_terms(
+    coordinate: Coordinate, inertia: float, *, speed: float, extent: float
 ) -> tuple[_Term, ...]:
     """Return the typical extra terms of a coordinate, one per row.
 
     Args:
         coordinate: the coordinate.
         inertia: its inertia at rest.
-        speed, reach: amplitudes of its velocity and position.
+        speed, extent: amplitudes of its velocity and position.
     """
-    v, q, force = coordinate.v, coordinate.q, inertia * speed * max(speed / reach, 1e-3)
+    v, q, force = coordinate.v, coordinate.q, inertia * speed * max(speed / extent, 1e-3)
     turns, per = coordinate.unit == "rad", coordinate.unit
     N, kg = ("N*m", "kg*m^2") if turns else ("N", "kg")
     return (
@@ -195,6 +195,6 @@ def _terms(
         _Term("damping", v, force / speed, f"{N}*s/{per}"),
         _Term("quadratic damping", v * sp.Abs(v), force / speed**2, f"{N}*s^2/{per}^2"),
         _Term("friction", sp.tanh(v / (CREEP * speed)), force, N),
-        _Term("spring", q, force / reach, f"{N}/{per}"),
+        _Term("spring", q, force / extent, f"{N}/{per}"),
         _Term("offset force", sp.Integer(-1), force, N),
     )

@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck.harness.checks.accelerations import with_dynamics
 from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.checks.verdict import Verdict
-from physics_crosscheck.harness.numerics.forward_dynamics import TERMS, ForwardDynamics
+from physics_crosscheck.harness.numerics.forward_dynamics import FORCE_KINDS, AccelerationComparison
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
@@ -36,19 +36,19 @@ AGREES = replace(MOTION, outcome=Outcome.AGREES, largest_uncertainty=1e-12, reas
 DIFFERS = replace(MOTION, outcome=Outcome.DIFFERS, reason="x ends the segment 1e-3 off")
 
 
-def told(off: float, *, complete: bool = True) -> ForwardDynamics:
+def told(off: float, *, complete: bool = True) -> AccelerationComparison:
     """Accelerations of two coordinates at three states, one of which is off."""
     defect = np.zeros((3, 2))
     defect[1, 1] = off
-    return ForwardDynamics(
+    return AccelerationComparison(
         judgement=judge(defect, np.full((3, 2), 1e-14), 1e-9, None),
         states=3,
         complete=complete,
-        terms=dict.fromkeys(TERMS, 0.0) | {"mass matrix": off},
+        force_errors=dict.fromkeys(FORCE_KINDS, 0.0) | {"mass matrix": off},
     )
 
 
-def both(motion: Verdict, dynamics: ForwardDynamics | None) -> Verdict:
+def both(motion: Verdict, dynamics: AccelerationComparison | None) -> Verdict:
     return with_dynamics(motion, dynamics, ("x", "phi"), 1e-9)
 
 
@@ -67,7 +67,7 @@ def test_a_stiff_motion_is_decided_by_accelerations_at_every_state() -> None:
     (AGREES, told(0.0)), (AGREES, told(1e-12)), (DIFFERS, told(0.0)), (DIFFERS, told(1.0)),
 ])  # fmt: skip
 def test_what_they_can_not_decide_is_left_to_the_motions(
-    motion: Verdict, dynamics: ForwardDynamics | None
+    motion: Verdict, dynamics: AccelerationComparison | None
 ) -> None:
     """States of which nothing is told may hold what makes a motion rough; so may a step."""
     assert both(motion, dynamics) is motion

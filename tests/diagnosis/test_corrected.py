@@ -74,7 +74,7 @@ def test_the_right_value_explains_the_motion_in_every_scenario(
         assert np.max(np.abs(np.array(one.after))) < 1e-9
         # The equations with the file's spring: another motion. The file with the equations' spring:
         # theirs, but for the step.
-        reference = task.motions[one.scenario].at(np.array(one.t))
+        reference = task.motions[one.scenario].states_at(np.array(one.t))
         apart = np.max(np.abs(np.array(one.corrected).T - reference)) / np.max(np.abs(reference))
         assert 0.005 < apart < 0.3 if what == "equations" else apart < 0.02
 
@@ -90,7 +90,7 @@ def test_the_corrected_motion_obeys_the_equations_with_breaks_of_the_input(
     """Nothing moved: the reference comes back, a step of force in it."""
     found = found_in(corrected(task, "k", 0.0))
     for one in found.scenarios:
-        reference = task.motions[one.scenario].at(np.array(one.t)).T
+        reference = task.motions[one.scenario].states_at(np.array(one.t)).T
         # Times have six digits: rounded by 5e-5 s, at up to 6 rad/s.
         states = np.array(one.corrected, dtype=float)
         np.testing.assert_allclose(states, reference, atol=3e-4 * np.max(np.abs(reference)))

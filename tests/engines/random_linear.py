@@ -285,7 +285,7 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
         motion = reference_solve.solve(derive(drawn.system), drawn.system.scenarios[0])
     assert motion.method.startswith("matrix exponential")
     scale = component_scale(motion, [])
-    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
     names = tuple(f"{p}{c.name}" for p in ("", "d") for c in drawn.system.coordinates)
     claimed = model.exponents(motion.varying)[0]
     verdict = judge(found.limit, motion, scale, names, claimed, resolution)

@@ -105,7 +105,7 @@ def verdict(
     model, coordinates = load(system, sidecar, engine)
     scale = component_scale(motion, [])
     claimed, _ = model.exponents(motion.varying)
-    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
     names = [c.name for c in system.coordinates]
     components = (*names, *(f"{name}_dot" for name in names))
     return judge(found.limit, motion, scale, components, claimed, resolution)

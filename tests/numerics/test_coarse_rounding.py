@@ -29,7 +29,7 @@ Errors = Callable[[Bench], Array]
 
 
 def verdict(made: Bench) -> Array:
-    batch = Batch.of(made.motion, component_scale(made.motion, []))
+    batch = Batch.of_motion(made.motion, component_scale(made.motion, []))
     found = extrapolate(made.model, made.coordinates, batch, resolution=1e-6).limit
     return np.abs(found.value - made.motion.end) / found.uncertainty
 
@@ -84,7 +84,7 @@ def accelerations(made: Bench) -> Array:
         model=made.model, coordinates=made.coordinates, speed=speed, fastest=made.motion.fastest
     )
     forces = np.linspace(-3.0, 3.0, len(states))[:, None]
-    found = measured.at(states, np.zeros((len(states), 1)), forces)
+    found = measured.measure(states, np.zeros((len(states), 1)), forces)
     wanted = (forces - STIFFNESS * states[:, :1] - DAMPING * states[:, 1:]) / MASS
     return np.abs(found.value - wanted) / found.uncertainty
 

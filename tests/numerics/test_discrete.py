@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.case import linearization_task, load, run
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.discrete import DiscreteLinearization, linearize_step
+from physics_crosscheck.harness.numerics.discrete import StepLinearization, linearize_step
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.render.terminal.table import _single_steps
 from physics_crosscheck.reference.solving.next_state import SteppedEquations
@@ -27,7 +27,7 @@ INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
 
 def one_step(
     folder: str, model: Sidecar, engine: str, resolution: float = 1e-9
-) -> DiscreteLinearization:
+) -> StepLinearization:
     own = prepared(folder)
     loaded, coordinates = load(own.system, model, engine)
     about = own.equilibria[0]
@@ -100,7 +100,7 @@ class Ruled(SymplecticEuler):
         return StepRule(scheme="semi-implicit Euler")
 
 
-def of_oscillator(bench: MakeBench, model: SymplecticEuler) -> DiscreteLinearization:
+def of_oscillator(bench: MakeBench, model: SymplecticEuler) -> StepLinearization:
     made = bench(model)
     found = linearize_step(
         model,

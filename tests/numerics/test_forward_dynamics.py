@@ -19,9 +19,9 @@ from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.forward_dynamics import (
-    TERMS,
+    FORCE_KINDS,
     TURNS,
-    ForwardDynamics,
+    AccelerationComparison,
     forward_dynamics,
     mixed,
 )
@@ -38,7 +38,7 @@ KUKA, A1 = DATA / "kuka_iiwa" / "model.urdf", DATA / "a1" / "a1.urdf"
 
 def of_robot(
     file: Path, engine: str, *, floating: bool = False, resolution: float = 1e-9
-) -> ForwardDynamics | None:
+) -> AccelerationComparison | None:
     task = prepare_robot(file, floating=floating).task(engine, resolution)
     model = load_robot(task)
     drawn, coordinates, names = placed(task, model)
@@ -61,7 +61,7 @@ def test_a_robots_accelerations_are_the_equations(file: Path, engine: str, float
     assert found.states == 40 * TURNS
     assert found.judgement.outcome is Outcome.AGREES
     assert found.judgement.largest_discrepancy < 1e-12
-    assert max(found.terms.values()) < 1e-12
+    assert max(found.force_errors.values()) < 1e-12
 
 
 @pytest.mark.parametrize(("engine", "settings"), [
@@ -89,7 +89,7 @@ def test_joints_that_follow_are_compared_where_they_are_held_exactly(
         return
     assert found is not None
     assert found.judgement.largest_discrepancy < 1e-12
-    assert max(found.terms.values()) < 1e-12
+    assert max(found.force_errors.values()) < 1e-12
 
 
 @dataclass
@@ -104,7 +104,7 @@ class Telling(SymplecticEuler):
         return told
 
 
-def of_oscillator(bench: MakeBench, model: Telling) -> ForwardDynamics:
+def of_oscillator(bench: MakeBench, model: Telling) -> AccelerationComparison:
     made = bench(model)
     states = made.motion.start[:40]
     stepped = SteppedEquations(made.equations)
@@ -118,8 +118,8 @@ def test_what_is_right_agrees_to_the_last_digits(bench: MakeBench) -> None:
     found = of_oscillator(bench, Telling())
     assert found.judgement.outcome is Outcome.AGREES
     assert found.judgement.largest_discrepancy < 1e-14
-    assert tuple(found.terms) == TERMS
-    assert max(found.terms.values()) < 1e-13
+    assert tuple(found.force_errors) == FORCE_KINDS
+    assert max(found.force_errors.values()) < 1e-13
 
 
 @pytest.mark.parametrize(("fault", "term"), [
@@ -130,7 +130,7 @@ def test_what_is_right_agrees_to_the_last_digits(bench: MakeBench) -> None:
 def test_a_wrong_number_shows_in_its_own_term(bench: MakeBench, fault: Telling, term: str) -> None:
     found = of_oscillator(bench, fault)
     assert found.judgement.outcome is Outcome.DIFFERS
-    assert [name for name, size in found.terms.items() if size > 1e-12] == [term]
+    assert [name for name, size in found.force_errors.items() if size > 1e-12] == [term]
 
 
 def test_states_that_it_does_not_tell_of_are_left_out(bench: MakeBench) -> None:

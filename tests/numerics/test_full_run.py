@@ -11,8 +11,8 @@ from sympy import Heaviside, Rational
 
 from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics import step_study
-from physics_crosscheck.harness.numerics.convergence import Sensitivity, witness
-from physics_crosscheck.harness.numerics.decomposition import ErrorDecomposition, decompose
+from physics_crosscheck.harness.numerics.convergence import Sensitivity, check_full_runs
+from physics_crosscheck.harness.numerics.decomposition import OscillationError, decompose
 from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run
 from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
 from physics_crosscheck.reference import t
@@ -38,7 +38,7 @@ def study(bench: Bench, claimed: int = 1) -> StepStudy:
     )
 
 
-def decomposed(bench: Bench) -> ErrorDecomposition:
+def decomposed(bench: Bench) -> OscillationError:
     found = study(bench).decomposition
     assert found is not None
     return found
@@ -80,8 +80,8 @@ def test_a_wrong_frequency_is_told_as_that(bench: MakeBench) -> None:
 
 def test_the_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
     found = study(bench())
-    assert found.witness.bears_out
-    assert found.witness.order == pytest.approx(1, abs=0.1)
+    assert found.full_run_check.converges
+    assert found.full_run_check.order == pytest.approx(1, abs=0.1)
     assert 1e-3 < found.global_error < 1e-1
 
 
@@ -168,11 +168,11 @@ class Precise(SymplecticEuler):
 def test_of_a_tiny_error_coarser_runs_bear_witness_in_fewer_steps(bench: MakeBench) -> None:
     found = study(bench(Precise(step=2e-3)), claimed=4)
     assert found.global_error < step_study.TINY
-    assert min(run.h for run in found.beside) == 4e-3
-    assert sum(run.steps for run in found.beside) < found.shipped.steps
-    assert found.witness.order == pytest.approx(4, abs=0.1)
-    assert found.witness.bears_out
-    assert found.witness.foretold
+    assert min(run.h for run in found.others) == 4e-3
+    assert sum(run.steps for run in found.others) < found.shipped.steps
+    assert found.full_run_check.order == pytest.approx(4, abs=0.1)
+    assert found.full_run_check.converges
+    assert found.full_run_check.predicted
 
 
 class Rough(Precise):
@@ -188,8 +188,8 @@ class Rough(Precise):
 def test_what_the_shipped_step_alone_does_shows_beside_coarser_ones_too(bench: MakeBench) -> None:
     found = study(bench(Rough(step=2e-3)), claimed=4)
     assert found.global_error < step_study.TINY
-    assert not found.witness.foretold
-    assert found.witness.surprise == pytest.approx(5e-6, rel=0.5)
+    assert not found.full_run_check.predicted
+    assert found.full_run_check.surprise == pytest.approx(5e-6, rel=0.5)
 
 
 class Lazy(Precise):
@@ -205,11 +205,11 @@ class Lazy(Precise):
 
 
 def test_a_tiny_error_that_no_step_makes_less_is_a_finding(bench: MakeBench) -> None:
-    assert not study(bench(Lazy(step=2e-3)), claimed=4).witness.bears_out
+    assert not study(bench(Lazy(step=2e-3)), claimed=4).full_run_check.converges
 
 
 def test_a_run_that_does_not_converge_is_a_finding(bench: MakeBench) -> None:
-    assert not study(bench(Sleepy())).witness.bears_out
+    assert not study(bench(Sleepy())).full_run_check.converges
 
 
 class Tiring(SymplecticEuler):
@@ -229,15 +229,15 @@ class Tiring(SymplecticEuler):
 
 def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench: MakeBench) -> None:
     found = study(bench(Tiring()))
-    assert found.witness.order > 0.9  # the global error alone looks well
-    assert found.witness.residual > 1e-4
-    assert not found.witness.bears_out
+    assert found.full_run_check.order > 0.9  # the global error alone looks well
+    assert found.full_run_check.residual > 1e-4
+    assert not found.full_run_check.converges
 
 
 def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench: MakeBench) -> None:
     found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
-    assert found.witness.bears_out
-    assert found.witness.residual < 1e-6
+    assert found.full_run_check.converges
+    assert found.full_run_check.residual < 1e-6
 
 
 class Leaning(SymplecticEuler):
@@ -253,13 +253,13 @@ class Leaning(SymplecticEuler):
 @pytest.mark.slow
 def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench: MakeBench) -> None:
     found = study(bench(Leaning(step=2e-5)))
-    assert not found.witness.bears_out
-    assert found.witness.order < 0.5
+    assert not found.full_run_check.converges
+    assert found.full_run_check.order < 0.5
 
 
 def test_a_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
     found = study(bench(SymplecticEuler(step=2.0)))
-    assert not found.witness.bears_out
+    assert not found.full_run_check.converges
     assert found.steps_for == (None, None, None) or found.global_error > 1
 
 
@@ -311,9 +311,9 @@ class Draining(SymplecticEuler):
 def test_what_is_wrong_at_the_shipped_step_alone_is_not_what_finer_steps_foretell(
     bench: MakeBench, drain: float
 ) -> None:
-    found = study(bench(Draining(drain=drain))).witness
-    assert found.bears_out  # the two finest see nothing of it
-    assert not found.foretold
+    found = study(bench(Draining(drain=drain))).full_run_check
+    assert found.converges  # the two finest see nothing of it
+    assert not found.predicted
 
 
 @pytest.mark.parametrize("most", [60_000, 2_000])
@@ -321,8 +321,8 @@ def test_it_is_seen_as_well_where_a_third_run_would_take_too_many_steps(
     bench: MakeBench, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
     monkeypatch.setattr(step_study, "MOST_STEPS", most)
-    assert not study(bench(Draining())).witness.foretold
-    assert study(bench()).witness.foretold
+    assert not study(bench(Draining())).full_run_check.predicted
+    assert study(bench()).full_run_check.predicted
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
@@ -334,9 +334,9 @@ def test_a_sound_engine_is_what_its_finer_steps_foretell_up_to_the_limit_of_stab
     if damping:  # of v explicit in the damper: its own limit is lower
         limit *= 0.9
     model = SymplecticEuler(damping=damping, step=share * limit)
-    found = study(bench(model, damping=damping, duration=12.0)).witness
-    assert found.bears_out
-    assert found.foretold
+    found = study(bench(model, damping=damping, duration=12.0)).full_run_check
+    assert found.converges
+    assert found.predicted
 
 
 def oscillation(times: Array, a: complex, s: complex) -> Array:
@@ -354,7 +354,9 @@ def test_amplitude_and_phase_at_the_end_are_those_of_an_exact_oscillation(
     a = complex(0.25, -(-0.4 - pole.real * 0.25) / pole.imag)
     other, moved = a * (1 + 2e-4) * cmath.exp(-3e-4j), pole + complex(-2e-4, 3e-4)
     times = np.linspace(0, 4.0, 801)
-    assert made.motion.at(times)[:, 0] == pytest.approx(oscillation(times, a, pole), abs=1e-12)
+    assert made.motion.states_at(times)[:, 0] == pytest.approx(
+        oscillation(times, a, pole), abs=1e-12
+    )
     found = decompose(times, oscillation(times, other, moved), made.motion, 0)
     change = other / a * cmath.exp((moved - pole) * 4.0)
     assert found.amplitude == pytest.approx(abs(change) - 1, rel=0.01)
@@ -368,7 +370,7 @@ def runs_of(error: Callable[[float, Array], Array], motion: Motion) -> list[Samp
     for i in range(6):
         h = 0.01 / 2**i
         off = np.stack([error(h, times), np.zeros_like(times)], axis=1)
-        states = motion.at(times) + off
+        states = motion.states_at(times) + off
         found.append(
             SampledRun(h=h, steps=300 * 2**i, every=2**i, t=times, states=states, error=off)
         )
@@ -378,7 +380,7 @@ def runs_of(error: Callable[[float, Array], Array], motion: Motion) -> list[Samp
 def multiplied(motion: Motion, rate: float) -> Sensitivity:
     times = np.linspace(0, motion.duration, 301)
     return Sensitivity(
-        t=times, growth=np.exp(rate * times), begun=np.ones(301), local=1e-3, step=0.01, order=1,
+        t=times, growth=np.exp(rate * times), started=np.ones(301), local=1e-3, step=0.01, order=1,
     )  # fmt: skip
 
 
@@ -393,9 +395,9 @@ def test_a_chaotic_run_bears_witness_as_far_as_it_is_resolved(bench: MakeBench) 
         return folded
 
     runs = runs_of(chaos, motion)
-    assert not witness(runs, 1, size, motion).bears_out
-    found = witness(runs, 1, size, motion, multiplied(motion, 8.0))
-    assert found.bears_out
+    assert not check_full_runs(runs, 1, size, motion).converges
+    found = check_full_runs(runs, 1, size, motion, multiplied(motion, 8.0))
+    assert found.converges
     assert found.excused
     assert 0 < found.until < 1.0
 
@@ -404,5 +406,5 @@ def test_what_is_carried_from_step_to_step_is_no_chaos(bench: MakeBench) -> None
     motion = bench().motion
     size = np.array([0.25])
     runs = runs_of(lambda h, times: (h + 0.003) * 0.25 * times, motion)
-    assert not witness(runs, 1, size, motion).bears_out
-    assert not witness(runs, 1, size, motion, multiplied(motion, 0.0)).bears_out
+    assert not check_full_runs(runs, 1, size, motion).converges
+    assert not check_full_runs(runs, 1, size, motion, multiplied(motion, 0.0)).converges

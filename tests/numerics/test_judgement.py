@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.numerics.judgement import Obstacle, judge, obstacle
+from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge, unresolved_reason
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -18,7 +18,7 @@ def told(uncertainty: float = 1e-11) -> tuple[Array, Array]:
 def test_what_is_below_its_uncertainty_and_that_below_the_resolution_agrees() -> None:
     found = judge(*told(), 1e-9, None)
     assert found.outcome is Outcome.AGREES
-    assert found.obstacle is None
+    assert found.unresolved_reason is None
 
 
 def test_the_largest_of_all_components_is_told_beside_that_of_the_worst_ratio() -> None:
@@ -42,14 +42,16 @@ def test_a_segment_that_could_not_be_resolved_hides_none_that_was() -> None:
 
 
 @pytest.mark.parametrize(
-    ("worst", "why"), [(1e-7, Obstacle.COARSE), (np.inf, Obstacle.DIVERGES_HERE)]
+    ("worst", "why"), [(1e-7, UnresolvedReason.COARSE), (np.inf, UnresolvedReason.DIVERGES_HERE)]
 )
-def test_an_uncertainty_above_the_resolution_is_unresolved(worst: float, why: Obstacle) -> None:
+def test_an_uncertainty_above_the_resolution_is_unresolved(
+    worst: float, why: UnresolvedReason
+) -> None:
     defect, uncertainty = told()
     uncertainty[4, 1] = worst
     found = judge(defect, uncertainty, 1e-9, None)
     assert found.outcome is Outcome.UNRESOLVED
-    assert found.obstacle is why
+    assert found.unresolved_reason is why
     assert (found.segment, found.component) == (4, 1)
     assert found.uncertainty == found.largest_uncertainty == worst
 
@@ -57,7 +59,7 @@ def test_an_uncertainty_above_the_resolution_is_unresolved(worst: float, why: Ob
 def test_an_obstacle_leaves_no_digit_whatever_the_defects() -> None:
     defect, uncertainty = told()
     defect[0, 0], defect[1, 1] = np.nan, 1e-3
-    found = judge(defect, uncertainty, 1e-9, Obstacle.WRONG_ORDER)
+    found = judge(defect, uncertainty, 1e-9, UnresolvedReason.WRONG_ORDER)
     assert found.outcome is Outcome.UNRESOLVED
     assert (found.segment, found.component) == (1, 1)
     assert found.discrepancy == found.largest_discrepancy == 1e-3
@@ -67,14 +69,14 @@ def test_an_obstacle_leaves_no_digit_whatever_the_defects() -> None:
 @pytest.mark.parametrize(
     ("first", "converges", "confirmed", "why"),
     [
-        (0.0, False, False, Obstacle.STANDS_STILL),
-        (1.0, False, False, Obstacle.DIVERGES),
-        (1.0, True, False, Obstacle.WRONG_ORDER),
+        (0.0, False, False, UnresolvedReason.STANDS_STILL),
+        (1.0, False, False, UnresolvedReason.DIVERGES),
+        (1.0, True, False, UnresolvedReason.WRONG_ORDER),
         (1.0, True, True, None),
     ],
 )
 def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
-    first: float, converges: bool, confirmed: bool, why: Obstacle | None
+    first: float, converges: bool, confirmed: bool, why: UnresolvedReason | None
 ) -> None:
     limit = Limit(
         value=np.zeros((1, 2)),
@@ -87,7 +89,7 @@ def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
         rounding=np.zeros((1, 2)),
         epsilon=EPSILON,
     )
-    assert obstacle(limit) is why
+    assert unresolved_reason(limit) is why
 
 
 @pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])

@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
-from physics_crosscheck.harness.numerics.linearization import EngineLinearization, linearize_engine
+from physics_crosscheck.harness.numerics.linearization import (
+    LinearizationComparison,
+    linearize_engine,
+)
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 
-def linear(bench: Bench, resolution: float = 1e-9) -> EngineLinearization:
+def linear(bench: Bench, resolution: float = 1e-9) -> LinearizationComparison:
     taylor = linearize(bench.equations, bench.system.equilibria[0])
     return linearize_engine(
         bench.model,

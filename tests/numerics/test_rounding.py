@@ -149,7 +149,7 @@ def hanging(digits: float) -> Observable:
 
     scale = np.array([SWING, RATE * SWING]) / 3
     return Observable(
-        at=at,
+        values=at,
         starts=starts,
         exponents=(4, 1),
         rounding_scale=np.array([REST, RATE * SWING]),
@@ -160,7 +160,7 @@ def hanging(digits: float) -> Observable:
 
 def off(digits: float) -> Array:
     """Errors by uncertainty, (60, 2): the limit is compared with that of the right stiffness."""
-    right = hanging(0.0).at(10**9)[:60]
+    right = hanging(0.0).values(10**9)[:60]
     limit = climb(hanging(digits), RUNGS[:6]).limit
     error: Array = np.abs(limit.value - right) / limit.uncertainty
     return error
@@ -197,7 +197,9 @@ def test_a_position_s_last_digit_that_makes_a_velocity_is_in_the_uncertainty(
 ) -> None:
     made = bench(Held(), duration=12.0)
     scale = component_scale(made.motion, [])
-    found = extrapolate(made.model, made.coordinates, Batch.of(made.motion, scale), resolution=1e-6)
+    found = extrapolate(
+        made.model, made.coordinates, Batch.of_motion(made.motion, scale), resolution=1e-6
+    )
     error = np.abs(found.limit.value - made.motion.end)
     # The weights' own worst case, from the finest rung alone; most of the error is this.
     kick = LAST_DIGIT / 2 * max(found.rungs) / np.max(made.motion.lengths)

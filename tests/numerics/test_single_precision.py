@@ -17,7 +17,7 @@ from physics_crosscheck.harness.numerics.ladder import (
     least_weights,
     limits,
 )
-from physics_crosscheck.harness.numerics.rounding import unheld
+from physics_crosscheck.harness.numerics.rounding import quantization_error
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import study_step
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -54,7 +54,7 @@ class Single(SymplecticEuler):
 
 def run(made: Bench) -> tuple[Extrapolated, Array]:
     scale = component_scale(made.motion, [])
-    batch = Batch.of(made.motion, scale)
+    batch = Batch.of_motion(made.motion, scale)
     return extrapolate(made.model, made.coordinates, batch, resolution=1e-9), scale
 
 
@@ -121,8 +121,8 @@ def test_the_runs_from_start_to_end_of_a_sound_model_bear_it_out(bench: MakeBenc
         amplitude=made.motion.amplitude,
         claimed=1,
     )
-    assert study.witness.bears_out
-    assert study.witness.foretold
+    assert study.full_run_check.converges
+    assert study.full_run_check.predicted
 
 
 @pytest.mark.parametrize("errors", [each for each, _ in EVERYWHERE])
@@ -135,5 +135,5 @@ def test_rounding_is_in_the_uncertainty_wherever_a_limit_is_taken(
 def test_what_is_not_held_is_what_single_numbers_round_away() -> None:
     values = np.random.default_rng(3).normal(size=(50, 2)) * 10.0 ** np.arange(-9, 16, 0.5)[:, None]
     held = values.astype(np.float32).astype(float)
-    assert np.array_equal(unheld(values, SINGLE), values - held)
-    assert not unheld(values, EPSILON).any()
+    assert np.array_equal(quantization_error(values, SINGLE), values - held)
+    assert not quantization_error(values, EPSILON).any()

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.modelfiles.bindings import bindings, with_litera
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.stepping import Stepping, step_engine
+from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
@@ -50,7 +50,9 @@ def sidecar(folder: str, model: str) -> Sidecar:
     return next(one for one in known if one.model.name == model)
 
 
-def stepped(folder: str, model: Sidecar, engine: str, resolution: float = 1e-12) -> Stepping | None:
+def stepped(
+    folder: str, model: Sidecar, engine: str, resolution: float = 1e-12
+) -> StepComparison | None:
     """One step from every segment of the first scenario."""
     own = prepared(folder)
     motion = next(iter(own.motions.values()))

@@ -157,7 +157,7 @@ def test_between_the_nodes_a_motion_stays_within_its_global_bound() -> None:
     with mp.workdps(25):
         w = mp.sqrt(mp.mpf(G) / L)
         exact = [flow(STARTS["large"], mp.mpf(float(time)), w) for time in times]
-    error = np.abs(motion.at(times) - np.array([[float(y) for y in e] for e in exact]))
+    error = np.abs(motion.states_at(times) - np.array([[float(y) for y in e] for e in exact]))
     assert np.all(error <= bound)
     assert np.max(bound / motion.amplitude) < 1e-8
 

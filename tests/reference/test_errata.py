@@ -13,11 +13,11 @@ from physics_crosscheck.reference.dynamics.errata import (
     AGREES,
     DIFFERS,
     UP_TO_SIGNS,
-    Erratum,
+    EquationCheck,
     errata,
 )
-from physics_crosscheck.reference.dynamics.linearize import Linearization, linearize
-from physics_crosscheck.reference.dynamics.simplify import tidy
+from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, linearize
+from physics_crosscheck.reference.dynamics.simplify import simplify_bounded
 from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
 
 NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}
@@ -36,11 +36,11 @@ def row(text: str, states: str, of: str = "", driven: bool = False) -> Published
 
 
 @cache
-def rests_of(name: str) -> tuple[Linearization, ...]:
+def rests_of(name: str) -> tuple[TaylorLinearization, ...]:
     return tuple(linearize(equations_of(name), e) for e in built_in(name).equilibria)
 
 
-def judge(name: str, *published: PublishedEquation, **changed: object) -> tuple[Erratum, ...]:
+def judge(name: str, *published: PublishedEquation, **changed: object) -> tuple[EquationCheck, ...]:
     system = dataclasses.replace(built_in(name), published=published, **changed)  # type: ignore[arg-type]
     return errata(dataclasses.replace(equations_of(name), system=system), rests_of(name))
 
@@ -236,7 +236,7 @@ def test_a_wrong_quantity_is_told_where_the_source_names_it(
 def test_the_drum_and_the_rod_together_have_the_kinetic_energy() -> None:
     system = built_in("drum_pendulum")
     parts = {q.name: q.expression for q in system.quantities}
-    assert tidy(parts["T_M"] + parts["T_m"] - system.T) == 0
+    assert simplify_bounded(parts["T_M"] + parts["T_m"] - system.T) == 0
 
 
 @pytest.mark.parametrize("name", NAMES)

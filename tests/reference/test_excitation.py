@@ -10,8 +10,8 @@ import pytest
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.tree import Coupling, Kind, Link, Tree
-from physics_crosscheck.reference.solving.excitation import telling
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeCoupling, TreeLink
+from physics_crosscheck.reference.solving.excitation import select_d_optimal
 from tests.reference.multibody.trees import state, tree
 
 KINDS: tuple[tuple[Kind, ...], ...] = (
@@ -19,7 +19,7 @@ KINDS: tuple[tuple[Kind, ...], ...] = (
 )  # fmt: skip
 
 
-def about_origin(link: Link) -> Array:
+def about_origin(link: TreeLink) -> Array:
     """A link's mass, mass times center, and inertia about its origin, (10,)."""
     c = link.center
     whole = link.inertia + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
@@ -43,7 +43,7 @@ def heavier(one: Tree, at: int, share: float) -> Tree:
     return with_link(one, at, replace(link, mass=link.mass + share))
 
 
-def with_link(one: Tree, at: int, link: Link) -> Tree:
+def with_link(one: Tree, at: int, link: TreeLink) -> Tree:
     return replace(one, links=(*one.links[:at], link, *one.links[at + 1 :]))
 
 
@@ -51,8 +51,8 @@ def with_link(one: Tree, at: int, link: Link) -> Tree:
 def test_slopes_are_what_a_changed_tree_does_to_accelerations(kinds: tuple[Kind, ...]) -> None:
     one = tree(kinds, 5)
     if len(kinds) == 4:
-        one = replace(one, couplings=(Coupling(follower=3, leader=0, multiplier=-0.7),))
-    random, n, at, by = np.random.default_rng(3), one.freedoms, len(kinds) - 2, 1e-6
+        one = replace(one, couplings=(TreeCoupling(follower=3, leader=0, multiplier=-0.7),))
+    random, n, at, by = np.random.default_rng(3), one.dof, len(kinds) - 2, 1e-6
     x, rate, forces = random.normal(size=(3, n, 6))
     own = Charted(one)
     second = own.acceleration(x, rate, forces)
@@ -75,8 +75,8 @@ def test_the_one_state_that_shows_a_number_is_taken_at_once() -> None:
     rows = np.zeros((50, 2, 3))
     rows[:, 0, 0] = rows[:, 1, 1] = np.linspace(1, 2, 50)
     rows[17, 0, 2] = 1e-3
-    assert 17 in telling(rows, 2)
-    assert sorted(telling(rows, 50)) == list(range(50))
+    assert 17 in select_d_optimal(rows, 2)
+    assert sorted(select_d_optimal(rows, 50)) == list(range(50))
 
 
 def test_the_choice_does_not_depend_on_what_the_numbers_are_told_in() -> None:
@@ -84,7 +84,7 @@ def test_the_choice_does_not_depend_on_what_the_numbers_are_told_in() -> None:
     rows = random.normal(size=(60, 3, 8)) * random.uniform(0.1, 3, size=(60, 1, 1))
     mixed = rows @ random.normal(size=(8, 8)) * 10.0 ** random.integers(-9, 9, size=8)
     twice = np.concatenate([rows, rows[..., :2], 0 * rows[..., :1]], axis=2)
-    assert telling(rows, 12) == telling(mixed, 12) == telling(twice, 12)
+    assert select_d_optimal(rows, 12) == select_d_optimal(mixed, 12) == select_d_optimal(twice, 12)
 
 
 def test_chosen_states_say_more_than_as_many_at_random() -> None:
@@ -94,4 +94,4 @@ def test_chosen_states_say_more_than_as_many_at_random() -> None:
     def condition(states: list[int]) -> float:
         return float(np.linalg.cond(rows[states].reshape(-1, 30)))
 
-    assert condition(telling(rows, 24)) < condition(list(range(24))) / 2
+    assert condition(select_d_optimal(rows, 24)) < condition(list(range(24))) / 2

@@ -28,19 +28,19 @@ def test_a_drawn_motion_is_that_of_the_equations_derived_there(
     name: str, scenario: str, constants: Mapping[str, float]
 ) -> None:
     system = load_system(builtin() / name)
-    family = Family.of(derive(system))
-    found = solve_drawn(family.at(constants), system.scenario(scenario))
+    family = Family.compile(derive(system))
+    found = solve_drawn(family.with_constants(constants), system.scenario(scenario))
     there = at_constants(system, constants)
     wanted = solve(derive(there), there.scenario(scenario))
     assert found.t.shape == wanted.t.shape
     size = np.max(np.abs(wanted.end), axis=0)
     assert np.max(np.abs(found.start - wanted.start) / size) < 1e-9
     # Each segment from its own start: they are that of the equations to the bounds of both.
-    moved = solve_drawn(family.at({}), system.scenario(scenario))
+    moved = solve_drawn(family.with_constants({}), system.scenario(scenario))
     assert np.max(np.abs(moved.end[: len(found.end)] - found.end[: len(moved.end)])) > 1e-3
     assert np.all(found.bound < 1e-13 * np.maximum(size, 1.0))
     times = np.linspace(0.0, wanted.duration, 77)
-    assert np.max(np.abs(found.at(times) - wanted.at(times)) / size) < 1e-9
+    assert np.max(np.abs(found.states_at(times) - wanted.states_at(times)) / size) < 1e-9
 
 
 def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
@@ -50,7 +50,9 @@ def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
         "M": 2.777978231871478, "m": 0.5031382674606564, "l": 0.42104926367495704,
         "k": 78.7854114449368, "g": 9.764055777893367,
     }  # fmt: skip
-    found = solve_drawn(Family.of(derive(system)).at(constants), system.scenario("driven"))
+    found = solve_drawn(
+        Family.compile(derive(system)).with_constants(constants), system.scenario("driven")
+    )
     there = at_constants(system, constants)
     wanted = solve(derive(there), there.scenario("driven"))
     assert found.t.shape == wanted.t.shape
@@ -61,15 +63,15 @@ def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
 
 def test_a_second_draw_derives_and_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     system = load_system(builtin() / "simple_pendulum")
-    family = Family.of(derive(system))
-    solve_drawn(family.at({}), system.scenario("free"))
+    family = Family.compile(derive(system))
+    solve_drawn(family.with_constants({}), system.scenario("free"))
 
     def never(*_: object, **__: object) -> NoReturn:
         raise AssertionError("something is derived or compiled again")
 
     for name in ("lambdify", "diff", "simplify", "expand"):
         monkeypatch.setattr(sp, name, never)
-    solve_drawn(family.at({"l": 0.6}), system.scenario("free"))
+    solve_drawn(family.with_constants({"l": 0.6}), system.scenario("free"))
 
 
 def test_inputs_that_hold_a_varied_constant_follow_it() -> None:
@@ -80,9 +82,9 @@ def test_inputs_that_hold_a_varied_constant_follow_it() -> None:
     k = next(c for c in system.constants if c.name == "k")
     pushed = replace(system.scenario("step"), inputs={force: k.symbol / 10})
     system = replace(system, scenarios=(pushed,))
-    family = Family.of(derive(system))
+    family = Family.compile(derive(system))
     there = at_constants(system, {"k": 80.0})
     wanted = solve(derive(there), there.scenario("step"))
-    solve_drawn(family.at({}), pushed)
-    found = solve_drawn(family.at({"k": 80.0}), pushed)
+    solve_drawn(family.with_constants({}), pushed)
+    found = solve_drawn(family.with_constants({"k": 80.0}), pushed)
     assert np.max(np.abs(found.end - wanted.end)) < 1e-12

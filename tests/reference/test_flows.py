@@ -12,7 +12,7 @@ from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apa
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
-from physics_crosscheck.reference.mechanism.tree import Coupling, Fluid, Kind, Tree
+from physics_crosscheck.reference.mechanism.tree import Fluid, Kind, Tree, TreeCoupling
 from physics_crosscheck.reference.solving import flows
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
@@ -27,7 +27,7 @@ LENGTH = 0.02
 def mechanism(kinds: tuple[Kind, ...]) -> Tree:
     """A tree; of four hinges the last follows the first."""
     one = tree(kinds, 5)
-    follows = (Coupling(follower=3, leader=0, multiplier=-0.7),) if len(kinds) == 4 else ()
+    follows = (TreeCoupling(follower=3, leader=0, multiplier=-0.7),) if len(kinds) == 4 else ()
     return replace(one, couplings=follows)
 
 
@@ -48,12 +48,12 @@ def changed(one: Tree, share: float) -> Tree:
 
 def given(one: Tree) -> tuple[Array, Array]:
     random = np.random.default_rng(3)
-    return random.normal(size=(5, 2 * one.freedoms)), random.normal(size=(5, one.freedoms))
+    return random.normal(size=(5, 2 * one.dof)), random.normal(size=(5, one.dof))
 
 
 def ends(one: Tree, start: Array, forces: Array) -> Array:
     """By the classical Runge-Kutta method in many steps."""
-    own, n, steps = Charted(one), one.freedoms, 400
+    own, n, steps = Charted(one), one.dof, 400
     y, u, h = start.T, forces.T, LENGTH / steps
 
     def rate(state: Array) -> Array:
@@ -78,7 +78,7 @@ def test_a_changed_tree_moves_the_ends_as_two_solutions_differ(kinds: tuple[Kind
     apart = ends(other, start, forces) - ends(one, start, forces)
     assert np.abs(apart).max() > 1e-4
     assert np.allclose(flow.moved(other), apart, atol=1e-11)
-    back = flow.at(other).moved(one)
+    back = flow.for_tree(other).moved(one)
     assert np.allclose(back, -apart, atol=1e-11)
 
 
@@ -95,7 +95,7 @@ def test_a_tree_too_far_away_is_soon_given_up(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Charted, "acceleration", counted)
     with pytest.raises(ReferenceError, match="do not converge"):
-        flow.at(replace(one, links=(*one.links[:-1], far)))
+        flow.for_tree(replace(one, links=(*one.links[:-1], far)))
     assert asked[0] <= 20
 
 
@@ -138,7 +138,7 @@ def test_what_differs_in_more_than_bodies_is_not_taken_for_it() -> None:
     assert np.flatnonzero(apart).max() < 20
     assert bodies_apart(changed(one, 0.1), one) is None
     assert bodies_apart(replace(bodies, gravity=2 * one.gravity), one) is None
-    assert bodies_apart(replace(bodies, medium=Fluid(density=1.0)), one) is None
+    assert bodies_apart(replace(bodies, fluid=Fluid(density=1.0)), one) is None
     lifted = replace(bodies, links=(replace(one.links[0], lifted=1.0), *one.links[1:]))
     assert bodies_apart(lifted, one) is None
 

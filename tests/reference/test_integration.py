@@ -224,6 +224,6 @@ def test_a_trajectory_hits_the_breaks_of_its_input(name: str) -> None:
     signals = pieces(system, scenario)
     times = np.linspace(0.0, scenario.duration, 7)
     states = trajectory(equations, motion.start[0], signals, times)
-    gap = np.max(np.abs(states - motion.at(times)), axis=0)
+    gap = np.max(np.abs(states - motion.states_at(times)), axis=0)
     # DOP853 at 1e-13 a step over 10 s, its dense output of order 7 at 1e-11.
     assert np.all(gap <= 1e-10 * np.maximum(sizes(motion), 1e-3))

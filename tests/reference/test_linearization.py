@@ -10,7 +10,7 @@ import sympy as sp
 from physics_crosscheck.reference import Coordinate, Equilibrium, Input, Output, System
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import (
-    Linearization,
+    TaylorLinearization,
     classify,
     linearize,
     taylor,
@@ -42,20 +42,20 @@ RESTS = [
 ]
 
 
-def linearized(name: str, rest: str) -> Linearization:
+def linearized(name: str, rest: str) -> TaylorLinearization:
     equations = equations_of(name)
     (equilibrium,) = (e for e in equations.system.equilibria if e.name == rest)
     return linearize(equations, equilibrium)
 
 
-def linear(system: System) -> Linearization:
+def linear(system: System) -> TaylorLinearization:
     return linearize(derive(system), system.equilibria[0])
 
 
 # A and B
 
 
-def derivatives(name: str, linearization: Linearization) -> mp.matrix:
+def derivatives(name: str, linearization: TaylorLinearization) -> mp.matrix:
     """A and B as derivatives of the first-order field, by mpmath with 40 digits."""
     equations = equations_of(name)
     system = equations.system
@@ -63,7 +63,7 @@ def derivatives(name: str, linearization: Linearization) -> mp.matrix:
     field = sp.lambdify(
         variables, list(equations.first_order.xreplace(system.values)), modules="mpmath"
     )
-    rest = [mp.mpf(sp.N(p.subs(system.values), 50)) for p in linearization.at]
+    rest = [mp.mpf(sp.N(p.subs(system.values), 50)) for p in linearization.symbolic_position]
     rest += [mp.mpf(0)] * (len(variables) - len(rest))
 
     def entry(row: int, column: int) -> mp.mpf:
@@ -81,7 +81,7 @@ def derivatives(name: str, linearization: Linearization) -> mp.matrix:
 @pytest.mark.parametrize(("name", "rest"), RESTS)
 def test_the_linearization_is_the_derivative_of_the_first_order_field(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
-    n = len(linearization.at)
+    n = len(linearization.symbolic_position)
     with mp.workdps(40):
         found = derivatives(name, linearization)
         for row in range(2 * n):
@@ -103,7 +103,7 @@ def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness() -
 
 def test_a_searched_equilibrium_is_recognized() -> None:
     linearization = linearized("drum_pendulum", "upright")
-    assert linearization.at == (0, sp.pi)
+    assert linearization.symbolic_position == (0, sp.pi)
     np.testing.assert_array_equal(linearization.position, [0.0, np.pi])
 
 
@@ -117,7 +117,7 @@ def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits() -> Non
         constants=(*base.constants, weight),
         equilibria=(Equilibrium("hanging", {X: 0.1}, True, "the spring stretched"),),
     )
-    (found,) = linear(system).at
+    (found,) = linear(system).symbolic_position
     assert abs(found - sp.Rational(3.7) / 47) < sp.Float(10, 40) ** -40
 
 

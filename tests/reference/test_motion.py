@@ -81,7 +81,7 @@ def test_a_motion_between_its_nodes_is_what_direct_integration_gives(
         for part in (0.03, 0.31, 0.5, 0.77, 0.97):
             times, starts = motion.t[chosen], motion.start[chosen]
             direct, _ = collocate(field_of(equations, piece), times, starts, part * span.length)
-            gap = np.max(np.abs(motion.at(times + part * span.length) - direct), axis=0)
+            gap = np.max(np.abs(motion.states_at(times + part * span.length) - direct), axis=0)
             # Degree 10 over a twentieth of the fastest period: see `NODES`. And the times, late in
             # a motion, are rounded: eps of 18 s at 10 rad/s is 4e-14.
             assert np.all(gap <= 1e-13 * np.maximum(motion.amplitude, 1e-2))
@@ -95,16 +95,16 @@ def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch: pytest.MonkeyPa
     ((span,), (piece,)) = motion.spans, pieces(equations.system, scenario)
     elapsed = 0.97 * span.length
     direct, _ = collocate(field_of(equations, piece), motion.t, motion.start, elapsed)
-    gap = np.max(np.abs(motion.at(motion.t + elapsed) - direct), axis=0)
+    gap = np.max(np.abs(motion.states_at(motion.t + elapsed) - direct), axis=0)
     assert np.any(gap > 1e-13 * motion.amplitude)
 
 
 @every
 def test_the_motion_at_its_nodes_is_its_nodes(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
-    np.testing.assert_array_equal(motion.at(motion.t), motion.nodes[:, 0])
+    np.testing.assert_array_equal(motion.states_at(motion.t), motion.nodes[:, 0])
     inner = motion.t[3] + motion.lengths[3] * chebyshev_nodes()[1:-1]
-    gap = np.max(np.abs(motion.at(inner) - motion.nodes[3, 1:-1]), axis=0)
+    gap = np.max(np.abs(motion.states_at(inner) - motion.nodes[3, 1:-1]), axis=0)
     # The node's time is rounded: eps of the time, at the component's rate.
     assert np.all(gap <= 8 * EPS * motion.amplitude * max(1, motion.fastest))
 
@@ -115,7 +115,7 @@ def test_a_node_a_billionth_off_is_told() -> None:
     nodes[:, 4] *= 1 + 1e-9
     spoiled = dataclasses.replace(motion, nodes=nodes)
     times = motion.t + motion.lengths * 0.37
-    assert np.max(np.abs(spoiled.at(times) - motion.at(times))) > 1e-12
+    assert np.max(np.abs(spoiled.states_at(times) - motion.states_at(times))) > 1e-12
 
 
 @every
@@ -127,7 +127,7 @@ def test_a_motion_travels_without_sympy(name: str, scenario: str) -> None:
     times = np.linspace(0, motion.duration, 50)
     np.testing.assert_array_equal(back.end, motion.end)
     np.testing.assert_array_equal(back.inputs(times), motion.inputs(times))
-    np.testing.assert_array_equal(back.at(times), motion.at(times))
+    np.testing.assert_array_equal(back.states_at(times), motion.states_at(times))
 
 
 def test_a_motion_is_unpickled_in_another_process(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ def test_the_period_is_four_quarter_periods(amplitude: float) -> None:
     motion = solved(amplitude, 0.0, duration=6.0 * exact)
     crossing = [
         brentq(
-            lambda time: motion.at(np.array([time]))[0, 0],
+            lambda time: motion.states_at(np.array([time]))[0, 0],
             (cycle + 0.7) * exact,
             (cycle + 0.8) * exact,
             xtol=1e-14,

@@ -12,7 +12,7 @@ from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_sy
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving import resolved
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from physics_crosscheck.reference.solving.resolved import Resolved
+from physics_crosscheck.reference.solving.resolved import ReusedSegments
 from physics_crosscheck.reference.solving.samples import Samples, samples, solved
 from tests.reference.multibody.trees import tree
 
@@ -40,7 +40,7 @@ def by_two_methods(system: TreeSystem, one: Samples) -> Samples:
 def test_a_draw_ends_where_two_methods_from_scratch_end(factor: float) -> None:
     system, one = known()
     drawn = replace(system, tree=heavier(system.tree, factor))
-    found = Resolved(system, one).at(drawn.tree)
+    found = ReusedSegments(system, one).for_tree(drawn.tree)
     expected = by_two_methods(drawn, one)
     assert np.all(np.abs(found.end - expected.end) <= found.bound + expected.bound)
     # A thousandth of the mass is seen: no bound covers what a draw does.
@@ -50,14 +50,14 @@ def test_a_draw_ends_where_two_methods_from_scratch_end(factor: float) -> None:
 
 def test_no_change_ends_where_the_known_ones_end() -> None:
     system, one = known()
-    found = Resolved(system, one).at(system.tree)
+    found = ReusedSegments(system, one).for_tree(system.tree)
     assert np.all(np.abs(found.end - one.end) <= one.bound)
 
 
 def test_a_quicker_tree_has_shorter_segments() -> None:
     system, one = known()
     quick = replace(system, tree=damped(system.tree, 400.0))
-    found = Resolved(system, one).at(quick.tree)
+    found = ReusedSegments(system, one).for_tree(quick.tree)
     assert found.length < one.length / 2
     assert found.fastest > 2 * one.fastest
     expected = by_two_methods(quick, found)
@@ -66,11 +66,11 @@ def test_a_quicker_tree_has_shorter_segments() -> None:
 
 def test_what_is_not_near_is_solved_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
     system, one = known()
-    near = Resolved(system, one)
+    near = ReusedSegments(system, one)
 
     def refused(*_: object) -> Samples:
         raise ReferenceError("it does not converge")
 
-    monkeypatch.setattr(resolved.Resolved, "_near", refused)
+    monkeypatch.setattr(resolved.ReusedSegments, "_near", refused)
     drawn = replace(system, tree=heavier(system.tree, 2.0))
-    assert np.array_equal(near.at(drawn.tree).end, by_two_methods(drawn, one).end)
+    assert np.array_equal(near.for_tree(drawn.tree).end, by_two_methods(drawn, one).end)

@@ -17,7 +17,14 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scalars
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree
 from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
-from physics_crosscheck.reference.solving.samples import APART, FAR, REACH, Samples, samples, within
+from physics_crosscheck.reference.solving.samples import (
+    APART,
+    FAR,
+    SAMPLING_RANGE,
+    Samples,
+    samples,
+    within,
+)
 from tests.reference.multibody.trees import tree
 
 KINDS: tuple[Kind, ...] = ("hinge", "slide", "hinge", "hinge")
@@ -109,9 +116,9 @@ def test_states_are_within_limits_and_the_same_for_one_seed() -> None:
 
 @pytest.mark.parametrize(("limits", "home", "expected"), [
     ((-0.5, 0.2), 0.0, (-0.5, 0.2)),
-    ((-np.inf, np.inf), 2.0, (2.0 - REACH, 2.0 + REACH)),
-    ((-np.inf, -3.0), 0.0, (-3.0 - REACH, -3.0)),
-    ((5.0, np.inf), 0.0, (5.0, 5.0 + REACH)),
+    ((-np.inf, np.inf), 2.0, (2.0 - SAMPLING_RANGE, 2.0 + SAMPLING_RANGE)),
+    ((-np.inf, -3.0), 0.0, (-3.0 - SAMPLING_RANGE, -3.0)),
+    ((5.0, np.inf), 0.0, (5.0, 5.0 + SAMPLING_RANGE)),
     ((-100.0, 100.0), 1.0, (1.0 - FAR, 1.0 + FAR)),
     ((10.0, 100.0), 0.0, (10.0, 10.0 + FAR)),
 ])  # fmt: skip
@@ -144,7 +151,11 @@ def test_a_joint_that_settles_faster_than_it_can_be_seen_is_refused_by_its_name(
 def test_limits_that_leave_no_room_are_none() -> None:
     limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
     found = within(limits, np.array([0.0, 0.5, 0.1]))
-    assert found.tolist() == [[-REACH, REACH], [0.5 - REACH, 0.5 + REACH], [0, 0.5]]
+    assert found.tolist() == [
+        [-SAMPLING_RANGE, SAMPLING_RANGE],
+        [0.5 - SAMPLING_RANGE, 0.5 + SAMPLING_RANGE],
+        [0, 0.5],
+    ]
 
 
 def test_a_joint_without_any_inertia_is_refused() -> None:

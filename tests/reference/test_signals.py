@@ -11,7 +11,7 @@ from sympy import Abs, Heaviside, Max, Piecewise, Rational, cos, cosh, exp, floo
 from physics_crosscheck.reference import DeclarationError, Input, System, t
 from physics_crosscheck.reference.mechanism.signal import (
     DIGITS,
-    Piece,
+    SignalPiece,
     generator,
     numeric_inputs,
     pieces,
@@ -19,7 +19,7 @@ from physics_crosscheck.reference.mechanism.signal import (
 from tests.reference.mechanisms import EPS, declared, oscillator
 
 
-def cut(force: sp.Expr, duration: float = 6.0) -> tuple[Piece, ...]:
+def cut(force: sp.Expr, duration: float = 6.0) -> tuple[SignalPiece, ...]:
     system = oscillator(1.0, 0.0, 1.0, force, duration=duration)
     return pieces(system, system.scenarios[0])
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.tree import WORLD, Link, Tree
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
 from physics_crosscheck.reference.solving.next_state import Scheme, SteppedBodies, next_states
 
 RNG = np.random.default_rng(4)
@@ -16,7 +16,7 @@ RNG = np.random.default_rng(4)
 
 def free_body(*, damping: float = 0.0) -> Tree:
     """One body, free to move, none of whose numbers is plain."""
-    link = Link(
+    link = TreeLink(
         name="body", parent=WORLD, kind="free", mass=1.7, damping=damping,
         position=np.array([0.1, 0.2, 0.3]), rotation=np.eye(3), axis=np.array([1.0, 0, 0]),
         center=np.array([0.1, -0.2, 0.05]),
@@ -71,7 +71,7 @@ def test_velocities_come_back_as_rates() -> None:
 
 def test_dampers_at_the_end_of_a_step_are_those_of_a_linear_system() -> None:
     """(M + h D) v' = M v of a slide; and so are all forces by velocity."""
-    slide = Link(
+    slide = TreeLink(
         name="x", parent=WORLD, kind="slide", mass=2.0, damping=3.0, position=np.zeros(3),
         rotation=np.eye(3), axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.eye(3),
     )  # fmt: skip
@@ -93,7 +93,7 @@ def test_springs_at_the_end_of_a_step_pull_from_where_the_new_velocity_takes_the
 ) -> None:
     """M (v' - v) / h = -K (q + h v') - D v', of two slides."""
     links = tuple(
-        Link(
+        TreeLink(
             name=name, parent=WORLD, kind="slide", mass=m, position=np.zeros(3), stiffness=k,
             rotation=np.eye(3), axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.eye(3),
             damping=dampers,
@@ -115,7 +115,7 @@ def test_springs_at_the_end_of_a_step_pull_from_where_the_new_velocity_takes_the
 
 def test_a_motion_that_blows_up_raises_nothing() -> None:
     """Its states are no numbers: at a coarse step that is not the model's fault alone."""
-    nothing = Link(
+    nothing = TreeLink(
         name="x", parent=WORLD, kind="slide", mass=0.0, position=np.zeros(3), rotation=np.eye(3),
         axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.zeros((3, 3)),
     )  # fmt: skip

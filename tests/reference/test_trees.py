@@ -14,7 +14,7 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.tree import Link, Tree
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.solve import solve
 from tests.cases.arms import arm
 
@@ -24,7 +24,7 @@ def _tensor(values: list[float]) -> Array:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def links(declared: System) -> tuple[Link, Link]:
+def links(declared: System) -> tuple[TreeLink, TreeLink]:
     """The arm as bodies: a turning shoulder, and a link on a slanted hinge."""
     c = {constant.name: constant.value for constant in declared.constants}
     names = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -34,12 +34,12 @@ def links(declared: System) -> tuple[Link, Link]:
     axes = np.eye(3)
     slant = about_axis(axes[1], np.array(c["slant"]), DOUBLES)
     return (
-        Link(
+        TreeLink(
             name="pan", parent=-1, position=np.zeros(3), rotation=axes, kind="hinge",
             axis=axes[2], mass=c["shoulder_mass"], center=np.zeros(3), inertia=first,
             damping=c["friction"], stiffness=c["stiffness"],
         ),
-        Link(
+        TreeLink(
             name="lift", parent=0, position=np.array([c["reach"], 0, 0]), rotation=slant,
             kind="hinge", axis=axes[0], mass=c["link_mass"],
             center=np.array([c["link_x"], c["link_y"], c["link_z"]]), inertia=second,
@@ -123,12 +123,12 @@ def test_rounding_is_bounded_by_what_long_doubles_tell(recursive: TreeEquations)
     q, v, u, time = random_arguments(2)
     states, none = np.concatenate([q, v], axis=1), np.zeros(20)
     at = states, u, time[:, 0]
-    still = recursive.acceleration_error(*at, off=0 * u, late=none, rounded=False)
+    still = recursive.acceleration_error(*at, off=0 * u, time_error=none, rounded=False)
     assert not still.any()
-    own = recursive.acceleration_error(*at, off=0 * u, late=none, rounded=True)
+    own = recursive.acceleration_error(*at, off=0 * u, time_error=none, rounded=True)
     size = np.max(np.abs(recursive.numeric_acceleration(q, v, u, time)))
     assert 0 < np.max(own) < 1e-13 * size
-    moved = recursive.acceleration_error(*at, off=0 * u + 1e-3, late=none, rounded=False)
+    moved = recursive.acceleration_error(*at, off=0 * u + 1e-3, time_error=none, rounded=False)
     pushed = recursive.numeric_acceleration(q, v, u + 1e-3, time)
     effect = np.abs(pushed - recursive.numeric_acceleration(q, v, u, time))
     assert np.max(np.abs(moved - effect)) < 1e-9 * np.max(effect)

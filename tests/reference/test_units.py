@@ -6,11 +6,11 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference.mechanism.units import (
+    DIMENSIONLESS,
     ENERGY,
     FORCE,
     LENGTH,
     MASS,
-    ONE,
     POWER,
     TIME,
     Dimension,
@@ -20,15 +20,15 @@ from physics_crosscheck.reference.mechanism.units import (
 )
 
 x, y, m, angle = sp.symbols("x y m angle", real=True)
-KNOWN = {x: LENGTH, y: TIME, m: MASS, angle: ONE}
+KNOWN = {x: LENGTH, y: TIME, m: MASS, angle: DIMENSIONLESS}
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
         ("m", LENGTH),
-        ("1", ONE),
-        ("rad", ONE),
+        ("1", DIMENSIONLESS),
+        ("rad", DIMENSIONLESS),
         ("N", FORCE),
         ("kg*m/s^2", FORCE),
         ("kg*m^2", MASS * LENGTH ** Fraction(2)),
@@ -65,11 +65,11 @@ def test_a_missing_unit_is_refused_with_the_remedy(text: str) -> None:
         (m * x**2 / y**2, ENERGY),
         (sp.sqrt(x) ** 2 * sp.cos(angle), LENGTH),
         (sp.sqrt(x), LENGTH ** Fraction(1, 2)),
-        (sp.atan2(x, 2 * x), ONE),
-        (sp.exp(angle), ONE),
+        (sp.atan2(x, 2 * x), DIMENSIONLESS),
+        (sp.exp(angle), DIMENSIONLESS),
         (3 * x - x, LENGTH),
-        (sp.sin(angle) ** angle, ONE),
-        (sp.pi, ONE),
+        (sp.sin(angle) ** angle, DIMENSIONLESS),
+        (sp.pi, DIMENSIONLESS),
         (sp.Integer(0), None),
     ],
 )
@@ -96,4 +96,4 @@ def test_a_contradiction_is_named(expression: sp.Expr, named: str) -> None:
 
 def test_a_dimension_is_written_for_a_reader() -> None:
     assert str(FORCE) == "kg*m*s^-2"
-    assert str(ONE) == "1"
+    assert str(DIMENSIONLESS) == "1"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
-from physics_crosscheck.reference.mechanism.tree import Link, Tree
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 
 BODY = (
     '<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>'
@@ -51,7 +51,7 @@ def tree_of(robot: Robot) -> Tree:
     return robot.tree
 
 
-def last(robot: Robot) -> Link:
+def last(robot: Robot) -> TreeLink:
     return tree_of(robot).links[-1]
 
 

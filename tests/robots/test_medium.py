@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.fluid import Immersion
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.chart import Chart
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from tests.robots.planted import Checked, checked, tree_of
 
 EEL = """<mujoco model="eel">
@@ -52,7 +52,7 @@ def test_forces_are_those_that_the_engine_tells(eel: Checked) -> None:
     rng = np.random.default_rng(3)
     immersion = Immersion(tree, Recursion(tree))
     for _ in range(5):
-        data.qpos[:] = Chart(tree).positions(rng.normal(size=(4, 1)))[:, 0]
+        data.qpos[:] = MinimalCoordinates(tree).positions(rng.normal(size=(4, 1)))[:, 0]
         data.qvel[:] = rng.normal(size=4)
         mujoco.mj_forward(model, data)
         own = immersion.forces(data.qpos.copy(), data.qvel.copy())
@@ -84,4 +84,4 @@ def test_flags_switch_it_off_together_alone(tmp_path: Path, spring: str, there: 
     text = EEL.replace("<worldbody>", flags).replace('"tail"', '"tail" gravcomp="0.5"')
     found = checked(tmp_path, text)
     assert found.outcome() == (Outcome.AGREES, "")
-    assert (tree_of(found.file).medium is not None) == there
+    assert (tree_of(found.file).fluid is not None) == there

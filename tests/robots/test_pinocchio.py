@@ -182,7 +182,7 @@ def test_bodies_that_are_compiled_move_as_another_library_says(name: str) -> Non
         links=tuple(replace(link, armature=0.0) for link in tree.links),
         pulls=(),
         couplings=(),
-        medium=None,
+        fluid=None,
     )
     assert differences(rebuilt(plain), plain).max() < CLOSE
 

@@ -81,8 +81,10 @@ def axis(tree: Tree, at: float = 0.0) -> np.ndarray:
 def test_an_axis_is_told_in_the_frame_that_the_version_or_the_file_says(
     version: str, xyz: str, frame: str, tmp_path: Path
 ) -> None:
-    arm = MODEL.of(ARM_THERE)
-    turn = {"model": MODEL, "arm": arm, "joint": arm.of(place("0.05 0.1 0 0.2 0.1 0.3"))}[frame]
+    arm = MODEL.compose(ARM_THERE)
+    turn = {"model": MODEL, "arm": arm, "joint": arm.compose(place("0.05 0.1 0 0.2 0.1 0.3"))}[
+        frame
+    ]
     tree = tree_of(read(tmp_path, BASE, ARM, WELD, joint(xyz=xyz, pose=LATER), version=version))
     told_axis = np.array([0.2, -1.0, 0.3])
     wanted = turn.rotation @ told_axis / np.linalg.norm(told_axis)
@@ -93,8 +95,8 @@ def test_a_joint_turns_about_its_own_origin_and_inertials_are_turned(tmp_path: P
     tree = tree_of(read(tmp_path, BASE, ARM, WELD, joint(pose=LATER)))
     (link,) = tree.links
     (pose,) = Recursion(tree).poses(np.zeros((1, 1)))
-    arm = MODEL.of(ARM_THERE)
-    assert pose.origin[:, 0] == pytest.approx(arm.at(np.array([0.05, 0.1, 0.0])), abs=1e-15)
+    arm = MODEL.compose(ARM_THERE)
+    assert pose.origin[:, 0] == pytest.approx(arm.transform(np.array([0.05, 0.1, 0.0])), abs=1e-15)
     turn = place("0.1 0.2 -0.5 0.3 0.2 0.1").rotation
     moments = np.array([[0.1, 0.01, 0.02], [0.01, 0.2, 0.03], [0.02, 0.03, 0.15]])
     assert link.inertia == pytest.approx(turn @ moments @ turn.T, abs=1e-15)
@@ -252,7 +254,7 @@ def test_an_automatic_inertia_follows_from_the_shape_and_its_density(
     assert link.mass == pytest.approx(mass, rel=1e-14)
     assert sorted(np.linalg.eigvalsh(link.inertia)) == pytest.approx(sorted(moments), rel=1e-7)
     height = -0.1 if "cone" in geometry else 0.0
-    center = place("0.1 0.2 0.3 0.4 0.5 0.6").at(np.array([0.0, 0.0, height]))
+    center = place("0.1 0.2 0.3 0.4 0.5 0.6").transform(np.array([0.0, 0.0, height]))
     assert link.center == pytest.approx(center, abs=1e-15)
 
 

@@ -236,7 +236,7 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         '<link name="c" mass="3"/>',
         "<loop_joint/>",
     )
-    assert (tree_of(robot).nv, tree_of(robot).freedoms) == (3, 2)
+    assert (tree_of(robot).nv, tree_of(robot).dof) == (3, 2)
     assert told(robot) == {
         "dry friction": ("j",),
         "limits of position": ("j",),

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.load import load_declaration, load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
-from physics_crosscheck.reference.mechanism.tree import Link, Tree
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())
@@ -73,11 +73,11 @@ def written(folder: Path) -> Path:
 def digits(tree: Tree) -> list[object]:
     """All numbers of a tree, in words that tell every double from every other."""
     links = [
-        [repr(np.asarray(getattr(link, field.name)).tolist()) for field in fields(Link)]
+        [repr(np.asarray(getattr(link, field.name)).tolist()) for field in fields(TreeLink)]
         for link in tree.links
     ]
     return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist()),
-            repr(tree.medium), repr(tree.bushes),
+            repr(tree.fluid), repr(tree.bushings),
             [one.size.tolist() for one in tree.immersed]]  # fmt: skip
 
 

@@ -113,7 +113,7 @@ def solve(
     found = _solved(asked)
     motion, columns = found.motion, Columns(found.declaration)
     at = _times(times, motion.duration)
-    states = motion.at(at)
+    states = motion.states_at(at)
     return Trajectory(
         t=at,
         names=columns.names,

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import simulated, why_no_run
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.load import load_declaration, told_with_file
+from physics_crosscheck.reference.load import load_declaration, with_location
 from physics_crosscheck.reference.mechanism.declaration import Scenario
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
@@ -131,7 +131,7 @@ def solved(asked: Asked) -> Solved:
         motion = solve(TreeEquations(declaration), scenario)
     else:
         assert asked.subject.folder is not None
-        with told_with_file(asked.subject.folder):
+        with with_location(asked.subject.folder):
             motion = solve(derive(declaration), scenario)
     return Solved(declaration=declaration, motion=motion, reads=source.reads)
 

@@ -24,7 +24,7 @@ from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.tree import Tree
-from physics_crosscheck.reference.solving.resolved import Resolved
+from physics_crosscheck.reference.solving.resolved import ReusedSegments
 from physics_crosscheck.reference.solving.samples import Samples
 
 
@@ -53,7 +53,7 @@ class SweptRobot(Source):
         self._numbers = robot_numbers(file, self._prepared.settings)
         self._index = {self._numbers.numerals[i].address: i for i in reversed(self._numbers.saying)}
         self._own = frozenset[str]()
-        self._resolved: Resolved | None = None
+        self._resolved: ReusedSegments | None = None
         self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
         self._draws = Recent[_Draw]()
 
@@ -89,7 +89,7 @@ class SweptRobot(Source):
     def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
         """Load it as it is, and solve what its draws are solved from."""
         if self._resolved is None:
-            self._resolved = Resolved(self._prepared.system, self._prepared.samples)
+            self._resolved = ReusedSegments(self._prepared.system, self._prepared.samples)
         if engine not in self._ways:
             found = load_robot(self._task(engine))
             self._ways[engine] = found.integrator, found.integrators
@@ -134,4 +134,4 @@ class SweptRobot(Source):
         ]
         if tree is None or not same:
             raise RobotError(f"{known.file}: with these numbers it makes other joints, or none")
-        return _Draw(tree, self._resolved.at(tree))
+        return _Draw(tree, self._resolved.for_tree(tree))

@@ -79,7 +79,7 @@ class Swept(Source):
     def __init__(self, folder: Path) -> None:
         self.folder, self.varied = folder, frozenset[str]()
         self.system: System = load_system(folder)
-        self.family = Family.of(derive(self.system))
+        self.family = Family.compile(derive(self.system))
         self._models: dict[tuple[str, str], Prepared] = {}
         self._motions = Recent[Motion]()
         self._sidecars = {
@@ -156,7 +156,7 @@ class Swept(Source):
 
     def equations(self, constants: Mapping[str, float]) -> DrawnEquations:
         """The equations at drawn constants."""
-        return self.family.at(constants)
+        return self.family.with_constants(constants)
 
     def motion(self, draw: int, equations: DrawnEquations, scenario: str) -> Motion:
         """The reference motion of a scenario in a draw.
@@ -172,7 +172,7 @@ class Swept(Source):
     @cached_property
     def declared_motions(self) -> Mapping[str, Motion]:
         """Those of all scenarios at the declared constants, for how far components move."""
-        equations = self.family.at({})
+        equations = self.family.with_constants({})
         scenarios: tuple[Scenario, ...] = self.system.scenarios
         return {one.name: solve_drawn(equations, one) for one in scenarios}
 
@@ -196,7 +196,7 @@ class Swept(Source):
         if why := why_no_run(motion.duration, model.step):
             raise EngineError(f"{case.model}: {why}")
         with known.stepping(model):
-            coordinates = prepared.coordinates.at(equations.values)
+            coordinates = prepared.coordinates.with_constants(equations.values)
             known.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
             self._full_run(case, motion, model, coordinates, known)
 
@@ -211,7 +211,9 @@ class Swept(Source):
         others = [m for name, m in self.declared_motions.items() if name != case.scenario]
         scale = component_scale(motion, others)
         names = [c.name for c in self.system.coordinates]
-        found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+        found = extrapolate(
+            model, coordinates, Batch.of_motion(motion, scale), resolution=resolution
+        )
         return judged(
             found,
             motion,

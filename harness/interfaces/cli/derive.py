@@ -22,7 +22,7 @@ from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
 from physics_crosscheck.harness.render.terminal.equations import describe
-from physics_crosscheck.reference.load import load_declaration, told_with_file
+from physics_crosscheck.reference.load import load_declaration, with_location
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 Form = Literal["latex", "text"]
@@ -69,5 +69,5 @@ def describe_folder(folder: Path, *, form: Form) -> str:
     system = load_declaration(folder)
     if isinstance(system, MultibodySystem):
         return describe(tree_derivation(system), form)
-    with told_with_file(folder):
+    with with_location(folder):
         return describe(derivation(system), form)

@@ -99,7 +99,7 @@ def _assembled(told: Told) -> Assembled:
 
 
 def _part(body: RigidBody, within: int) -> Part:
-    mass, center, inertia = body.lump
+    mass, center, inertia = body.spatial_inertia
     return Part(name=body.name, line=0, mass=mass, center=center, inertia=inertia, body=within)
 
 
@@ -202,8 +202,8 @@ def _along(
         return Site(body=bodies[mark.body], position=_triple(mark.at), quaternion=turn)
 
     if one.frame is None:
-        return CablePath(branches=one.branches).at(site)
-    return FrameForce(frame=one.frame, gear=one.gear, against=one.against).at(site)
+        return CablePath(branches=one.branches).mapped(site)
+    return FrameForce(frame=one.frame, gear=one.gear, against=one.against).mapped(site)
 
 
 def _couplings(found: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[Coupling]:

@@ -133,7 +133,7 @@ class Frames:
             return HERE
         pose = self._poses[name]
         outer = pose.relative_to or _default(element)
-        found = self._places[name] = self._place(outer, (*within, name)).of(pose.place)
+        found = self._places[name] = self._place(outer, (*within, name)).compose(pose.place)
         return found
 
     def of_model(self) -> Place:
@@ -147,7 +147,7 @@ class Frames:
                 "give the pose in the world",
             )
         placed = self._model.attributes.get("placement_frame", "")
-        return pose.place.of(inverse(self.place(placed))) if placed else pose.place
+        return pose.place.compose(inverse(self.place(placed))) if placed else pose.place
 
 
 def inverse(place: Place) -> Place:

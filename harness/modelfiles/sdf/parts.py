@@ -177,7 +177,7 @@ def _moving(
         name=name,
         kind=kind,
         axis=_triple(direction),
-        at=_triple(inward.of(frames.place(name)).origin),
+        at=_triple(inward.compose(frames.place(name)).origin),
         damping=number["damping"],
         stiffness=number["spring_stiffness"],
         rest=number["spring_reference"],
@@ -256,9 +256,9 @@ def bodies_of(
     waiting = list(reversed(below.get(root, [])))
     while waiting:
         joint = waiting.pop()
-        place = inverse(frames.place(joint.parent)).of(frames.place(joint.child))
+        place = inverse(frames.place(joint.parent)).compose(frames.place(joint.child))
         if joint.parent == WORLD:
-            place = frames.of_model().of(frames.place(joint.child))
+            place = frames.of_model().compose(frames.place(joint.child))
         moving = joint.joint is not None and joint.name not in still
         yield replace(
             links[joint.child].body,

@@ -11,12 +11,12 @@ from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.harness.modelfiles.sdf.frames import Frames, inverse, read_pose
-from physics_crosscheck.reference.mechanism.spatial_inertia import NOTHING, Lump
+from physics_crosscheck.reference.mechanism.spatial_inertia import NOTHING, SpatialInertia
 
 
 def automatic_lump(
     document: Document, frames: Frames, link: RawElement, inertial: RawElement, name: str
-) -> Lump:
+) -> SpatialInertia:
     """Return what `<inertial auto="true">` makes of the shapes of a link, in the link's frame.
 
     A `<mass>` beside it scales the densities; `<pose>` and `<inertia>` have no meaning there.
@@ -47,17 +47,19 @@ def automatic_lump(
             pose = read_pose(document, collision, f"a <collision> of {what}")
             place = pose.place
             if pose.relative_to:
-                outer = inverse(frames.place(name)).of(frames.place(pose.relative_to))
-                place = outer.of(place)
+                outer = inverse(frames.place(name)).compose(frames.place(pose.relative_to))
+                place = outer.compose(place)
             total = total.with_(own.seen(place))
     mass = document.child(inertial, "mass")
     if mass is None or not total.mass:
         return total
     ratio = _positive(document, mass, (total.mass,), what)[0] / total.mass
-    return Lump(total.mass * ratio, total.center, total.inertia * ratio)
+    return SpatialInertia(total.mass * ratio, total.center, total.inertia * ratio)
 
 
-def _solid(document: Document, collision: RawElement, what: str, density: float) -> Iterator[Lump]:
+def _solid(
+    document: Document, collision: RawElement, what: str, density: float
+) -> Iterator[SpatialInertia]:
     """Yield the body of a collision in its own frame; none where it has no such inertia."""
     geometry = document.child(collision, "geometry")
     shape = next(iter(geometry.children), None) if geometry is not None else None
@@ -76,7 +78,7 @@ def _solid(document: Document, collision: RawElement, what: str, density: float)
     ]
     volume, height, moments = solid(shape.tag, sizes)
     mass = density * volume
-    yield Lump(mass, np.array([0.0, 0.0, height]), mass * np.diag(moments))
+    yield SpatialInertia(mass, np.array([0.0, 0.0, height]), mass * np.diag(moments))
 
 
 def _positive(

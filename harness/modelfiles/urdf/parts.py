@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.document import EXPAND, Document, rea
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.reference.mechanism.bodies import ZERO, RigidBody, Triple
-from physics_crosscheck.reference.mechanism.spatial_inertia import Lump
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
@@ -40,9 +40,9 @@ class UrdfLink:
     body: RigidBody
 
     @property
-    def lump(self) -> Lump:
+    def lump(self) -> SpatialInertia:
         """Its mass in its own frame."""
-        return self.body.lump
+        return self.body.spatial_inertia
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -95,7 +95,7 @@ def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     motion, scale = physics.motions[name], physics.scales[name]
     model, coordinates = load(physics.system, sidecar, mistake.engine)
     claimed, _ = model.exponents(motion.varying)
-    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=1e-9)
+    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=1e-9)
     return judge(found.limit, motion, scale, physics.components, claimed, 1e-9).outcome
 
 

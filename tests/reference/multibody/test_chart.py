@@ -14,7 +14,7 @@ from physics_crosscheck.harness.engines.attitude import (
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.mechanism.chart import Chart, coordinate_names
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scalars, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import Kind
 from tests.reference.multibody.trees import KINDS, tree
@@ -34,7 +34,7 @@ def state() -> tuple[Scalars, Scalars, Scalars]:
 def test_rates_are_those_of_the_frames(state: tuple[Scalars, Scalars, Scalars]) -> None:
     """The tree's velocities turn and move its frames as the coordinates do."""
     y, rates, _ = state
-    chart, recursion = Chart(TREE), Recursion(TREE)
+    chart, recursion = MinimalCoordinates(TREE), Recursion(TREE)
     v, q = chart.velocities(y, rates), chart.positions(y)
     assert chart.rates(y, v) == pytest.approx(rates, abs=1e-13)
     for body, here in zip(TREE.links, TREE.positions, strict=True):
@@ -57,7 +57,7 @@ def test_accelerations_are_the_derivatives_of_the_trees_velocities(
     state: tuple[Scalars, Scalars, Scalars],
 ) -> None:
     y, rates, forces = state
-    chart, own = Chart(TREE), Charted(TREE)
+    chart, own = MinimalCoordinates(TREE), Charted(TREE)
     second = own.acceleration(y, rates, forces)
     after, before = (
         chart.velocities(y + h * rates + h * h * second / 2, rates + h * second) for h in (H, -H)
@@ -76,7 +76,7 @@ def test_the_energy_of_the_rates_is_that_of_the_bodies(
     state: tuple[Scalars, Scalars, Scalars],
 ) -> None:
     y, rates, forces = state
-    chart, mass = Chart(TREE), Charted(TREE).mass(y)
+    chart, mass = MinimalCoordinates(TREE), Charted(TREE).mass(y)
     kinetic = Dynamics(TREE).kinetic(chart.positions(y), chart.velocities(y, rates))
     assert (rates * (mass * rates).sum(axis=1)).sum(axis=0) / 2 == pytest.approx(kinetic)
     assert mass == pytest.approx(np.swapaxes(mass, 0, 1), abs=1e-13)
@@ -95,7 +95,7 @@ def test_rotations_are_those_that_adapters_make() -> None:
     rng = np.random.default_rng(1)
     p, angular = rng.normal(size=(2, 40, 3))
     ball = tree(("ball",), 0)
-    chart = Chart(ball)
+    chart = MinimalCoordinates(ball)
     q = quaternion(p)
     assert np.linalg.norm(q, axis=1) == pytest.approx(1)
     own, other = from_quaternion(q.T), from_quaternion(chart.positions(p.T))

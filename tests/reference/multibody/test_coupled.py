@@ -9,10 +9,10 @@ import pytest
 
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.mechanism.chart import Chart
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES
-from physics_crosscheck.reference.mechanism.tree import Coupling, Tree, TreeError
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeCoupling, TreeError
 from tests.reference.multibody.trees import tree
 
 
@@ -22,9 +22,9 @@ def gripper() -> Tree:
     return dataclasses.replace(
         one,
         couplings=(
-            Coupling(follower=4, leader=3, multiplier=-0.7, offset=0.1),
-            Coupling(follower=3, leader=1, multiplier=2.0, offset=-0.3),
-            Coupling(follower=2, leader=None, offset=0.25),
+            TreeCoupling(follower=4, leader=3, multiplier=-0.7, offset=0.1),
+            TreeCoupling(follower=3, leader=1, multiplier=2.0, offset=-0.3),
+            TreeCoupling(follower=2, leader=None, offset=0.25),
         ),
     )
 
@@ -44,7 +44,7 @@ def test_accelerations_are_those_of_the_whole_with_forces_that_hold_it() -> None
     """The equations with multipliers (KKT), solved as they stand."""
     held = gripper()
     whole = dataclasses.replace(held, couplings=())
-    coupled, chart, dynamics = Coupled(held), Chart(held), Dynamics(whole)
+    coupled, chart, dynamics = Coupled(held), MinimalCoordinates(held), Dynamics(whole)
     x, rate, forces = np.random.default_rng(2).normal(size=(3, 7, 4))
     y, rates = coupled.positions(x), coupled.rates(rate)
     given = np.zeros_like(y)
@@ -72,7 +72,7 @@ def test_its_energy_is_that_of_the_whole() -> None:
     x, rate = np.random.default_rng(3).normal(size=(2, 7, 4))
     mass = Charted(held).mass(x)
     kinetic = (rate * (mass * rate).sum(axis=1)).sum(axis=0) / 2
-    coupled, chart = Coupled(held), Chart(held)
+    coupled, chart = Coupled(held), MinimalCoordinates(held)
     y = coupled.positions(x)
     v = chart.velocities(y, coupled.rates(rate))
     assert kinetic == pytest.approx(Dynamics(held).kinetic(chart.positions(y), v))
@@ -81,8 +81,8 @@ def test_its_energy_is_that_of_the_whole() -> None:
 def test_several_are_followed_at_once() -> None:
     one = tree(("hinge", "slide", "hinge", "slide"), 5)
     ends = (
-        Coupling(follower=1, leader=0, multiplier=2.0, others=((3, -0.5),), offset=0.1),
-        Coupling(follower=2, leader=1, multiplier=3.0, others=((0, 1.0),)),
+        TreeCoupling(follower=1, leader=0, multiplier=2.0, others=((3, -0.5),), offset=0.1),
+        TreeCoupling(follower=2, leader=1, multiplier=3.0, others=((0, 1.0),)),
     )
     coupled = Coupled(dataclasses.replace(one, couplings=ends))
     y = coupled.positions(np.array([0.7, -0.4]))
@@ -92,7 +92,7 @@ def test_several_are_followed_at_once() -> None:
 
 def test_a_circle_is_refused_by_its_names() -> None:
     one = tree(("hinge", "hinge"), 0)
-    ends = (Coupling(follower=0, leader=1), Coupling(follower=1, leader=0))
+    ends = (TreeCoupling(follower=0, leader=1), TreeCoupling(follower=1, leader=0))
     with pytest.raises(TreeError, match="j0, j1 follow each other in a cycle"):
         Coupled(dataclasses.replace(one, couplings=ends))
 
@@ -100,4 +100,4 @@ def test_a_circle_is_refused_by_its_names() -> None:
 def test_a_ball_follows_nothing() -> None:
     one = tree(("ball", "hinge"), 0)
     with pytest.raises(TreeError, match="j0 is coupled, but neither a hinge"):
-        dataclasses.replace(one, couplings=(Coupling(follower=1, leader=0),))
+        dataclasses.replace(one, couplings=(TreeCoupling(follower=1, leader=0),))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.formulas import Formulas, formulas
+from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, formulas
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, Joint, RigidBody
@@ -44,7 +44,7 @@ def test_they_are_what_the_recursion_has(kinds: tuple[str, ...]) -> None:
     tree, n = chain(len(kinds), *kinds), len(kinds)
     q, v = (sp.symbols(f"{letter}:{n}", real=True) for letter in "qv")
     found = formulas(tree, q, v)
-    assert isinstance(found, Formulas)
+    assert isinstance(found, SymbolicEquations)
     dynamics = Dynamics(tree)
     for at in np.random.default_rng(3).uniform(-2, 2, (4, 2, n)):
         values = dict(zip((*q, *v), at.ravel().tolist(), strict=True))
@@ -58,7 +58,7 @@ def test_they_are_what_the_recursion_has(kinds: tuple[str, ...]) -> None:
 def test_what_angles_of_a_file_leave_of_zeros_is_left_out() -> None:
     q, v = (sp.symbols(f"{letter}:2", real=True) for letter in "qv")
     found = formulas(chain(2), q, v)
-    assert isinstance(found, Formulas)
+    assert isinstance(found, SymbolicEquations)
     numbers = [abs(float(x)) for row in found.force for term in row for x in term.atoms(sp.Float)]
     assert min(numbers) > 1e-6
 

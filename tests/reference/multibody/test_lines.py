@@ -17,7 +17,7 @@ from physics_crosscheck.reference.mechanism.force_paths import (
     CablePath,
     FrameForce,
     JointForce,
-    Mark,
+    LinkFrame,
     Way,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -26,7 +26,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     quaternion_product,
     rotation_vector,
 )
-from physics_crosscheck.reference.mechanism.tree import WORLD, Bush, Pull, Tree, TreeError
+from physics_crosscheck.reference.mechanism.tree import WORLD, Bushing, Tree, TreeError, TreeForce
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 
@@ -35,16 +35,16 @@ FREE, BALL = 3, 2
 RNG = np.random.default_rng(11)
 
 
-def mark(link: int) -> Mark:
+def mark(link: int) -> LinkFrame:
     turn = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
-    return Mark(link=link, position=RNG.normal(size=3), rotation=turn * np.linalg.det(turn))
+    return LinkFrame(link=link, position=RNG.normal(size=3), rotation=turn * np.linalg.det(turn))
 
 
 A, B, C, D = (mark(link) for link in (0, 2, WORLD, 3))
 GEAR = (0.3, -0.7, 0.5, 0.2, 0.9, -0.4)
 
 
-def placed(one: Mark, poses: Poses) -> tuple[Any, Any]:
+def placed(one: LinkFrame, poses: Poses) -> tuple[Any, Any]:
     turn, origin = casadi.DM(one.rotation), casadi.DM(one.position)
     if one.link == WORLD:
         return casadi.SX(turn), casadi.SX(origin)
@@ -57,7 +57,7 @@ def above(link: int) -> set[int]:
 
 
 def row_of(way: Way, q: Array) -> tuple[Array, Array]:
-    (line,) = Lines(TREE, Recursion(TREE)).at([way], q)
+    (line,) = Lines(TREE, Recursion(TREE)).lines_of([way], q)
     return line
 
 
@@ -87,7 +87,7 @@ def test_a_cord_is_as_long_as_its_lines_and_pulls_so() -> None:
 
 
 @pytest.mark.parametrize("frame", [A, D])
-def test_a_force_on_a_frame_is_along_its_axes(frame: Mark) -> None:
+def test_a_force_on_a_frame_is_along_its_axes(frame: LinkFrame) -> None:
     q, v = state(TREE, seed=4)
 
     def power(poses: Poses, rate: Rate) -> Any:
@@ -102,7 +102,9 @@ def test_a_force_on_a_frame_is_along_its_axes(frame: Mark) -> None:
 
 
 @pytest.mark.parametrize(("frame", "against"), [(D, A), (B, D), (A, C), (C, B)])
-def test_between_frames_what_carries_both_feels_nothing(frame: Mark, against: Mark) -> None:
+def test_between_frames_what_carries_both_feels_nothing(
+    frame: LinkFrame, against: LinkFrame
+) -> None:
     q, v = state(TREE, seed=6)
 
     def power(poses: Poses, rate: Rate) -> Any:
@@ -166,18 +168,18 @@ def test_a_turn_and_its_rotation_vector() -> None:
 
 def sprung() -> Tree:
     bushes = (
-        Bush(link=FREE, stiffness=(3.0, 2.0, 1.0), damping=(0.4, 0.2), place=(0.3, -0.2, 0.5),
+        Bushing(link=FREE, stiffness=(3.0, 2.0, 1.0), damping=(0.4, 0.2), place=(0.3, -0.2, 0.5),
              turn=(0.5, 0.5, -0.5, 0.5)),
-        Bush(link=BALL, stiffness=(5.0,), turn=(0.8, 0.0, 0.6, 0.0)),
+        Bushing(link=BALL, stiffness=(5.0,), turn=(0.8, 0.0, 0.6, 0.0)),
     )  # fmt: skip
     pulls = (
-        Pull(name="rope", along=CablePath(branches=((1.5, (A, B, C)),)), stiffness=(4.0, 1.0),
+        TreeForce(name="rope", along=CablePath(branches=((1.5, (A, B, C)),)), stiffness=(4.0, 1.0),
              damping=(0.5, 0.3), rest=(0.2, 0.4)),
-        Pull(name="jet", along=FrameForce(frame=D, gear=GEAR, against=A), constant=2.0,
+        TreeForce(name="jet", along=FrameForce(frame=D, gear=GEAR, against=A), constant=2.0,
              stiffness=(0.7,), damping=(0.3,)),
-        Pull(name="turn", along=JointForce(joint=BALL, gear=GEAR[:3]), stiffness=(0.5,)),
+        TreeForce(name="turn", along=JointForce(joint=BALL, gear=GEAR[:3]), stiffness=(0.5,)),
     )  # fmt: skip
-    return dataclasses.replace(TREE, bushes=bushes, pulls=pulls)
+    return dataclasses.replace(TREE, bushings=bushes, pulls=pulls)
 
 
 def test_what_energies_lose_is_what_dampers_take() -> None:
@@ -198,20 +200,20 @@ def test_what_energies_lose_is_what_dampers_take() -> None:
 def test_bends_are_told_wherever_forces_bend() -> None:
     one = sprung()
     q, v = state(one, seed=5, batch=(6,))
-    found = Dynamics(one).bends(q, v)
+    found = Dynamics(one).switching_functions(q, v)
     # Both ends of play and a rate; the angles of two motors; two angles, and six rates of a damper.
     assert found.shape == (3 + 2 + 2 + 6, 6)
-    assert Dynamics(one).bent
-    assert not Dynamics(TREE).bent
+    assert Dynamics(one).nonsmooth
+    assert not Dynamics(TREE).nonsmooth
 
 
 def test_ways_that_do_not_fit_are_refused_by_name() -> None:
     for pull, says in (
         (
-            Pull(name="p", along=JointForce(joint=BALL, gear=GEAR)),
+            TreeForce(name="p", along=JointForce(joint=BALL, gear=GEAR)),
             "p: j2 does not take",
         ),
-        (Pull(name="p", along=CablePath(branches=()), armature=1.0), "p: its path"),
+        (TreeForce(name="p", along=CablePath(branches=()), armature=1.0), "p: its path"),
     ):
         with pytest.raises(TreeError, match=says):
             dataclasses.replace(TREE, pulls=(pull,))

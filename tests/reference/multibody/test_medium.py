@@ -18,7 +18,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
 from physics_crosscheck.reference.solving.samples import samples
-from physics_crosscheck.reference.solving.switching import unbent
+from physics_crosscheck.reference.solving.switching import smooth_segments
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 
@@ -38,12 +38,12 @@ def immersed(medium: Fluid) -> Tree:
         )
         for i, link in enumerate((0, 1, 1, 3))
     )  # fmt: skip
-    return dataclasses.replace(one, medium=medium, immersed=boxes)
+    return dataclasses.replace(one, fluid=medium, immersed=boxes)
 
 
 def by_power(one: Tree, q: Array, v: Array) -> Array:
     """The drags as they are documented: of half the edges, r."""
-    medium = one.medium
+    medium = one.fluid
     assert medium is not None
 
     def power(poses: Poses, rate: Rate) -> Any:
@@ -74,7 +74,7 @@ def by_power(one: Tree, q: Array, v: Array) -> Array:
 @pytest.mark.parametrize("wind", [WATER.wind, (0.0, 0.0, 0.0)])
 def test_drags_are_those_of_the_power_that_they_take(wind: tuple[float, float, float]) -> None:
     one = immersed(dataclasses.replace(WATER, wind=wind))
-    dry = dataclasses.replace(one, medium=None)
+    dry = dataclasses.replace(one, fluid=None)
     q, v = state(one, seed=3)
     none = np.zeros(one.nv)
     found = Dynamics(one).force(q, v, none) - Dynamics(dry).force(q, v, none)
@@ -103,7 +103,7 @@ def test_a_box_has_the_mass_and_the_moments_of_its_body() -> None:
     # The format's sides are sqrt(6) of these moments by the mass: half of them is its r.
     assert body.box[1] == pytest.approx([a, b, c])
     turned = dataclasses.replace(body, inertia_rpy=(0.3, 0.2, -0.5))
-    tensor = turned.lump.inertia
+    tensor = turned.spatial_inertia.inertia
     whole = (*np.diag(tensor).tolist(), tensor[0, 1], tensor[0, 2], tensor[1, 2])
     found = dataclasses.replace(body, inertia=whole).box
     assert found is not None
@@ -128,7 +128,7 @@ def test_what_is_welded_is_dragged_by_itself_and_what_stands_still_is_not() -> N
         dataclasses.replace(still, name="tip", parent="arm", position=(0.0, 0.0, 1.0)),
         dataclasses.replace(still, name="smooth", parent="arm", dragged=False),
     )  # fmt: skip
-    found = assembled(bodies, (0.0, 0.0, 0.0), medium=WATER).tree.immersed
+    found = assembled(bodies, (0.0, 0.0, 0.0), fluid=WATER).tree.immersed
     assert [one.position.tolist() for one in found] == [[0, 0, 0], [0, 0, 1]]
     assert assembled(bodies, (0.0, 0.0, 0.0)).tree.immersed == ()
 
@@ -139,8 +139,8 @@ def test_segments_pass_no_turn_of_a_drag() -> None:
     equations = TreeEquations(tree_system(name="n", title="t", source="s", tree=one))
     n = one.nv
     drawn = samples(equations, np.tile([-np.inf, np.inf], (n, 1)), np.zeros(n), 30, 1)
-    assert equations.bent
-    bends = [equations.bends(at[:, :n], at[:, n:]) for at in (drawn.start, drawn.end)]
+    assert equations.nonsmooth
+    bends = [equations.switching_functions(at[:, :n], at[:, n:]) for at in (drawn.start, drawn.end)]
     assert bends[0].shape == (30, 6 * 4)
     assert np.array_equal(bends[0] > 0, bends[1] > 0)
     assert np.min(drawn.bound) >= 0
@@ -151,4 +151,6 @@ def test_where_all_bend_there_is_no_segment() -> None:
     equations = TreeEquations(tree_system(name="n", title="t", source="s", tree=one))
     n, far = one.nv, np.full((8, 2 * one.nv), np.nan)
     with pytest.raises(RuntimeError, match="every segment crosses a kink"):
-        unbent(equations, lambda forces: lambda t, y: y, lambda k: (far, far[:, :n]), 2, 1.0)
+        smooth_segments(
+            equations, lambda forces: lambda t, y: y, lambda k: (far, far[:, :n]), 2, 1.0
+        )

@@ -10,11 +10,11 @@ import pytest
 
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.tree import Kind, Link, Tree
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeLink
 from tests.reference.multibody.trees import KINDS, state, tree
 
 
-def joint(link: Link) -> pinocchio.JointModel:
+def joint(link: TreeLink) -> pinocchio.JointModel:
     match link.kind:
         case "hinge":
             return pinocchio.JointModelRevoluteUnaligned(*link.axis)

@@ -14,7 +14,7 @@ from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics, solved
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, objects
-from physics_crosscheck.reference.mechanism.tree import Kind, Pull, Tree, TreeError
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeError, TreeForce
 from tests.reference.multibody.trees import KINDS, link, state, tree
 
 casadi.GlobalOptions.setNumpyMode(1)  # arrays of symbols are NumPy's; else it warns
@@ -95,11 +95,11 @@ def loaded(one: Tree) -> Tree:
     single = [i for i, body in enumerate(one.links) if body.kind in ("hinge", "slide")]
     rng = np.random.default_rng(4)
     pulls = (
-        Pull(
+        TreeForce(
             name="tendon", joints=tuple((i, float(rng.normal())) for i in single),
             stiffness=(3.0, 2.0, 1.0), damping=(0.3, 0.2, 0.1), rest=(0.2, 0.2), armature=0.7,
         ),
-        Pull(name="servo", joints=((single[0], 2.0),), constant=1.5, stiffness=(4.0,)),
+        TreeForce(name="servo", joints=((single[0], 2.0),), constant=1.5, stiffness=(4.0,)),
     )  # fmt: skip
     links = (
         dataclasses.replace(body, lifted=float(rng.uniform(0, 2)), lift=rng.normal(size=3))
@@ -149,7 +149,7 @@ def test_so_they_are_with_pulls_and_lifted_parts(kinds: tuple[Kind, ...]) -> Non
 
 def test_a_spring_pulls_nothing_between_its_rests() -> None:
     one = tree(("slide",), 0)
-    pull = Pull(name="t", joints=((0, 2.0),), stiffness=(3.0,), rest=(-0.1, 0.2))
+    pull = TreeForce(name="t", joints=((0, 2.0),), stiffness=(3.0,), rest=(-0.1, 0.2))
     plain, sprung = Dynamics(one), Dynamics(dataclasses.replace(one, pulls=(pull,)))
     q, none = np.array([[-0.5, -0.05, 0.0, 0.1, 0.5]]), np.zeros((1, 5))
     added = sprung.force(q, none, none) - plain.force(q, none, none)
@@ -159,7 +159,7 @@ def test_a_spring_pulls_nothing_between_its_rests() -> None:
 def test_a_pull_on_a_ball_is_refused_by_name() -> None:
     one = tree(("ball",), 0)
     with pytest.raises(TreeError, match="t: j0 is neither a hinge"):
-        dataclasses.replace(one, pulls=(Pull(name="t", joints=((0, 1.0),)),))
+        dataclasses.replace(one, pulls=(TreeForce(name="t", joints=((0, 1.0),)),))
 
 
 def test_a_batch_is_each_of_its_states() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
-from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Link, Tree
+from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Tree, TreeLink
 
 KINDS: tuple[Kind, ...] = ("hinge", "slide", "ball", "free")
 
@@ -16,7 +16,7 @@ KINDS: tuple[Kind, ...] = ("hinge", "slide", "ball", "free")
 def tree(kinds: Sequence[Kind], seed: int, *, chain: bool = False) -> Tree:
     """A tree of so many links; of a chain each carries the next."""
     rng = np.random.default_rng(seed)
-    path, links = [WORLD], list[Link]()
+    path, links = [WORLD], list[TreeLink]()
     for i, kind in enumerate(kinds):
         # Branch after branch, each to its end: some libraries take links in no other order.
         path = path if chain else path[: int(rng.integers(len(path))) + 1]
@@ -25,11 +25,11 @@ def tree(kinds: Sequence[Kind], seed: int, *, chain: bool = False) -> Tree:
     return Tree(links=tuple(links), gravity=rng.normal(size=3) * 9.81)
 
 
-def link(kind: Kind, name: str, parent: int, rng: np.random.Generator) -> Link:
+def link(kind: Kind, name: str, parent: int, rng: np.random.Generator) -> TreeLink:
     """A body of about a kilogram and a metre, with products of inertia."""
     axis, points = rng.normal(size=3), rng.normal(size=(6, 3)) * 0.3
     turns = kind in ("hinge", "slide")
-    return Link(
+    return TreeLink(
         name=name,
         parent=parent,
         position=rng.normal(size=3) * 0.5,
