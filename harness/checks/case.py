@@ -26,7 +26,7 @@ from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
-from physics_crosscheck.harness.numerics.discrete import LARGEST, linearize_step
+from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION, linearize_step
 from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
@@ -266,7 +266,7 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
     Where a stop acts beside one, as of a spring that holds a joint there, the engine has none.
     """
     model, coordinates = load(task.system, task.sidecar, task.engine)
-    moved = 2 * LARGEST * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
+    moved = 2 * MAX_PERTURBATION * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
     return tuple(
         _linearization(task, model, coordinates, e)
         for e in task.equilibria

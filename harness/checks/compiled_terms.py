@@ -12,7 +12,11 @@ from physics_crosscheck.harness.checks.audit_finding import finding
 from physics_crosscheck.harness.checks.audit_task import AuditTask
 from physics_crosscheck.harness.checks.prepare import Equilibrium
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
+from physics_crosscheck.harness.numerics.accelerations import (
+    RESOLVED_SHARE,
+    Accelerations,
+    Estimate,
+)
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
@@ -106,7 +110,7 @@ class Compiled:
                     expected=0.0,
                     found=float(found.value[row, j]),
                 )
-            elif (found.uncertainty[:, j] > RESOLVED * scale[j]).any():
+            elif (found.uncertainty[:, j] > RESOLVED_SHARE * scale[j]).any():
                 yield finding(
                     "unresolved",
                     (name,),
@@ -264,7 +268,7 @@ class Compiled:
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
         # What an entry is small or large beside: the inertia, by the fastest rate.
         inertia = np.sqrt(np.outer(self.inertia, self.inertia))
-        resolved = error <= RESOLVED * inertia * self.accelerations.fastest ** _RATES[kind]
+        resolved = error <= RESOLVED_SHARE * inertia * self.accelerations.fastest ** _RATES[kind]
         unresolved = []
         differing = np.abs(found - expected) > error
         for i, one in enumerate(self.names):
@@ -304,7 +308,7 @@ class Compiled:
         miss = np.abs(found.value - wanted)
         differing = miss > error
         natural = np.maximum(scale, self.accelerations.speed * self.accelerations.fastest)
-        lost = (error > RESOLVED * natural).any(axis=1) & ~differing.any(axis=1)
+        lost = (error > RESOLVED_SHARE * natural).any(axis=1) & ~differing.any(axis=1)
         if lost.any():
             yield finding(
                 "unresolved",

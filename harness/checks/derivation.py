@@ -32,7 +32,7 @@ from physics_crosscheck.reference.dynamics.linearize import (
     to_array,
 )
 from physics_crosscheck.reference.dynamics.modes import damped_shapes, s, transfer_functions
-from physics_crosscheck.reference.dynamics.simplify import LONG
+from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.mechanism.system import System
 
 ORDER = 3
@@ -133,7 +133,9 @@ def _matrices(one: TaylorLinearization, system: System) -> Iterator[Matrix]:
 
 def _short(*matrices: sp.Matrix) -> bool:
     """Whether a person may read these."""
-    return bool(sum(sp.count_ops(entry) for matrix in matrices for entry in matrix) <= LONG)
+    return bool(
+        sum(sp.count_ops(entry) for matrix in matrices for entry in matrix) <= LONG_OPERATIONS
+    )
 
 
 def _invertible(*matrices: sp.Matrix) -> bool:

@@ -16,7 +16,7 @@ from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.errata import EquationCheck, errata
 from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, classify
 from physics_crosscheck.reference.dynamics.modes import modes, poles, s, transfer_functions
-from physics_crosscheck.reference.dynamics.simplify import LONG
+from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.mechanism.declaration import Coordinate, Input
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.linearity import linearity
@@ -103,7 +103,9 @@ def motion_terms(equations: Equations) -> tuple[tuple[Terms, Terms], ...]:
     system = equations.system
     sides: list[tuple[Terms, Terms]] = []
     for row, force in zip(equations.mass.tolist(), equations.force, strict=True):
-        if sp.count_ops(force) > LONG:  # in an order that takes no comparing of long terms
+        if (
+            sp.count_ops(force) > LONG_OPERATIONS
+        ):  # in an order that takes no comparing of long terms
             terms = list(sp.Add.make_args(force))
         else:
             terms = sp.expand(force).as_ordered_terms()
@@ -255,7 +257,7 @@ def _linear_equations(one: TaylorLinearization, system: System, latex: Latex) ->
 
 def _readable(one: TaylorLinearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
     """A matrix with its symbols, or where that would be too long to read with numbers."""
-    if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
+    if sum(sp.count_ops(entry) for entry in matrix) <= LONG_OPERATIONS:
         return matrix
     return sp.Matrix(one.arrays[name])
 

@@ -15,7 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.compare.placed import Placed
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.spatial_inertia import HERE, Place
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 
 SAME = 1e-9
 """Angles in radians, and lengths in sizes of the mechanism, that differ by less are the same."""
@@ -61,7 +61,7 @@ def aligned(one: Placed, other: Placed, pairs: Sequence[LinkPair]) -> tuple[Alig
     found: dict[int, Aligned] = {}
     for a, b in pairs:
         parent = one.tree.links[a].parent
-        before = found[parent].moved if parent in found else HERE
+        before = found[parent].moved if parent in found else IDENTITY
         found[a] = _joint(one, other, (a, b), before, pairs)
     return tuple(found.values())
 

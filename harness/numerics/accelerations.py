@@ -23,19 +23,19 @@ from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb
 from physics_crosscheck.reference.mechanism.numeric import Array
 
-STEPS = range(4, 9)
+COMPARED_STEPS = range(4, 9)
 """Steps whose velocity changes are compared; a layer that is damped out step by step has vanished
 by then. The last one is the result."""
 
-SHARE = 1 / 20
+LADDER_PERIODS = 1 / 20
 """Duration of the coarsest rung's steps, in periods of the fastest rate."""
 
 LADDER = RUNGS[:8]
 
-QUICKER = (1.0, 16.0, 256.0)
+STEP_DIVISORS = (1.0, 16.0, 256.0)
 """Factors by which steps are shortened until every acceleration is resolved."""
 
-RESOLVED = 1e-6
+RESOLVED_SHARE = 1e-6
 """Values are unresolved if their uncertainty exceeds this share of their scale. A difference larger
 than its uncertainty is still a finding."""
 
@@ -122,13 +122,13 @@ class Accelerations:
         """Measure with steps short enough to resolve every acceleration."""
         best: Estimate | None = None
         least = np.inf
-        for fastest in (self.fastest * quicker for quicker in QUICKER):
+        for fastest in (self.fastest * quicker for quicker in STEP_DIVISORS):
             estimate = self._over(observed, states, inputs, forces, fastest)
             size = np.maximum(np.nan_to_num(np.abs(estimate.value)), observed.speed * self.fastest)
             worst = float(np.max(estimate.uncertainty / size))
             if best is None or worst < least:
                 best, least = estimate, worst
-            if least <= RESOLVED:
+            if least <= RESOLVED_SHARE:
                 break
         assert best is not None
         return best
@@ -141,12 +141,12 @@ class Accelerations:
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), n, -1)
         push = np.einsum("bnz,bn->bz", slope, forces) + self.coordinates.push(z, inputs)
-        last = STEPS[-1]
+        last = COMPARED_STEPS[-1]
         starts = with_companions(z, w, self.model.epsilon)
         held = None
         if push.any():
             held = np.repeat((push[starts.rows] * starts.gain[:, None])[:, None], last, axis=1)
-        longest = 2 * np.pi / fastest * SHARE / last * LADDER[0]
+        longest = 2 * np.pi / fastest * LADDER_PERIODS / last * LADDER[0]
         near = states[starts.rows]
         by_step: list[Array] = []
 
@@ -155,7 +155,7 @@ class Accelerations:
             ends_z, ends_w = self.model.rollout(starts.z, starts.w, h, last, held, 1)
             velocities = [
                 observed.select(ends_z[:, k - 1], ends_w[:, k - 1], near)
-                for k in range(STEPS[0] - 1, last + 1)
+                for k in range(COMPARED_STEPS[0] - 1, last + 1)
             ]
             slopes = np.diff(velocities, axis=0) / h
             by_step.append(slopes[:, : len(z)])
@@ -165,7 +165,7 @@ class Accelerations:
         # Rounding of the velocities, in differences over steps as short as the last rung's.
         count = len(observed.speed)
         size = observed.rounding_scale
-        rounded = size[count:] + observed.speed * SHARE + size[:count] * fastest
+        rounded = size[count:] + observed.speed * LADDER_PERIODS + size[:count] * fastest
         observable = Observable(
             values=changes,
             starts=starts,

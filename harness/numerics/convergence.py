@@ -21,28 +21,28 @@ from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import SampledRun, follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON, weights
-from physics_crosscheck.harness.numerics.rounding import NEAR, without_companions
+from physics_crosscheck.harness.numerics.rounding import COMPANION_EXPONENT, without_companions
 from physics_crosscheck.harness.numerics.segments import run_rung
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.motion import Motion
 
-SMALL = 0.05
+SMALL_ERROR = 0.05
 """Largest error, relative to the amplitude, for which the expansion in h is dominated by its first
 term."""
 
-ROUNDING = 1e-10
+ROUNDING_FLOOR = 1e-10
 
-RESIDUAL = 1e-8
+RESIDUAL_TOLERANCE = 1e-8
 """Largest extrapolated error of full runs that rounding and sampling may cause."""
 
-SLACK = 0.3
+ORDER_TOLERANCE = 0.3
 """Tolerance of an observed order, for runs that are too coarse for the leading term alone."""
 
 NEXT_ORDERS = 3
 """Orders after the leading one that an error may contain. For each of them, the predictions change
 between runs by at least a known share of their error."""
 
-NUDGE = 1e-7
+START_PERTURBATION = 1e-7
 """Relative perturbation of the start, to measure how a motion amplifies differences."""
 
 
@@ -74,7 +74,7 @@ class Sensitivity:
     def horizon(self, h: float) -> float:
         """Return the time until which a run with step h should have a small error."""
         expected = self.started * self.growth * self.local * (h / self.step) ** self.order
-        large = expected > SMALL
+        large = expected > SMALL_ERROR
         return float(self.t[max(int(np.argmax(large)) - 1, 0)] if large.any() else self.t[-1])
 
     def of_rounding(self, until: float) -> float:
@@ -98,7 +98,7 @@ def sensitivity(
         order: order that the engine claims.
         size: amplitudes, (2n,).
     """
-    nudge = max(NUDGE, model.epsilon**NEAR)
+    nudge = max(START_PERTURBATION, model.epsilon**COMPANION_EXPONENT)
     _, states = follow(model, coordinates, motion, run.h, every=run.every, moved=nudge * size)
     count = min(len(states), len(run.states))
     apart = np.max(np.abs(states[:count] - run.states[:count]) / size, axis=1) / nudge
@@ -178,17 +178,17 @@ def check_full_runs(
     if sensitive is not None:
         ends = [sensitive.horizon(run.h) for run in (runs[max(len(runs) - 3, 0)], runs[0])]
     lost = max(run.rounding for run in runs)
-    order, until = _order(*_above_rounding(runs, size, max(ROUNDING, lost)), size, ends[0])
+    order, until = _order(*_above_rounding(runs, size, max(ROUNDING_FLOOR, lost)), size, ends[0])
     until = float(min(until, first))
     residual, increment = _residual(runs[-3:], until, claimed, size)
     times = runs[0].t[runs[0].t <= until]
     reference_bound = motion.global_bound_at(times)[:, : len(size)] / size
-    bound = increment + max(RESIDUAL, lost) + float(np.max(reference_bound, initial=0.0))
+    bound = increment + max(RESIDUAL_TOLERANCE, lost) + float(np.max(reference_bound, initial=0.0))
     if sensitive is not None:
         bound += sensitive.of_rounding(until)
     nothing = sensitive is not None and not math.isfinite(order)
-    low, high = claimed - SLACK, claimed + NEXT_ORDERS + SLACK
-    rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= max(ROUNDING, lost)
+    low, high = claimed - ORDER_TOLERANCE, claimed + NEXT_ORDERS + ORDER_TOLERANCE
+    rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= max(ROUNDING_FLOOR, lost)
     order_plausible = rounded or nothing or low <= order <= high
     expected, surprise, unsure = _prediction(shipped, others, min(first, ends[1]), claimed, size)
     return FullRunCheck(
@@ -235,7 +235,7 @@ def _order(coarse: SampledRun, fine: SampledRun, size: Array, end: float) -> tup
     n = len(size)
     until = min(coarse.t[-1], fine.t[-1], end)
     for run in (coarse, fine):
-        until = min(until, _until(run.t, np.abs(run.error[:, :n]) > SMALL * size))
+        until = min(until, _until(run.t, np.abs(run.error[:, :n]) > SMALL_ERROR * size))
     errors = [float(np.max(np.abs(run.error[run.t <= until, :n]) / size)) for run in (coarse, fine)]
     if min(errors) == 0.0 or until == 0.0:
         return math.nan, until
@@ -272,7 +272,7 @@ def _residual(
     if not all(run.finite for run in runs) or len(runs) < 3:
         return 0.0, 0.0
     errors = _together(runs, until, size)
-    until = _until(runs[0].t[: errors.shape[1]], np.abs(errors[0]) > SMALL)
+    until = _until(runs[0].t[: errors.shape[1]], np.abs(errors[0]) > SMALL_ERROR)
     errors = errors[:, runs[0].t[: errors.shape[1]] <= until]
     rungs = tuple(2**i for i in range(len(runs)))
     fine = np.tensordot(weights(rungs, (claimed, 1)), errors, axes=1)
@@ -299,14 +299,14 @@ def _prediction(
     runs = (shipped, *others)
     lost = max(run.rounding for run in runs)
     if len(others) < 2 or not all(run.finite for run in runs):
-        return 0.0, 0.0, max(RESIDUAL, lost)
+        return 0.0, 0.0, max(RESIDUAL_TOLERANCE, lost)
     errors, *other_errors = _together(runs, until, size)
     ratios = [Fraction(other.h / shipped.h) for other in others]
     single, double = _powers(ratios[:1], claimed), _powers(ratios, claimed)
     rough = float(single[0]) * other_errors[0]
     better = np.tensordot([float(w) for w in double], np.stack(other_errors), axes=1)
     t = shipped.t[: len(errors)]
-    kept = t <= _until(t, np.maximum(np.abs(rough), np.abs(better)) > SMALL)
+    kept = t <= _until(t, np.maximum(np.abs(rough), np.abs(better)) > SMALL_ERROR)
     share = Fraction(0)
     for exponent in range(claimed + 2, claimed + NEXT_ORDERS + 1):
         by_one, by_two = (
@@ -316,7 +316,11 @@ def _prediction(
         share = max(share, abs(1 - by_two) / abs(by_two - by_one))
     moved = float(np.max(np.abs(better - rough)[kept]))
     off = float(np.max(np.abs(errors - better)[kept]))
-    return float(np.max(np.abs(better)[kept])), off, float(share) * moved + max(RESIDUAL, lost)
+    return (
+        float(np.max(np.abs(better)[kept])),
+        off,
+        float(share) * moved + max(RESIDUAL_TOLERANCE, lost),
+    )
 
 
 def _powers(ratios: Sequence[Fraction], lead: int) -> list[Fraction]:

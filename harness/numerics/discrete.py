@@ -17,11 +17,16 @@ import numpy as np
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import moved, slopes
-from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, Steps, steps_alike
+from physics_crosscheck.harness.numerics.stepping import (
+    ROUNDED_DIGITS,
+    ROUNDING_MARGIN,
+    Steps,
+    steps_alike,
+)
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
 
-LARGEST = 0.02
+MAX_PERTURBATION = 0.02
 """Perturbations as a share of the motions' sizes."""
 
 
@@ -76,7 +81,7 @@ def linearize_step(
     """
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
-    deltas = LARGEST * np.concatenate([np.minimum(amplitude, 1.0), push])
+    deltas = MAX_PERTURBATION * np.concatenate([np.minimum(amplitude, 1.0), push])
     by = moved(deltas)
     states, inputs = origin + by[:, :size], by[:, size:]
     run = Steps(model, coordinates, states, inputs)
@@ -84,7 +89,7 @@ def linearize_step(
     ends = took[: len(states)]
     if not np.isfinite(ends).all():
         return None
-    lost = ROUNDED * run.digit(ends) + MARGIN * run.rounding(took)
+    lost = ROUNDED_DIGITS * run.digit(ends) + ROUNDING_MARGIN * run.rounding(took)
     engine_slopes = slopes(ends, lost, deltas)
     a, b = engine_slopes.value[:, :size], engine_slopes.value[:, size:]
     error = bound = float("nan")

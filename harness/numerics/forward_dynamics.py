@@ -24,13 +24,13 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.rounding import with_companions
-from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, is_linear
+from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 from physics_crosscheck.reference.solving.next_state import Stepped
 
-TURNS = 5
+STATE_COMBINATIONS = 5
 """Number of combinations of each position with velocities and inputs of other states."""
 
-TAKEN_APART = 8
+FORCE_STATES = 8
 """Number of states at which forces are separated by kind."""
 
 FORCE_KINDS = (
@@ -68,13 +68,13 @@ class AccelerationComparison:
 
 
 def mixed(states: Array, inputs: Array) -> tuple[Array, Array]:
-    """Return states (B, 2n) and inputs (B, m) in `TURNS` combinations with other rows.
+    """Return states (B, 2n) and inputs (B, m) in `STATE_COMBINATIONS` combinations with other rows.
 
     Velocities and inputs are combined with positions of the motion, so that no joint limit is
     reached.
     """
     n, count = states.shape[1] // 2, len(states)
-    turns = [round(k * count / TURNS) for k in range(TURNS)]
+    turns = [round(k * count / STATE_COMBINATIONS) for k in range(STATE_COMBINATIONS)]
     return (
         np.concatenate([np.hstack([states[:, :n], np.roll(states[:, n:], k, 0)]) for k in turns]),
         np.concatenate([np.roll(inputs, 2 * k, axis=0) for k in turns]),
@@ -117,11 +117,13 @@ def forward_dynamics(
         return None
     expected, digit = compared.expected(states, inputs)
     scale = floored(np.max(np.abs(expected[returned]), axis=0))
-    uncertainty = ROUNDED * model.epsilon * digit + MARGIN * starts.last_digits(took)
+    uncertainty = ROUNDED_DIGITS * model.epsilon * digit + ROUNDING_MARGIN * starts.last_digits(
+        took
+    )
     defect = np.abs(took[: len(states)] - expected) / scale
     # A fixed coordinate has no rounding at all.
     uncertainty = np.where(uncertainty > 0, uncertainty / scale, model.epsilon)
-    rows = np.flatnonzero(returned)[even_indices(int(returned.sum()), TAKEN_APART)]
+    rows = np.flatnonzero(returned)[even_indices(int(returned.sum()), FORCE_STATES)]
     force_errors = compared.force_errors(states[rows], inputs[rows])
     gaps = compared.equality_gaps(states)
     if gaps is not None:
@@ -181,7 +183,7 @@ class _Compared:
         size = np.maximum(np.abs(z), np.abs(self.model.home))
         digit = epsilon * self.coordinates.residual_rounding_scale(size, w)[:n]
         scale = floored(np.ptp(z, axis=0))
-        uncertainty = np.maximum(ROUNDED * digit / scale, epsilon)
+        uncertainty = np.maximum(ROUNDED_DIGITS * digit / scale, epsilon)
         return np.abs(gaps) / scale, np.broadcast_to(uncertainty, gaps.shape)
 
     def _halves(self, states: Array) -> tuple[Array, Array]:

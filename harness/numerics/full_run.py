@@ -17,7 +17,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import Inputs
 from physics_crosscheck.reference.solving.motion import Motion
 
-SAMPLES = 1000
+MIN_SAMPLES = 1000
 """Smallest number of samples of a run with enough steps; at most twice as many."""
 
 MOST_STEPS = 10_000_000
@@ -221,7 +221,7 @@ class _Extent:
     def of_duration(duration: float, start: Array, h: float, every: int) -> _Extent:
         steps = steps_of(duration, h)
         # A power of two: runs of twice and of half the step share the samples.
-        every = every or 2 ** max(0, (steps // SAMPLES).bit_length() - 1)
+        every = every or 2 ** max(0, (steps // MIN_SAMPLES).bit_length() - 1)
         return _Extent(steps - steps % every, every, start)
 
 

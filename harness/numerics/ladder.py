@@ -33,7 +33,7 @@ U."""
 
 EPSILON = float(np.finfo(float).eps)
 
-SPARE = 1
+SPARE_RUNGS = 1
 """Rungs beyond the powers that least-variance weights remove; the fit shows the remainder."""
 
 
@@ -124,7 +124,7 @@ def estimates_of(
     count = len(rungs)
     if not least:
         return [weights(rungs[:m], exponents) for m in range(1, count + 1)], FIRST_JUDGED - 1
-    removed = range(max(2, count - SPARE))
+    removed = range(max(2, count - SPARE_RUNGS))
     return [least_weights(rungs, exponents, k) for k in removed], min(3, len(removed) - 1)
 
 

@@ -17,14 +17,14 @@ from physics_crosscheck.harness.numerics.accelerations import Estimate
 from physics_crosscheck.harness.numerics.batch import Batch, held
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import moved, slopes
-from physics_crosscheck.harness.numerics.discrete import LARGEST
+from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 RUNGS_USED = RUNGS[:8]
 
-FREE = 1e-4
+ZERO_RATE_SHARE = 1e-4
 """Eigenvalues below this share of the motions' rate are considered rounded zeros."""
 
 SERIES_TERMS = 60
@@ -143,7 +143,7 @@ def _fastest(a: Array, amplitude: Array) -> float:
     n = len(a) // 2
     eigenvalue = float(np.max(np.abs(np.linalg.eigvals(a))))
     seen = float(np.max(amplitude[n:] / np.maximum(amplitude[:n], 1e-300)))
-    return max(eigenvalue if eigenvalue > FREE * seen else seen, 1e-6)
+    return max(eigenvalue if eigenvalue > ZERO_RATE_SHARE * seen else seen, 1e-6)
 
 
 def _transition(
@@ -158,7 +158,7 @@ def _transition(
     """Return exp([[A, B], [0, 0]] length), extrapolated in perturbation size and in h."""
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
-    deltas = LARGEST * np.concatenate([np.minimum(amplitude, 1.0), push])
+    deltas = MAX_PERTURBATION * np.concatenate([np.minimum(amplitude, 1.0), push])
     by, columns = moved(deltas), len(deltas)
     batch = Batch(
         states=origin + by[:, :size],

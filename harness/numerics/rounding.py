@@ -28,17 +28,17 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.mechanism.numeric import Array
 
-PAIRS = 24
+MAX_PAIRS = 24
 """Largest number of starts with companions; they cost a quarter more steps for 200 segments."""
 
-LEAST = 4
+MIN_PAIRS = 4
 """Smallest number of pairs; with few, all second differences may be small by chance."""
 
-NEAR = 2 / 3
+COMPANION_EXPONENT = 2 / 3
 """Largest relative distance of a companion, as a power of epsilon. It is far above a last digit, so
 that rounding differs (one digit away it repeats), and its square is far below."""
 
-ALIKE = 16.0
+SHARED_DIGITS = 16.0
 """Last digits that an engine rounds alike in every step of a segment, in last digits of its start.
 
 An engine computes accelerations from its own numbers: those of the file, each rounded when it is
@@ -104,8 +104,8 @@ class Starts:
     def last_digits(self, values: Array) -> Array:
         """Return the largest effect of rounding shared by all runs, by component, (C,).
 
-        It is `ALIKE` times the change for a last digit of every number of the start, from all
-        values (K + 2P, C). Pairs with a value that is not finite are ignored.
+        It is `SHARED_DIGITS` times the change for a last digit of every number of the start, from
+        all values (K + 2P, C). Pairs with a value that is not finite are ignored.
         """
         if not self.pairs:
             return np.zeros(values.shape[1])
@@ -113,8 +113,8 @@ class Starts:
         finite = np.isfinite(up) & np.isfinite(down)
         with np.errstate(invalid="ignore"):
             change = np.where(finite, np.abs(up - down), 0.0)
-        distance = self.epsilon**NEAR
-        largest: Array = ALIKE * self.epsilon / (2 * distance) * np.max(change, axis=0)
+        distance = self.epsilon**COMPANION_EXPONENT
+        largest: Array = SHARED_DIGITS * self.epsilon / (2 * distance) * np.max(change, axis=0)
         return largest
 
 
@@ -145,11 +145,11 @@ def with_companions(z: Array, w: Array, epsilon: float = EPSILON, every: bool = 
     own, but the motion under its inputs has.
     """
     count = len(z)
-    pairs = count if every else min(PAIRS, max(LEAST, count // 4))
+    pairs = count if every else min(MAX_PAIRS, max(MIN_PAIRS, count // 4))
     # Spread evenly, away from the ends: a start at rest or at a joint limit is not representative.
     rows = ((np.arange(pairs) + 0.5) * count / pairs).astype(np.intp)
     rng = np.random.default_rng(0)  # the same companions in every run
-    distance = epsilon**NEAR
+    distance = epsilon**COMPANION_EXPONENT
     steps = [distance * rng.uniform(-1, 1, (pairs, a.shape[1])) * a[rows] for a in (z, w)]
     moved = [
         np.concatenate([a, a[rows] + step, a[rows] - step])

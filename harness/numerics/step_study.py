@@ -12,7 +12,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.convergence import (
-    SMALL,
+    SMALL_ERROR,
     FullRunCheck,
     check_full_runs,
     first_break_off,
@@ -39,20 +39,20 @@ TARGETS = (0.01, 0.001, 0.0001)
 MOST_STEPS = 60_000
 MOST_RUNS = 6
 
-TINY = 1e-5
+TINY_ERROR = 1e-5
 """Up to this global error, relative to the amplitude, only coarser runs are compared. They show
 orders where finer runs show only rounding, and together take fewer steps than the first run. They
 may miss less than the reported error. Above it, runs of half and twice the step are compared; if
 these do not converge, runs of a quarter and less."""
 
-CLEAR = 1e-6
+CLEAR_ERROR = 1e-6
 """Coarser runs are added until their errors are clearly above rounding, and at least two."""
 
 MOST_COARSER = 7
-FEWEST_STEPS = 16
+MIN_STEPS = 16
 """Smallest number of steps of a coarser run, per period of the fastest rate, and in total."""
 
-APART = 0.3
+MAX_DECOMPOSED_ERROR = 0.3
 """Largest error, relative to the amplitude, that is decomposed."""
 
 
@@ -106,7 +106,7 @@ def study_step(
         return full_run(model, coordinates, motion, power, h, every)
 
     shipped = run(model.step)
-    tiny = largest(shipped, size) <= TINY
+    tiny = largest(shipped, size) <= TINY_ERROR
     runs = _coarser(run, shipped, motion, size, limit=MOST_COARSER if tiny else 1)
     if not tiny:
         runs.insert(1, _half(run, shipped))
@@ -155,17 +155,17 @@ def _coarser(
     whole = first_break_off(shipped.h, motion)
     for _ in range(limit):
         h, every = 2 * runs[-1].h, max(1, every // 2)
-        is_coarse = (
-            motion.duration / h < FEWEST_STEPS or h * motion.fastest * FEWEST_STEPS > 2 * math.pi
-        )
-        large = 2 * largest(runs[-1], size) > SMALL  # twice the step doubles the error at least
+        is_coarse = motion.duration / h < MIN_STEPS or h * motion.fastest * MIN_STEPS > 2 * math.pi
+        large = (
+            2 * largest(runs[-1], size) > SMALL_ERROR
+        )  # twice the step doubles the error at least
         if is_coarse or large or first_break_off(h, motion) < whole:
             break
         coarse = run(h, every)
-        if not coarse.finite or largest(coarse, size) > SMALL:
+        if not coarse.finite or largest(coarse, size) > SMALL_ERROR:
             break
         runs.append(coarse)
-        if len(runs) > 2 and largest(coarse, size) > CLEAR:
+        if len(runs) > 2 and largest(coarse, size) > CLEAR_ERROR:
             break
     return runs
 
@@ -221,7 +221,7 @@ def _wants_more(runs: list[CompleteRun], evidence: FullRunCheck) -> bool:
 
 def _decomposed(run: CompleteRun, motion: Motion, size: Array) -> OscillationError | None:
     """Decompose the error of the worst position; None if it is too large."""
-    if not run.finite or largest(run, size) > APART:
+    if not run.finite or largest(run, size) > MAX_DECOMPOSED_ERROR:
         return None
     n = len(size)
     component = int(np.argmax(np.max(np.abs(run.error[:, :n]), axis=0) / size))
@@ -253,7 +253,7 @@ def _on_line(target: float, points: list[tuple[float, float]]) -> float | None:
 
     None if even the finest run's error is not small, since the line is meaningless there.
     """
-    if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL:
+    if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL_ERROR:
         return None
     pairs = list(pairwise(points))
     coarse, fine = next((p for p in pairs if p[1][1] <= target), pairs[-1])

@@ -28,20 +28,20 @@ from physics_crosscheck.harness.numerics.rounding import (
 )
 from physics_crosscheck.reference.solving.next_state import Stepped, next_states
 
-LATER, LONG = 10, 1000
+LATER_STEPS, LONG_RUN_STEPS = 10, 1000
 """Steps after which the difference is measured again."""
 
 LONG_RUN_STATES = 6
-"""Number of states from which `LONG` steps are taken."""
+"""Number of states from which `LONG_RUN_STEPS` steps are taken."""
 
-ROUNDED = 4.0
+ROUNDED_DIGITS = 4.0
 """Last digits of a component that the few operations of a step may lose, on each side."""
 
-MARGIN = 4.0
+ROUNDING_MARGIN = 4.0
 """Factor from rounding observed at some of the states to its bound at all. Robots with 7 to 23
 degrees of freedom had up to 1.6 times the rounding of the companions of a quarter of the states."""
 
-STABLE = 2.785
+STABILITY_LIMIT = 2.785
 """Step times rate up to which a Runge-Kutta step of order 4 is stable (Hairer and Wanner 1996,
 Solving Ordinary Differential Equations II, IV.2). Beyond it each stage is larger than the previous
 one, up to angles of 1e6 rad, whose sine has lost six digits. No start reveals that loss."""
@@ -57,8 +57,8 @@ class StepComparison:
         judgement: verdict for B states and 2n components, relative to the largest movement in a
             step.
         digits: the largest difference, in last digits of the component where it is largest.
-        later: the same after `LATER` steps.
-        long: after `LONG` steps, from a few of the states; nan if not requested.
+        later: the same after `LATER_STEPS` steps.
+        long: after `LONG_RUN_STEPS` steps, from a few of the states; nan if not requested.
     """
 
     rule: StepRule
@@ -110,7 +110,7 @@ def step_engine(
         inputs: constant over the step, (B, inputs).
         resolution: smallest relative difference that counts.
         fastest: rate of the equations at these states, rad/s; zero if unknown.
-        long: whether to take `LONG` steps as well.
+        long: whether to take `LONG_RUN_STEPS` steps as well.
 
     Returns:
         None if the engine documents no rule, its coordinates step differently from the equations',
@@ -119,7 +119,7 @@ def step_engine(
     rule = model.step_rule
     if rule is None or not steps_alike(rule, coordinates, states):
         return None
-    if rule.scheme == "Runge-Kutta 4" and model.step * fastest > STABLE:
+    if rule.scheme == "Runge-Kutta 4" and model.step * fastest > STABILITY_LIMIT:
         return None
     run = Steps(model, coordinates, states, inputs)
     with np.errstate(all="ignore"):
@@ -134,16 +134,19 @@ def step_engine(
         rule=rule,
         step=model.step,
         judgement=judge(
-            apart / scale, (ROUNDED * digit + MARGIN * run.rounding(took)) / scale, resolution, None
+            apart / scale,
+            (ROUNDED_DIGITS * digit + ROUNDING_MARGIN * run.rounding(took)) / scale,
+            resolution,
+            None,
         ),
         digits=float(np.max(apart / np.max(digit, axis=0))),
-        later=run.later(rule, stepped, LATER),
+        later=run.later(rule, stepped, LATER_STEPS),
         long=_long(run, rule, stepped) if long else float("nan"),
     )
 
 
 def _long(run: Steps, rule: StepRule, stepped: Stepped) -> float:
-    return run.subset(LONG_RUN_STATES).later(rule, stepped, LONG)
+    return run.subset(LONG_RUN_STATES).later(rule, stepped, LONG_RUN_STEPS)
 
 
 class Steps:

@@ -14,12 +14,12 @@ import sympy as sp
 
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.roundoff import BoundedValue, running_error
-from physics_crosscheck.reference.dynamics.simplify import LONG, simplify_bounded, solved
+from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS, simplify_bounded, solved
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.system import System
 
-LONG_FORCE = 1000
+LONG_FORCE_OPERATIONS = 1000
 """Operations in the forces above which symbolic derivatives are too slow."""
 
 
@@ -123,7 +123,7 @@ class Equations(EquationsOfMotion):
     @cached_property
     def long(self) -> bool:
         """True if symbolic derivatives of the forces are too slow."""
-        return bool(sum(sp.count_ops(f) for f in self.force) > LONG_FORCE)
+        return bool(sum(sp.count_ops(f) for f in self.force) > LONG_FORCE_OPERATIONS)
 
     @cached_property
     def _derivatives(self) -> NumericFunction:
@@ -179,7 +179,7 @@ def slopes_by(derivatives: NumericFunction, states: Array, inputs: Array, times:
 
 def _spread(force: sp.Expr) -> sp.Expr:
     """Expand a short force into readable terms."""
-    return force if sp.count_ops(force) > LONG else sp.expand(force)
+    return force if sp.count_ops(force) > LONG_OPERATIONS else sp.expand(force)
 
 
 def derive(system: System) -> Equations:

@@ -18,13 +18,13 @@ from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.rotations import Scalars, objects
 from physics_crosscheck.reference.mechanism.tree import Tree
 
-MOST_JOINTS = 3
+MAX_JOINTS = 3
 """With more joints the formulas are too long to read."""
 
-MOST_TERMS = 80
+MAX_TERMS = 80
 """Largest number of products in M and f: about a page."""
 
-NOTHING = 1e-9
+ZERO_COEFFICIENT = 1e-9
 """Relative to an equation's largest coefficient: smaller ones come from rounded angles."""
 
 
@@ -50,7 +50,7 @@ def formulas(
         tree: the bodies.
         q, v: symbols of its positions and velocities.
     """
-    if len(tree.links) > MOST_JOINTS:
+    if len(tree.links) > MAX_JOINTS:
         return f"they are too long for {len(tree.links)} joints"
     other = next((one for one in tree.links if one.kind not in ("hinge", "slide")), None)
     if other is not None:
@@ -77,8 +77,8 @@ def _written(
     rows = [[_short(x, circles) for x in (*mass[i, :, 0], force[i, 0])] for i in range(n)]
     rows = [_without_nothing(row) for row in rows]
     count = sum(len(x) for row in rows for x in row)
-    if count > MOST_TERMS:
-        return f"they have {count} terms; more than {MOST_TERMS} are too long"
+    if count > MAX_TERMS:
+        return f"they have {count} terms; more than {MAX_TERMS} are too long"
     symbols = [*map(sp.sin, q), *map(sp.cos, q), *q, *v]
     written = [[_products(x, symbols) for x in row] for row in rows]
     return SymbolicEquations(
@@ -103,7 +103,7 @@ def _without_nothing(row: list[Any]) -> list[Any]:
     """Return a row of M and f without coefficients that are rounded zeros."""
     largest = max((abs(c) for one in row for c in one.values()), default=0)
     return [
-        type(one)(one.ring, {m: c for m, c in one.items() if abs(c) > NOTHING * largest})
+        type(one)(one.ring, {m: c for m, c in one.items() if abs(c) > ZERO_COEFFICIENT * largest})
         for one in row
     ]
 

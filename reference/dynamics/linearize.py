@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.simplify import LONG, simplify_bounded
+from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS, simplify_bounded
 from physics_crosscheck.reference.mechanism.declaration import (
     DeclarationError,
     Equilibrium,
@@ -189,7 +189,7 @@ def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational], where: 
         DeclarationError: if an entry is not a finite real number.
     """
     try:
-        if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
+        if sum(sp.count_ops(entry) for entry in matrix) <= LONG_OPERATIONS:
             result = to_mp(matrix.subs(values))
         else:
             # Substitution one by one would take minutes.

@@ -10,7 +10,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from physics_crosscheck.reference.dynamics.linearize import DIGITS, TaylorLinearization, to_array
-from physics_crosscheck.reference.dynamics.simplify import LONG
+from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 
@@ -144,7 +144,7 @@ def transfer_functions(linearization: TaylorLinearization) -> sp.ImmutableMatrix
     dynamic = sp.Matrix(
         linearization.mass * s**2 + linearization.damping * s + linearization.stiffness
     )
-    if sum(sp.count_ops(entry) for entry in dynamic) > LONG:
+    if sum(sp.count_ops(entry) for entry in dynamic) > LONG_OPERATIONS:
         return _numeric_transfer_functions(linearization)
     adjugate, determinant = dynamic.adjugate(), dynamic.det()
     response = adjugate * linearization.input

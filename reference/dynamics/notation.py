@@ -29,10 +29,10 @@ Names: TypeAlias = dict[str, sp.Expr | Callable[..., sp.Expr]]
 
 ENERGIES = ("T", "V", "D", "L")
 
-MOST_DEGREE = 400
+MAX_DEGREE = 400
 """Largest degree of a side: its number of terms, counting powers by their exponents."""
 
-MOST_SIGNS = 8
+MAX_SIGNS = 8
 """Largest number of signs `±` in an equation; every combination is tried."""
 
 _FUNCTIONS = {
@@ -76,8 +76,8 @@ def _readings(
 ) -> list[EquationReading]:
     where = f"system {system.name!r}, Eq. {published.number}"
     count = published.text.count("±")
-    if count > MOST_SIGNS:
-        raise DeclarationError(f"{where}: {count} signs ±; at most {MOST_SIGNS} are allowed")
+    if count > MAX_SIGNS:
+        raise DeclarationError(f"{where}: {count} signs ±; at most {MAX_SIGNS} are allowed")
     signs = sp.symbols(f"sign_:{count}") if count else ()
     names = _names(system, coordinate) | {str(sign): sign for sign in signs}
     names |= {f"{c.name}0": _point(c) for c in system.coordinates if c.name == published.of}
@@ -224,7 +224,7 @@ def _check_size(node: ast.expr) -> int:
             degree = sum(map(_check_size, given))
         case _:
             raise ValueError(f"{ast.unparse(node)} is not a number, a name or arithmetic")
-    if degree > MOST_DEGREE:
+    if degree > MAX_DEGREE:
         raise ValueError("its powers are too large to compute")
     return degree
 

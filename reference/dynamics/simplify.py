@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-LONG = 80
+LONG_OPERATIONS = 80
 """Operations above which `simplify` takes seconds per expression, and minutes for an arm."""
 
 
@@ -15,7 +15,7 @@ def simplify_bounded(expression: sp.Expr) -> sp.Expr:
     with floats, such as a position found by a search, count as long earlier, since factoring floats
     may not end.
     """
-    if sp.count_ops(expression) > LONG // (4 if expression.has(sp.Float) else 1):
+    if sp.count_ops(expression) > LONG_OPERATIONS // (4 if expression.has(sp.Float) else 1):
         return expression
     return sp.simplify(expression)
 

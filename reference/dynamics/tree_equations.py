@@ -14,10 +14,10 @@ from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, Scalars
 
-AT_ONCE = 2000
+STATES_PER_RECURSION = 2000
 """States per recursion; more of them cost memory without saving time."""
 
-MARGIN = 4.0
+ROUNDING_MARGIN = 4.0
 """Factor from the largest rounding observed at some states to the bound at all states."""
 
 
@@ -82,7 +82,9 @@ class TreeEquations(EquationsOfMotion):
 
         sizes = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
         columns = []
-        for some in np.array_split(np.arange(2 * n), -(-2 * n * len(states) // AT_ONCE)):
+        for some in np.array_split(
+            np.arange(2 * n), -(-2 * n * len(states) // STATES_PER_RECURSION)
+        ):
             step = np.zeros((2 * n, len(some)))
             step[some, range(len(some))] = sizes[some]
             by = np.einsum("bij,jcb->icb", inverse, residual(step) - residual(-step), optimize=True)
@@ -118,7 +120,7 @@ class TreeEquations(EquationsOfMotion):
         long = Charted(self.system.tree, LONG_DOUBLES)
         exact = long.acceleration(*map(LONG_DOUBLES.array, arguments))
         apart = np.abs(exact - self._doubles.acceleration(*arguments)).astype(float)
-        bound: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
+        bound: Array = ROUNDING_MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
         return bound
 
     @cached_property

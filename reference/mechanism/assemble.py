@@ -20,8 +20,8 @@ from physics_crosscheck.reference.mechanism.force_paths import JointForce, LinkF
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
 from physics_crosscheck.reference.mechanism.spatial_inertia import (
-    HERE,
-    NOTHING,
+    IDENTITY,
+    NO_INERTIA,
     Place,
     SpatialInertia,
 )
@@ -121,7 +121,7 @@ class _Builder:
         """Attach a body to its parent."""
         if body.name in self.places:
             raise TreeError(f"two bodies have the name {body.name!r}")
-        within, place = WORLD, HERE
+        within, place = WORLD, IDENTITY
         if body.parent is not None:
             if body.parent not in self.places:
                 raise TreeError(
@@ -188,8 +188,8 @@ class _Builder:
                 rest=(float(joint.rest),),
             )
         )
-        self._inertias.append(NOTHING)
-        self._lifts.append(NOTHING)
+        self._inertias.append(NO_INERTIA)
+        self._lifts.append(NO_INERTIA)
         if not joint.single and (powers(joint.stiffness) or len(damping) > 1):
             self.bushings.append(_bushing(joint, index))
         bounds = (joint.limits if joint.single else None) or (-np.inf, np.inf)
@@ -228,7 +228,7 @@ class _Builder:
         return element.along.mapped(lambda site: self._marked(site, what))
 
     def _marked(self, site: Site, what: str) -> LinkFrame:
-        within, place = WORLD, HERE
+        within, place = WORLD, IDENTITY
         if site.body is not None:
             if site.body not in self.places:
                 raise TreeError(f"{what} names body {site.body!r}, which does not exist")

@@ -26,7 +26,7 @@ Powers = float | tuple[float, ...]
 """A coefficient, or the coefficients of the first, second, ... power."""
 
 ZERO: Triple = (0.0, 0.0, 0.0)
-FLAT = 1e-15
+MIN_BOX_MOMENT = 1e-15
 """The smallest mass, kg, and second moment, kg m^2, of a box in a fluid."""
 KINDS = get_args(Kind)
 
@@ -177,9 +177,9 @@ class RigidBody:
         """The box of equal mass and moments of inertia: its pose in the body, and edges, m, (3,).
 
         Its axes are those of `inertia`, or the principal axes if there are products of inertia. A
-        zero second moment, as of a plate, is replaced by `FLAT`. None for a massless body.
+        zero second moment, as of a plate, is replaced by `MIN_BOX_MOMENT`. None without mass.
         """
-        if self.mass < FLAT:
+        if self.mass < MIN_BOX_MOMENT:
             return None
         place = _place(self.center, self.inertia_rpy, self.inertia_quaternion)
         moments = np.array(self.inertia[:3], dtype=float)
@@ -187,7 +187,7 @@ class RigidBody:
             moments, axes = np.linalg.eigh(self._tensor)
             place = Place(place.rotation @ axes, place.origin)
         apart = np.array([moments[i - 2] + moments[i - 1] - moments[i] for i in range(3)])
-        return place, np.sqrt(np.maximum(FLAT, apart) / self.mass * 6)
+        return place, np.sqrt(np.maximum(MIN_BOX_MOMENT, apart) / self.mass * 6)
 
     @property
     def _tensor(self) -> Array:

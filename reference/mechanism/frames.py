@@ -22,7 +22,7 @@ ENTRIES = 12
 """Numbers per frame: three of its position, nine of its rotation."""
 
 _DIGITS = 30
-_RIGHT = sp.Float("1e-15")
+_ORTHONORMAL_TOLERANCE = sp.Float("1e-15")
 """Tolerance of orthonormality of a rotation; axes are known to 24 digits."""
 
 
@@ -86,7 +86,7 @@ def _check_rotation(frame: Pose, system: Declaration, where: str) -> None:
         place = {q: sp.Rational(5 * i + shift, 11) for i, q in enumerate(system.q)}
         here = frame.rotation.xreplace(system.values).xreplace(place).evalf(_DIGITS)
         off = (here.T * here - sp.eye(3)).norm()
-        if not (off.is_number and off.is_finite and off < _RIGHT):
+        if not (off.is_number and off.is_finite and off < _ORTHONORMAL_TOLERANCE):
             raise DeclarationError(
                 f"{where}: its rotation is not orthonormal; its columns are the frame's axes"
             )

@@ -29,8 +29,8 @@ SWITCHES = (
 )  # fmt: skip
 """Functions that an input may also contain; `mechanism.signal` finds their break points."""
 
-LARGEST = float(np.finfo(float).max)
-LONGEST = 60
+MAX_DOUBLE = float(np.finfo(float).max)
+MAX_CHARACTERS = 60
 """Largest number of characters of an expression in a message."""
 
 SAMPLES = 401
@@ -95,7 +95,7 @@ def number_of(value: object, constants: Mapping[sp.Symbol, sp.Expr], place: str)
         raise DeclarationError(
             f"{place} is {shown(expression)} = {shown(number.evalf(5))}, which is not a real number"
         )
-    if abs(number) > LARGEST:
+    if abs(number) > MAX_DOUBLE:
         raise DeclarationError(f"{place} is {shown(value)}, which is too large for a double")
     return float(number)
 
@@ -207,4 +207,4 @@ def shown(value: object) -> str:
         text = " ".join((str(value) if isinstance(value, sp.Basic) else repr(value)).split())
     except ValueError:  # an integer with too many digits to print
         return "a number of thousands of digits"
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return text if len(text) <= MAX_CHARACTERS else f"{text[:MAX_CHARACTERS]}..."

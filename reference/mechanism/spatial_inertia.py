@@ -24,7 +24,7 @@ class Place(NamedTuple):
         return self.origin + self.rotation @ point
 
 
-HERE = Place(np.eye(3), np.zeros(3))
+IDENTITY = Place(np.eye(3), np.zeros(3))
 
 
 class SpatialInertia(NamedTuple):
@@ -56,4 +56,4 @@ class SpatialInertia(NamedTuple):
         return SpatialInertia(mass, center, self.inertia + other.inertia + spread)
 
 
-NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))
+NO_INERTIA = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))

@@ -48,10 +48,10 @@ from physics_crosscheck.reference.mechanism.units import (
 
 Item = TypeVar("Item", Coordinate, Input)
 
-SHORTEST = 1e-12
+MIN_DURATION_SECONDS = 1e-12
 """Shortest duration of a scenario, s."""
 
-_SMOOTHLESS = (
+_NONSMOOTH_FUNCTIONS = (
     sp.Abs, sp.sign, sp.Heaviside, sp.DiracDelta, sp.Piecewise, sp.Max, sp.Min,
     sp.floor, sp.ceiling, sp.Mod, sp.re, sp.im, sp.arg, sp.conjugate,
 )  # fmt: skip
@@ -144,7 +144,7 @@ def _check_values(system: Declaration, where: str) -> None:
     for name in ("T", "V", "D"):
         place = f"{where}: {name}"
         # `_check_smooth` reports functions that are not differentiable.
-        allowed = (*_SMOOTHLESS, sp.core.function.AppliedUndef)
+        allowed = (*_NONSMOOTH_FUNCTIONS, sp.core.function.AppliedUndef)
         check_real(expression_of(getattr(system, name), place), place, also=allowed)
     for pushed in system.inputs:
         for coordinate, factor in pushed.on.items():
@@ -233,7 +233,7 @@ def _check_dimension(
 
 def _check_smooth(system: Declaration, where: str) -> None:
     for name in ("T", "V", "D"):
-        for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
+        for bad in (*_NONSMOOTH_FUNCTIONS, sp.core.function.AppliedUndef):
             for part in getattr(system, name).atoms(bad):
                 raise DeclarationError(f"{where}: {name} is not differentiable: it has {part}")
 
@@ -308,10 +308,10 @@ def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, pl
     duration = number_of(scenario.duration, {}, f"{place}: the duration")
     if duration <= 0:
         raise DeclarationError(f"{place}: the duration is {scenario.duration}; it must be positive")
-    if duration < SHORTEST:
+    if duration < MIN_DURATION_SECONDS:
         raise DeclarationError(
             f"{place}: the duration is {scenario.duration} s, shorter than "
-            f"{SHORTEST:g} s, the least that engines can step; make it longer"
+            f"{MIN_DURATION_SECONDS:g} s, the least that engines can step; make it longer"
         )
     start_values = {
         c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates
@@ -326,7 +326,17 @@ def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, pl
         number_of(here, system.values, f"{place}: {name} at its start")
 
 
-DRAWN = (sp.Symbol, sp.Number, sp.NumberSymbol, sp.Add, sp.Mul, sp.Pow, sp.sin, sp.cos, sp.tan)
+SKETCH_TYPES = (
+    sp.Symbol,
+    sp.Number,
+    sp.NumberSymbol,
+    sp.Add,
+    sp.Mul,
+    sp.Pow,
+    sp.sin,
+    sp.cos,
+    sp.tan,
+)
 """Expression types allowed in the positions of a sketch."""
 
 
@@ -348,7 +358,7 @@ def _check_sketch(system: Declaration, where: str) -> None:
         for name, expression in entries.items():
             _check_symbols(expression, symbols, f"{place}, {name},")
             for part in sp.preorder_traversal(expression):
-                if not isinstance(part, DRAWN):
+                if not isinstance(part, SKETCH_TYPES):
                     raise DeclarationError(f"{place}, {name}: {part} can't be drawn")
 
 

@@ -17,10 +17,10 @@ from physics_crosscheck.reference.solving.collocation import Field
 from physics_crosscheck.reference.solving.integrate import field_of
 from physics_crosscheck.reference.solving.motion import Span, chebyshev_nodes
 
-LOOKED_AT = slice(None, None, 5)
+ROUNDING_NODES = slice(None, None, 5)
 """Nodes of a segment at which rounding is estimated: start, middle and end."""
 
-BLOCKS = 256
+MAX_BOXES = 256
 """Largest number of error boxes propagated along a motion, besides those of the current block."""
 
 
@@ -159,10 +159,10 @@ def _acceleration_error(
     have the effect of both, plus the rounding of their own terms if doubles evaluate them.
     """
     n = nodes.shape[-1] // 2
-    node_times = times[:, None] + length * chebyshev_nodes()[LOOKED_AT]
+    node_times = times[:, None] + length * chebyshev_nodes()[ROUNDING_NODES]
     time_error = 3 * UNIT * np.abs(node_times)
     error = equations.acceleration_error(
-        nodes[:, LOOKED_AT],
+        nodes[:, ROUNDING_NODES],
         signal.numeric(node_times[..., None]),
         node_times,
         off=running_error(signal.expressions, {t: (node_times, time_error)}),
@@ -217,7 +217,7 @@ def _chained(
     size = np.maximum(np.max(np.abs(segments.end), axis=0), 1e-300)
     jumps = (starts - segments.end - time_errors[:, None] * rates) / size
     turns = flows * size / size[:, None]
-    spread = _Spread.none(len(size), block=-(-len(jumps) // BLOCKS))
+    spread = _Spread.none(len(size), block=-(-len(jumps) // MAX_BOXES))
     error = np.zeros_like(size)
     chain = np.zeros((len(times), len(size)))
     with np.errstate(over="ignore", invalid="ignore"):

@@ -13,11 +13,11 @@ import numpy as np
 
 from physics_crosscheck.reference.mechanism.numeric import Array
 
-INDEPENDENT = 1e-9
+MIN_SINGULAR_VALUE = 1e-9
 """Threshold of singular values, relative to the largest, with columns of the slopes normalized.
 Smaller ones belong to parameters that no motion can distinguish."""
 
-PRIOR = 1e-6
+PRIOR_INFORMATION = 1e-6
 """Initial information in each direction, relative to that of all states. It makes the determinant
 nonzero while there are fewer states than parameters."""
 
@@ -33,8 +33,8 @@ def select_d_optimal(rows: Array, count: int) -> list[int]:
     white = _whitened(rows)
     states, m, r = white.shape
     flat, eye = white.reshape(-1, r), np.eye(m)
-    covariance = np.eye(r) / PRIOR
-    shown = eye + white @ np.swapaxes(white, 1, 2) / PRIOR
+    covariance = np.eye(r) / PRIOR_INFORMATION
+    shown = eye + white @ np.swapaxes(white, 1, 2) / PRIOR_INFORMATION
     available, chosen = np.ones(states, dtype=bool), list[int]()
     for _ in range(count):
         gain = np.where(available, np.linalg.slogdet(shown)[1], -np.inf)
@@ -57,5 +57,5 @@ def _whitened(rows: Array) -> Array:
     flat = flat[:, length > 0] / length[length > 0]
     across, triangle = np.linalg.qr(flat)
     turn, sizes, _ = np.linalg.svd(triangle)
-    result: Array = across @ turn[:, : len(sizes)][:, sizes > INDEPENDENT * sizes[0]]
+    result: Array = across @ turn[:, : len(sizes)][:, sizes > MIN_SINGULAR_VALUE * sizes[0]]
     return result.reshape(states, m, -1)

@@ -22,7 +22,7 @@ from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
 from physics_crosscheck.reference.solving.bounds import each, rounded_away
 from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
 from physics_crosscheck.reference.solving.motion import Motion
-from physics_crosscheck.reference.solving.shooting import ROUGH, ROUGH_ACCURACY, shoot
+from physics_crosscheck.reference.solving.shooting import ROUGH_SAMPLES, ROUGH_ACCURACY, shoot
 from physics_crosscheck.reference.solving.solve import (
     check_duration,
     check_motion,
@@ -174,7 +174,7 @@ def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
     start, duration = start_of(system, scenario), float(scenario.duration)
     fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
     check_duration(fastest, duration, place)
-    rough = np.linspace(0.0, duration, ROUGH)
+    rough = np.linspace(0.0, duration, ROUGH_SAMPLES)
     states = trajectory(equations, start, signals, rough, rtol=ROUGH_ACCURACY)
     if not equations.linear:
         fastest = fastest_rate(equations, signals, rough, states)

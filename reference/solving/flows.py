@@ -28,13 +28,13 @@ ITERATIONS = 60
 CONVERGED = 1e-15
 """Iteration ends at this change of the stages, relative to the largest of each component."""
 
-HOPELESS, EVERY = 0.25, 5
-"""Within `EVERY` iterations the change must shrink to this share; otherwise 60 do not suffice."""
+MAX_CHANGE_RATIO, RATIO_ITERATIONS = 0.25, 5
+"""Within so many iterations the change must shrink to this share; otherwise 60 do not suffice."""
 
-ACCEPTED = 1e-11
+STALLED_CHANGE = 1e-11
 """Accepted change if rounding prevents further convergence."""
 
-NUDGE, LEAST = 1e-7, 1e-3
+PERTURBATION, MIN_STATE_SIZE = 1e-7, 1e-3
 """Perturbation of a state for the Jacobian, as a share of its size, and the smallest size."""
 
 TINY = 1e-300
@@ -195,10 +195,10 @@ class Flow:
             if not np.isfinite(change):
                 break
             slopes = slopes + by
-            if change < CONVERGED or (change < ACCEPTED and change > last / 4):
+            if change < CONVERGED or (change < STALLED_CHANGE and change > last / 4):
                 return slopes
-            if count % EVERY == 0:
-                if change > HOPELESS * before:
+            if count % RATIO_ITERATIONS == 0:
+                if change > MAX_CHANGE_RATIO * before:
                     break
                 before = change
             last = change
@@ -230,7 +230,7 @@ class Flow:
         units = np.eye(size)[:, :, None, None]
         columns = []
         for i in range(size):
-            by = NUDGE * max(float(np.abs(self._stages[i]).max()), LEAST)
+            by = PERTURBATION * max(float(np.abs(self._stages[i]).max()), MIN_STATE_SIZE)
             forces = (
                 self._residual(self.tree, self._stages + by * units[i]) - self._rounding_residual
             )

@@ -20,7 +20,7 @@ from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.samples import Samples, rate_of, rounding_of, solved
 
-QUICKER = 1.5
+MAX_RATE_RATIO = 1.5
 """Largest ratio of rates for which both trees share one segment length. Faster trees get shorter
 segments, solved by two methods like the first."""
 
@@ -28,7 +28,7 @@ STAGES = 6
 """Stages of the collocation, order 12. Its error is below rounding over a twentieth of the fastest
 period; order 8 had an error of up to 1e-12 of the movement."""
 
-UNCERTAIN = 4.0
+ERROR_FACTOR = 4.0
 """Factor from the collocation's error for the known segments to that for a sample."""
 
 
@@ -58,8 +58,8 @@ class ReusedSegments:
         samples, equations = self._samples, TreeEquations(replace(self._system, tree=tree))
         ratio = rate_of(equations, samples.start, samples.forces) / self._rate
         fastest = samples.fastest * max(ratio, 1.0)
-        length = samples.length / (ratio if ratio > QUICKER else 1.0)
-        if ratio <= QUICKER:
+        length = samples.length / (ratio if ratio > MAX_RATE_RATIO else 1.0)
+        if ratio <= MAX_RATE_RATIO:
             try:
                 return self._near(equations, fastest)
             except ReferenceError:  # the tree is too different
@@ -71,5 +71,5 @@ class ReusedSegments:
         flow = self._flow.for_tree(equations.system.tree)
         end = samples.end + flow.apart(self._flow)
         rounded = rounding_of(equations, samples.start, samples.forces, end, samples.length)
-        bound = samples.bound + UNCERTAIN * self._off + rounded
+        bound = samples.bound + ERROR_FACTOR * self._off + rounded
         return replace(samples, end=end, bound=bound, fastest=fastest)

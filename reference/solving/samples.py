@@ -27,36 +27,36 @@ seventh power of it."""
 SAMPLING_RANGE = 1.0
 """Sampling range of unlimited positions around home, rad or m."""
 
-FAR = np.pi
+MAX_LIMIT_DISTANCE = np.pi
 """Limits farther from home than this are ignored, rad or m."""
 
 COUPLED_A_PERIOD = 20
 """Segments per period if joints are coupled; shorter segments would increase rounding there."""
 
-DRAWN, ROWS, TIMES = 400, 6000, 2
-"""Number of sampled states: `DRAWN`, or fewer, such that they have about `ROWS` accelerations; at
-least `TIMES` the selected states."""
+MAX_CANDIDATES, CANDIDATE_ROWS, MIN_CANDIDATE_RATIO = 400, 6000, 2
+"""Number of sampled states: `MAX_CANDIDATES`, or fewer, such that they have about `CANDIDATE_ROWS`
+accelerations; at least `MIN_CANDIDATE_RATIO` times the selected states."""
 
-LOOKED_AT = 24
+RATE_STATES = 24
 """Largest number of states at which rates are computed, each by 4 n accelerations."""
 
-SLOWEST = 1.0
+DEFAULT_RATE = 1.0
 """Rate of motions if nothing oscillates, rad/s."""
 
-LIVELIEST = 20.0
+MAX_SAMPLED_RATE = 20.0
 """Largest rate of sampled motions, rad/s; stiff servos settle faster than robots move."""
 
-QUICKEST = 1e9
+MAX_RATE = 1e9
 """Rate above which positions move by rounding only while a joint settles, rad/s."""
 
-SINGULAR = 1e-13
+MIN_EIGENVALUE = 1e-13
 """Threshold of eigenvalues of a mass matrix with unit diagonal; smaller ones are rounding."""
 
-APART = 1e-9
+MAX_DIFFERENCE = 1e-9
 """Largest difference of the two solutions, relative to the largest component of its kind. Smaller
 differences enter the bound."""
 
-GROWTH = 2.0
+MAX_AMPLIFICATION = 2.0
 """Factor by which the equations may amplify an error within a segment; e^(2 pi / 20) is 1.37."""
 
 
@@ -119,7 +119,7 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     start = np.concatenate([q, v], axis=1)
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
     fastest = max(pool.swing, _rates(equations, start, forces)[0], pool.rate, spinning)
-    if fastest > QUICKEST:
+    if fastest > MAX_RATE:
         joint = equations.system.coordinates[int(np.argmax(pool.settling))].name
         raise ReferenceError(
             f"its fastest motion takes {1 / fastest:.0e} s, too short to move any "
@@ -148,7 +148,7 @@ def solved(
     checked = by_runge_kutta(field, times, start, length, rounded=True)
     apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
     sizes = np.repeat([size[:n].max(), size[n:].max()], n)
-    if not np.all(apart <= APART * sizes):  # so that nan is rejected as well
+    if not np.all(apart <= MAX_DIFFERENCE * sizes):  # so that nan is rejected as well
         worst = int(np.argmax(apart / sizes))
         raise ReferenceError(
             f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"
@@ -172,7 +172,7 @@ def rounding_of(
     n, size = forces.shape[1], np.max(np.abs(end), axis=0)
     rounded = equations.rounding(start[:, :n], start[:, n:], forces)
     jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
-    bound: Array = 2 * np.finfo(float).eps * size + GROWTH * jolt
+    bound: Array = 2 * np.finfo(float).eps * size + MAX_AMPLIFICATION * jolt
     return bound
 
 
@@ -217,14 +217,14 @@ def candidates(
     oscillation at rest, and times its square. The arguments are those of `samples`.
     """
     rng, n = np.random.default_rng(seed), len(home)
-    number_drawn = max(min(DRAWN, ROWS // n), TIMES * count)
+    number_drawn = max(min(MAX_CANDIDATES, CANDIDATE_ROWS // n), MIN_CANDIDATE_RATIO * count)
     sampling_range = within(limits, home)
     q = rng.uniform(sampling_range[:, 0], sampling_range[:, 1], (number_drawn, n))
     extent = np.minimum((sampling_range[:, 1] - sampling_range[:, 0]) / 2, SAMPLING_RANGE)
     none = np.zeros((number_drawn, n))
     _check_masses(equations, q)
     swing, settling = _rates(equations, np.concatenate([q, none], axis=1), none)
-    rate = min(max(swing, SLOWEST), LIVELIEST)
+    rate = min(max(swing, DEFAULT_RATE), MAX_SAMPLED_RATE)
 
     def moving(q: Array, rate: float, settling: Array) -> tuple[Array, Array]:
         """Return velocities and accelerations at positions."""
@@ -236,7 +236,7 @@ def candidates(
     if not equations.nonsmooth:
         return Candidates(q, v, a, swing, rate, settling)
     # A drag grows with the velocity; if it dominates, slower states are as fast.
-    lively = max(swing, LIVELIEST)
+    lively = max(swing, MAX_SAMPLED_RATE)
     rate *= min(1.0, lively / _fastest(equations, q, v, a))
     settling = np.maximum(settling, lively)
     v, a = moving(q, rate, settling)
@@ -262,7 +262,7 @@ def candidates(
 
 def _fastest(equations: TreeEquations, q: Array, v: Array, a: Array) -> float:
     """Return the fastest rate at some states with the given accelerations, rad/s."""
-    some = slice(LOOKED_AT)
+    some = slice(RATE_STATES)
     forces = equations.forces_for(q[some], v[some], a[some])
     return _rates(equations, np.concatenate([q[some], v[some]], axis=1), forces)[0]
 
@@ -306,7 +306,10 @@ def within(limits: Array, home: Array) -> Array:
     low = np.where(np.isfinite(low), low, np.minimum(home, high) - SAMPLING_RANGE)
     high = np.where(np.isfinite(high), high, np.maximum(home, low) + SAMPLING_RANGE)
     near = np.clip(home, low, high)
-    result: Array = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
+    result: Array = np.stack(
+        [np.maximum(low, near - MAX_LIMIT_DISTANCE), np.minimum(high, near + MAX_LIMIT_DISTANCE)],
+        axis=1,
+    )
     return result
 
 
@@ -324,7 +327,7 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
     size = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(mass / size[:, :, None] / size[:, None, :])
     worst = int(np.argmin(values[:, 0]))
-    if values[worst, 0] <= SINGULAR:
+    if values[worst, 0] <= MIN_EIGENVALUE:
         joint = int(np.argmax(np.abs(vectors[worst, :, 0])))
         name = equations.system.coordinates[joint].name
         raise ReferenceError(
@@ -342,7 +345,7 @@ def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[floa
     Raises:
         ReferenceError: if the accelerations are not finite.
     """
-    states, forces, n = states[:LOOKED_AT], forces[:LOOKED_AT], states.shape[1] // 2
+    states, forces, n = states[:RATE_STATES], forces[:RATE_STATES], states.shape[1] // 2
     with np.errstate(all="ignore"):
         lower = equations.pushed_slopes(states, forces)
     if not np.isfinite(lower).all():

@@ -29,25 +29,25 @@ from physics_crosscheck.reference.solving.motion import Span
 ROUGH_ACCURACY = 1e-6
 """Relative accuracy of the rough motion."""
 
-SHOTS = 8
+MAX_SHOTS = 8
 """Largest number of Newton iterations; two are typical."""
 
-JOINED = 1e-12
+JOIN_TOLERANCE = 1e-12
 """Shooting converges if starts move by less than this, relative to the motion's size."""
 
 STALLED = 1e-9
 """Smaller moves that hardly decrease are caused by rounding."""
 
-FAR = 0.1
+MAX_NEWTON_MOVE = 0.1
 """Newton's method is not tried if starts must move by more, relative to the motion's size."""
 
-NEAR = 1e-3
+KEPT_FLOW_MOVE = 1e-3
 """Starts that move by less keep their transition matrices, relative to the motion's size."""
 
-ROUGHLY = 1e-8
+FIRST_SHOT_CHANGE = 1e-8
 """Change of rates that ends the iterations of the first shot, see `collocate`."""
 
-ROUGH = 400
+ROUGH_SAMPLES = 400
 """Samples of the rough motion; Newton's method squares its error."""
 
 
@@ -154,18 +154,18 @@ def _joined(
     solved = equations, signals, spans, times
     size = np.maximum(np.max(np.abs(starts), axis=0), 1e-300)
     worst = np.inf
-    for shot in range(SHOTS):
+    for shot in range(MAX_SHOTS):
         # Newton's method corrects these starts, so few digits suffice.
-        end, nodes = _segments(*solved, starts, ROUGHLY if shot == 0 else CONVERGED)
-        if worst > NEAR:
+        end, nodes = _segments(*solved, starts, FIRST_SHOT_CHANGE if shot == 0 else CONVERGED)
+        if worst > KEPT_FLOW_MOVE:
             flow = _transitions(*solved, starts)
         moved = _moves(flow, end[:-1] - starts[1:])
         worst, before = float(np.max(np.abs(moved) / size, initial=0.0)), worst
         # If it no longer decreases, only rounding along the chain remains.
-        joined = worst <= JOINED or (worst < STALLED and worst > before / 4)
+        joined = worst <= JOIN_TOLERANCE or (worst < STALLED and worst > before / 4)
         if joined and shot > 0:
             return starts, end, nodes, flow
-        if not worst <= FAR:
+        if not worst <= MAX_NEWTON_MOVE:
             break
         starts = np.concatenate([starts[:1], starts[1:] + moved])
     raise ReferenceError("the segments of the motion can't be joined because it grows too fast")

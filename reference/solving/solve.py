@@ -27,7 +27,7 @@ from physics_crosscheck.reference.solving.integrate import (
     trajectory,
 )
 from physics_crosscheck.reference.solving.motion import Motion, Span
-from physics_crosscheck.reference.solving.shooting import ROUGH, ROUGH_ACCURACY, shoot
+from physics_crosscheck.reference.solving.shooting import ROUGH_SAMPLES, ROUGH_ACCURACY, shoot
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200
@@ -79,7 +79,7 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
     duration = float(scenario.duration)
     fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
     check_duration(fastest, duration, place)
-    times = np.linspace(0.0, duration, ROUGH)
+    times = np.linspace(0.0, duration, ROUGH_SAMPLES)
     states = start[None]
     if not equations.linear:
         states = trajectory(equations, start, signals, times, rtol=ROUGH_ACCURACY)

@@ -16,16 +16,16 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.collocation import Field, ReferenceError
 
-SHARE = 4
+CANDIDATES_PER_SEGMENT = 4
 """One of so many sampled segments, at least, must cross no kink."""
 
-HALVINGS = 16
-"""Largest number of times that segments are halved to reach `SHARE`."""
+MAX_HALVINGS = 16
+"""Largest number of times that segments are halved to reach `CANDIDATES_PER_SEGMENT`."""
 
-STEPS = 4
+STEPS_PER_SEGMENT = 4
 """Runge-Kutta steps per segment; the sign of each switching function is checked after each."""
 
-NOTHING = 1e-12
+ZERO_TOLERANCE = 1e-12
 """A switching function that stays below this, relative to the largest, is zero and has no sign."""
 
 Draw = Callable[[int], tuple[Array, Array]]
@@ -51,8 +51,8 @@ def smooth_segments(
     Raises:
         ReferenceError: if all segments cross a kink.
     """
-    start, forces = draw(SHARE * count)
-    for _ in range(HALVINGS):
+    start, forces = draw(CANDIDATES_PER_SEGMENT * count)
+    for _ in range(MAX_HALVINGS):
         free = np.flatnonzero(_free(equations, field_of(forces), start, length))
         if len(free) >= count:
             return start[free[:count]], forces[free[:count]], length
@@ -62,15 +62,15 @@ def smooth_segments(
 
 def _free(equations: TreeEquations, field: Field, start: Array, length: float) -> NDArray[np.bool_]:
     """Return the mask of segments that cross no kink, (K,)."""
-    n, h = start.shape[1] // 2, length / STEPS
+    n, h = start.shape[1] // 2, length / STEPS_PER_SEGMENT
     times, states = np.zeros(len(start)), [start]
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        for _ in range(STEPS_PER_SEGMENT):
             states.append(_stepped(field, times, states[-1], h))
         values = np.stack([equations.switching_functions(at[:, :n], at[:, n:]) for at in states])
     sizes = np.max(np.abs(values), axis=(0, 1), initial=0.0)
     turned = np.any((values > 0) != (values[0] > 0), axis=0) & (
-        sizes > NOTHING * np.max(sizes, initial=0.0)
+        sizes > ZERO_TOLERANCE * np.max(sizes, initial=0.0)
     )
     finite = np.isfinite(states[-1]).all(axis=1)
     result: NDArray[np.bool_] = finite & np.logical_not(turned.any(axis=1))

@@ -25,7 +25,7 @@ Kind = Literal[
 ]
 """Kind of a parameter: a constant, or one of the terms of `_extra_terms`."""
 
-CREEP = 1e-3
+FRICTION_SPEED_SHARE = 1e-3
 """Speed below which Coulomb friction is smoothed, relative to the motion's."""
 
 
@@ -194,7 +194,7 @@ def _extra_terms(
         _Term("inertia", None, inertia, kg),
         _Term("damping", v, force / speed, f"{N}*s/{per}"),
         _Term("quadratic damping", v * sp.Abs(v), force / speed**2, f"{N}*s^2/{per}^2"),
-        _Term("friction", sp.tanh(v / (CREEP * speed)), force, N),
+        _Term("friction", sp.tanh(v / (FRICTION_SPEED_SHARE * speed)), force, N),
         _Term("spring", q, force / extent, f"{N}/{per}"),
         _Term("offset force", sp.Integer(-1), force, N),
     )

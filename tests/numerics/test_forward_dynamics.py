@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     FORCE_KINDS,
-    TURNS,
+    STATE_COMBINATIONS,
     AccelerationComparison,
     forward_dynamics,
     mixed,
@@ -58,7 +58,7 @@ def test_a_robots_accelerations_are_the_equations(file: Path, engine: str, float
     found = of_robot(file, engine, floating=floating)
     assert found is not None
     assert found.complete
-    assert found.states == 40 * TURNS
+    assert found.states == 40 * STATE_COMBINATIONS
     assert found.judgement.outcome is Outcome.AGREES
     assert found.judgement.largest_discrepancy < 1e-12
     assert max(found.force_errors.values()) < 1e-12
@@ -170,8 +170,8 @@ def test_a_contact_is_told_of_no_state_where_it_acts(tmp_path: Path) -> None:
 def test_others_velocities_and_inputs_go_round_among_the_positions() -> None:
     states, inputs = np.arange(40.0).reshape(10, 4), np.arange(10.0)[:, None]
     found, given = mixed(states, inputs)
-    assert found.shape == (10 * TURNS, 4)
-    assert given.shape == (10 * TURNS, 1)
+    assert found.shape == (10 * STATE_COMBINATIONS, 4)
+    assert given.shape == (10 * STATE_COMBINATIONS, 1)
     assert np.array_equal(found[:10], states)
     assert np.array_equal(np.unique(found[:, :2], axis=0), states[:, :2])
-    assert len(np.unique(found, axis=0)) == 10 * TURNS
+    assert len(np.unique(found, axis=0)) == 10 * STATE_COMBINATIONS

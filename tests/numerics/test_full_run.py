@@ -167,7 +167,7 @@ class Precise(SymplecticEuler):
 
 def test_of_a_tiny_error_coarser_runs_bear_witness_in_fewer_steps(bench: MakeBench) -> None:
     found = study(bench(Precise(step=2e-3)), claimed=4)
-    assert found.global_error < step_study.TINY
+    assert found.global_error < step_study.TINY_ERROR
     assert min(run.h for run in found.others) == 4e-3
     assert sum(run.steps for run in found.others) < found.shipped.steps
     assert found.full_run_check.order == pytest.approx(4, abs=0.1)
@@ -187,7 +187,7 @@ class Rough(Precise):
 
 def test_what_the_shipped_step_alone_does_shows_beside_coarser_ones_too(bench: MakeBench) -> None:
     found = study(bench(Rough(step=2e-3)), claimed=4)
-    assert found.global_error < step_study.TINY
+    assert found.global_error < step_study.TINY_ERROR
     assert not found.full_run_check.predicted
     assert found.full_run_check.surprise == pytest.approx(5e-6, rel=0.5)
 

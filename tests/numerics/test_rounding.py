@@ -8,10 +8,10 @@ from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.rounding import (
-    ALIKE,
-    LEAST,
-    NEAR,
-    PAIRS,
+    COMPANION_EXPONENT,
+    MAX_PAIRS,
+    MIN_PAIRS,
+    SHARED_DIGITS,
     Starts,
     with_companions,
     without_companions,
@@ -36,8 +36,8 @@ def ends(found: Starts) -> Array:
 def test_what_the_end_depends_on_smoothly_is_not_observed() -> None:
     found = starts()
     smooth = ends(found)
-    moved = np.abs(smooth[-PAIRS:] - smooth[found.rows[-PAIRS:]])
-    assert np.min(np.max(moved, axis=0)) > 0.1 * EPSILON**NEAR
+    moved = np.abs(smooth[-MAX_PAIRS:] - smooth[found.rows[-MAX_PAIRS:]])
+    assert np.min(np.max(moved, axis=0)) > 0.1 * EPSILON**COMPANION_EXPONENT
     assert np.all(found.observed_rounding(smooth) < 100 * EPSILON)
 
 
@@ -62,7 +62,7 @@ def test_values_that_are_not_finite_show_nothing_and_hide_nothing() -> None:
     found = starts()
     rounded = np.round(ends(found) / LAST_DIGIT) * LAST_DIGIT
     rounded[found.rows[-1]] = np.nan
-    rounded[-PAIRS] = np.inf
+    rounded[-MAX_PAIRS] = np.inf
     observed = found.observed_rounding(rounded)
     assert np.all((observed >= LAST_DIGIT / 2) & (observed <= LAST_DIGIT))
 
@@ -70,32 +70,32 @@ def test_values_that_are_not_finite_show_nothing_and_hide_nothing() -> None:
 def test_companions_are_as_far_on_either_side_and_leave_zeros_alone() -> None:
     z = np.outer(np.arange(1, 101), [1.0, 0.0, -2.0])
     found = with_companions(z, z)
-    assert found.pairs == PAIRS
+    assert found.pairs == MAX_PAIRS
     assert found.count == 100
-    assert len(found.rows) == len(found.z) == len(found.w) == len(found.gain) == 100 + 2 * PAIRS
-    middle = z[found.rows[-PAIRS:]]
-    one, other = found.z[100 : 100 + PAIRS], found.z[-PAIRS:]
+    assert len(found.rows) == len(found.z) == len(found.w) == len(found.gain) == 100 + 2 * MAX_PAIRS
+    middle = z[found.rows[-MAX_PAIRS:]]
+    one, other = found.z[100 : 100 + MAX_PAIRS], found.z[-MAX_PAIRS:]
     assert np.array_equal(found.z[:100], z)
     assert np.all(found.gain[:100] == 1)
     assert np.all(one[:, 1] == 0)
     assert np.all(np.abs(one + other - 2 * middle) <= 2 * EPSILON * np.abs(middle))
     assert (
-        0.5 * EPSILON**NEAR
+        0.5 * EPSILON**COMPANION_EXPONENT
         < np.max(np.abs(one - middle)[:, 0] / middle[:, 0])
-        < 1.01 * EPSILON**NEAR
+        < 1.01 * EPSILON**COMPANION_EXPONENT
     )
 
 
 def test_companions_are_spread_over_the_motion_off_its_start() -> None:
     rows = with_companions(np.ones((240, 1)), np.ones((240, 1))).rows[240:]
-    assert np.array_equal(rows[:PAIRS], rows[PAIRS:])
-    assert np.array_equal(rows[:PAIRS], np.arange(5, 240, 10))
+    assert np.array_equal(rows[:MAX_PAIRS], rows[MAX_PAIRS:])
+    assert np.array_equal(rows[:MAX_PAIRS], np.arange(5, 240, 10))
 
 
 def test_few_segments_have_several_companions_each() -> None:
     found = with_companions(np.ones((2, 1)), np.ones((2, 1)))
-    assert list(np.bincount(found.rows)) == [1 + LEAST, 1 + LEAST]
-    assert len(np.unique(found.z[2:])) == 2 * LEAST
+    assert list(np.bincount(found.rows)) == [1 + MIN_PAIRS, 1 + MIN_PAIRS]
+    assert len(np.unique(found.z[2:])) == 2 * MIN_PAIRS
 
 
 @pytest.mark.parametrize(("count", "pairs"), [(1, 4), (16, 4), (40, 10), (96, 24), (400, 24)])
@@ -112,7 +112,7 @@ def test_last_digits_are_those_of_the_start_as_far_as_the_end_depends_on_them() 
     ends = np.column_stack(
         [5 * found.z[:, 0], found.z[:, 0] - found.w[:, 0], np.ones(len(found.z))]
     )
-    digits = found.last_digits(ends) / (ALIKE * EPSILON)
+    digits = found.last_digits(ends) / (SHARED_DIGITS * EPSILON)
     assert np.all(digits <= np.array([3.5, 1.0, 0.0]) * (1 + 1e-4))
     assert np.all(digits >= np.array([3.5, 1.0, 0.0]) / 2)
     assert np.array_equal(without_companions(found.z, found.w).last_digits(ends), np.zeros(3))

@@ -5,7 +5,7 @@ from time import process_time
 import pytest
 
 from physics_crosscheck.reference import DeclarationError, PublishedEquation
-from physics_crosscheck.reference.dynamics.notation import MOST_DEGREE, MOST_SIGNS, readings
+from physics_crosscheck.reference.dynamics.notation import MAX_DEGREE, MAX_SIGNS, readings
 from tests.reference.mechanisms import built_in
 
 
@@ -21,7 +21,7 @@ def refused(text: str) -> str:
 
 @pytest.mark.parametrize("text", [
     "theta'' = 9**9**9", "theta'' = (9**64)**64", "theta'' = theta^(10^9)", "theta'' = 9**(-9**9)",
-    f"theta'' = {'*'.join(['theta'] * (MOST_DEGREE + 1))}",
+    f"theta'' = {'*'.join(['theta'] * (MAX_DEGREE + 1))}",
 ])  # fmt: skip
 def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
     assert "exponent" in refused(text) or "too large to compute" in refused(text)
@@ -36,7 +36,7 @@ def test_what_is_a_program_is_refused(text: str) -> None:
 
 
 def test_signs_are_tried_in_so_many_combinations_at_most() -> None:
-    assert f"at most {MOST_SIGNS} are allowed" in refused(f"theta'' = {'± g ' * (MOST_SIGNS + 1)}")
+    assert f"at most {MAX_SIGNS} are allowed" in refused(f"theta'' = {'± g ' * (MAX_SIGNS + 1)}")
 
 
 def test_a_root_is_an_exponent() -> None:

@@ -18,8 +18,8 @@ from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scala
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree
 from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
 from physics_crosscheck.reference.solving.samples import (
-    APART,
-    FAR,
+    MAX_DIFFERENCE,
+    MAX_LIMIT_DISTANCE,
     SAMPLING_RANGE,
     Samples,
     samples,
@@ -88,7 +88,7 @@ def test_what_two_solutions_are_apart_is_in_the_bound_or_refuses_them(
         return by_runge_kutta(*given, **options) * (1 + apart)
 
     monkeypatch.setattr("physics_crosscheck.reference.solving.samples.by_runge_kutta", beside)
-    if apart > APART:
+    if apart > MAX_DIFFERENCE:
         with pytest.raises(ReferenceError, match=r"two solutions of \S+ are \S+e-0[567] apart"):
             samples(one, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
         return
@@ -119,8 +119,8 @@ def test_states_are_within_limits_and_the_same_for_one_seed() -> None:
     ((-np.inf, np.inf), 2.0, (2.0 - SAMPLING_RANGE, 2.0 + SAMPLING_RANGE)),
     ((-np.inf, -3.0), 0.0, (-3.0 - SAMPLING_RANGE, -3.0)),
     ((5.0, np.inf), 0.0, (5.0, 5.0 + SAMPLING_RANGE)),
-    ((-100.0, 100.0), 1.0, (1.0 - FAR, 1.0 + FAR)),
-    ((10.0, 100.0), 0.0, (10.0, 10.0 + FAR)),
+    ((-100.0, 100.0), 1.0, (1.0 - MAX_LIMIT_DISTANCE, 1.0 + MAX_LIMIT_DISTANCE)),
+    ((10.0, 100.0), 0.0, (10.0, 10.0 + MAX_LIMIT_DISTANCE)),
 ])  # fmt: skip
 def test_positions_are_drawn_near_home(
     limits: tuple[float, float], home: float, expected: tuple[float, float]

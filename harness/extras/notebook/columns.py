@@ -12,7 +12,7 @@ import sympy as sp
 from physics_crosscheck.harness.extras.notebook.trajectory import units_of_rates
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.roundoff import running_error
-from physics_crosscheck.reference.dynamics.tree_equations import MARGIN, TreeEquations
+from physics_crosscheck.reference.dynamics.tree_equations import ROUNDING_MARGIN, TreeEquations
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
@@ -121,7 +121,7 @@ class Columns:
             moved = h * np.eye(states.shape[1])[i]
             up, down = (self._tree_energy(states + by) for by in (moved, -moved))
             total += np.abs(up - down) / (2 * h) * bound[:, i : i + 1]
-        found: Array = total + MARGIN * self._tree_energy_rounding(states)
+        found: Array = total + ROUNDING_MARGIN * self._tree_energy_rounding(states)
         return found
 
     def _tree_energy_rounding(self, states: Array) -> float:

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import HERE, Place
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 
 MODEL, WORLD = "__model__", "world"
 NAMED = ("link", "joint", "frame")
@@ -35,7 +35,7 @@ def read_pose(document: Document, owner: RawElement, what: str) -> Pose:
     """The pose of an element; none is none at all."""
     element = document.child(owner, "pose")
     if element is None:
-        return Pose(HERE, "")
+        return Pose(IDENTITY, "")
     relative_to = element.attributes.get("relative_to", "")
     if element.attributes.get("frame", ""):
         document.hinder(
@@ -77,7 +77,7 @@ class Frames:
             name: read_pose(document, element, f"{element.tag} {brief(name)}")
             for name, element in self.named.items()
         }
-        self._places: dict[str, Place] = {MODEL: HERE}
+        self._places: dict[str, Place] = {MODEL: IDENTITY}
 
     def _add(self, element: RawElement) -> None:
         name, document = element.attributes.get("name", ""), self._document
@@ -130,7 +130,7 @@ class Frames:
             self._document.hinder(
                 last, f"frame {brief(name)}, which a pose refers to, {told}", "name another"
             )
-            return HERE
+            return IDENTITY
         pose = self._poses[name]
         outer = pose.relative_to or _default(element)
         found = self._places[name] = self._place(outer, (*within, name)).compose(pose.place)

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.harness.modelfiles.sdf.frames import Frames, inverse, read_pose
-from physics_crosscheck.reference.mechanism.spatial_inertia import NOTHING, SpatialInertia
+from physics_crosscheck.reference.mechanism.spatial_inertia import NO_INERTIA, SpatialInertia
 
 
 def automatic_lump(
@@ -28,7 +28,7 @@ def automatic_lump(
         link, inertial: the elements.
         name: of the link.
     """
-    what, total = f"link {brief(name)}", NOTHING
+    what, total = f"link {brief(name)}", NO_INERTIA
     collisions = [one for one in link.children if one.tag == "collision"]
     if not collisions:
         document.hinder(
