@@ -14,7 +14,7 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import Batch, Rows, spread
+from physics_crosscheck.harness.numerics.batch import Batch, Rows, pick_segments
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.baseline import Snapshot
@@ -77,7 +77,7 @@ def snapshot_of(
     system: System, name: str, motion: Motion, scale: Array, components: tuple[str, ...]
 ) -> Snapshot:
     """Pick segments evenly over a scenario, from each of its spans in proportion."""
-    chosen = np.concatenate([indices for _, indices in spread(motion, PICKED)])
+    chosen = np.concatenate([indices for _, indices in pick_segments(motion, PICKED)])
     scenario = system.scenario(name)
     t, length = motion.t[chosen], motion.lengths[chosen]
     nodes = [_nodes(motion.inputs, a, h) for a, h in zip(t, length, strict=True)]

@@ -115,8 +115,8 @@ def full_run_record(study: StepStudy, time_step: float, integrator: str) -> Full
             for target, step in zip(TARGETS, study.steps_for, strict=True)
         ),
         checked_step=_checked_step(study),
-        energy_error=number(study.shipped.energy),
-        constraint_drift=number(study.shipped.drift),
+        energy_error=number(study.base_run.energy),
+        constraint_drift=number(study.base_run.drift),
     )
 
 
@@ -158,7 +158,7 @@ def series_record(
         amplitude: what global errors are relative to, (2n,).
         components: names of the state's components.
     """
-    shipped, balance = study.shipped, study.shipped.balance
+    shipped, balance = study.base_run, study.base_run.balance
     picked = even_indices(len(shipped.t), SERIES)
     t = shipped.t[picked]
     segments = even_indices(len(motion.t), SERIES)
@@ -190,7 +190,7 @@ def series_record(
 
 
 def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
-    runs, n = (study.shipped, *study.others), len(amplitude) // 2
+    runs, n = (study.base_run, *study.others), len(amplitude) // 2
     errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
     return StepErrors(
         h=numbers(run.h for run in runs),

@@ -22,7 +22,7 @@ def with_full_runs(
 
     Both are empty for plain agreement.
     """
-    failed = failure(study.shipped, study.global_error, motion)
+    failed = failure(study.base_run, study.global_error, motion)
     if failed:
         return Outcome.FAILED, failed, _failure_kind(study)
     if verdict.outcome is not Outcome.AGREES:
@@ -38,9 +38,9 @@ def with_full_runs(
         return Outcome.UNRESOLVED, told, "full run"
     if not found.predicted:
         told = (
-            f"every segment agrees, but the full run at dt = {study.shipped.h:g} s "
-            f"is off by {found.surprise:.1e} from the error that finer steps "
-            f"predict, {found.expected:.1e} ± {found.unsure:.1e}; something in the "
+            f"every segment agrees, but the full run at dt = {study.base_run.h:g} s "
+            f"is off by {found.deviation:.1e} from the error that finer steps "
+            f"predict, {found.expected:.1e} ± {found.deviation_bound:.1e}; something in the "
             "model depends on dt"
         )
         return Outcome.UNRESOLVED, told, "time step"
@@ -73,7 +73,7 @@ def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
 
 def _failure_kind(study: StepStudy) -> CaseKind:
     """Return the kind of that failure."""
-    if not study.shipped.finite:
+    if not study.base_run.finite:
         return "not finite"
     return "blows up" if study.global_error > BLOWN_UP else "too coarse"
 
@@ -81,7 +81,7 @@ def _failure_kind(study: StepStudy) -> CaseKind:
 def _reservation(study: StepStudy, motion: Motion) -> str:
     """How far full runs bear an agreement out, where the motion lets them do so in part alone."""
     found = study.full_run_check
-    if not found.excused:
+    if not found.partly_chaotic:
         return ""
     if found.until <= 0:
         return (

@@ -166,7 +166,7 @@ class _Carried:
     def _alike(self, moved: Place) -> Iterator[bool]:
         near = SAME * self.size
         if self.heavy:
-            x, y = self.bodies[0], self.bodies[1].seen(moved)
+            x, y = self.bodies[0], self.bodies[1].in_frame(moved)
             yield bool(np.linalg.norm(x.center - y.center) <= near)
             large = max(np.abs(x.inertia).max(), np.abs(y.inertia).max())
             yield bool(np.abs(x.inertia - y.inertia).max() <= 10 * SAME * large)

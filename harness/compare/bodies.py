@@ -20,7 +20,7 @@ ROUNDING = 1e-13
 
 def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Property]:
     """What differs of the bodies that a pair of joints carries, in the world."""
-    one, other = a.placed.lump(row.a), b.placed.lump(row.b).seen(row.moved)
+    one, other = a.placed.lump(row.a), b.placed.lump(row.b).in_frame(row.moved)
     parts = a.parts[row.a], b.parts[row.b]
     total = sum(link.mass for link in a.tree.links) or 1.0
     heavy = max(one.mass, other.mass)

@@ -63,7 +63,7 @@ class Placed:
     def lump(self, i: int) -> SpatialInertia:
         """A link as a rigid body in the world."""
         link = self.tree.links[i]
-        return SpatialInertia(link.mass, link.center, link.inertia).seen(self.frames[i])
+        return SpatialInertia(link.mass, link.center, link.inertia).in_frame(self.frames[i])
 
 
 def placed(tree: Tree, q: Array) -> Placed:
@@ -184,12 +184,12 @@ def _carried(one: Immersed, link: int, frame: Place) -> Immersed:
 
 def _joined(carrier: TreeLink, link: TreeLink, place: Place) -> TreeLink:
     """A link with another welded to it, whose frame stands there; so are the points lifted."""
-    whole = SpatialInertia(carrier.mass, carrier.center, carrier.inertia).with_(
-        SpatialInertia(link.mass, link.center, link.inertia).seen(place)
+    whole = SpatialInertia(carrier.mass, carrier.center, carrier.inertia).combined(
+        SpatialInertia(link.mass, link.center, link.inertia).in_frame(place)
     )
     none = np.zeros((3, 3))
-    lifts = SpatialInertia(carrier.lifted, carrier.lift, none).with_(
-        SpatialInertia(link.lifted, link.lift, none).seen(place)
+    lifts = SpatialInertia(carrier.lifted, carrier.lift, none).combined(
+        SpatialInertia(link.lifted, link.lift, none).in_frame(place)
     )
     return replace(
         carrier,

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.numerics.batch import Batch, held, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
 from physics_crosscheck.harness.numerics.ladder import RUNGS, observed_order
-from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate, limits_alone
+from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate, limits_only
 
 QUICK = RUNGS[:8]
 
@@ -78,7 +78,7 @@ def quick(model: Model, runs: Runs, match: Match | None) -> Array:
         BlownUpError: where a value is not finite.
     """
     whole = replace(_batch(runs, match), partial=False)
-    return limits_alone(model, own_states(runs.z.shape[1], match), whole, QUICK)
+    return limits_only(model, own_states(runs.z.shape[1], match), whole, QUICK)
 
 
 def _batch(runs: Runs, match: Match | None) -> Batch:

@@ -9,10 +9,10 @@ from itertools import groupby
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import Batch, over, spread
+from physics_crosscheck.harness.numerics.batch import Batch, over, pick_segments
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
-from physics_crosscheck.harness.numerics.segments import extrapolate, limits_alone
+from physics_crosscheck.harness.numerics.segments import extrapolate, limits_only
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import Inputs
 from physics_crosscheck.reference.solving.motion import Motion
@@ -57,7 +57,7 @@ def sample_segments(
     """Pick segments evenly over every scenario, from each of its spans in proportion."""
     samples = []
     for name, motion in motions.items():
-        for span, chosen in spread(motion, SEGMENTS_PICKED):
+        for span, chosen in pick_segments(motion, SEGMENTS_PICKED):
             samples.append(
                 Sample(
                     scenario=name,
@@ -118,7 +118,7 @@ def quick_ends(
     """The limits alone, scaled and flat: for differences between two models."""
     return np.concatenate(
         [
-            (limits_alone(model, coordinates, batch, rungs) / scale).ravel()
+            (limits_only(model, coordinates, batch, rungs) / scale).ravel()
             for batch, scale in _batches(samples)
         ]
     )

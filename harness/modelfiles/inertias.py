@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.quote import brief
 from physics_crosscheck.harness.modelfiles.robot import Part, Robot
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import turned
+from physics_crosscheck.reference.mechanism.rotations import rotate
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 MARGIN = 1e-9
@@ -144,7 +144,7 @@ def _carried(tree: Tree, q: Array) -> Array:
     """What each joint carries: its inertia about a point, or its mass; (states, links)."""
     poses = Recursion(tree).poses(q)
     centers = [
-        pose.origin + turned(pose.rotation, link.center[:, None])
+        pose.origin + rotate(pose.rotation, link.center[:, None])
         for link, pose in zip(tree.links, poses, strict=True)
     ]
     out = np.zeros((q.shape[1], len(tree.links)))

@@ -84,7 +84,7 @@ def held(values: Array) -> StepInputs:
     return step_inputs
 
 
-def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:
+def pick_segments(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:
     """Yield evenly spaced segment indices per span, in proportion, at least two each."""
     first = 0
     for span in motion.spans:

@@ -130,11 +130,11 @@ class FullRunCheck:
         bound: bound of the residual: the finest run's change of it, rounding, and the reference.
         expected: largest error of the run at the file's time step, predicted by two other runs on
             the interval where they predict small ones.
-        surprise: difference of that run's error from the prediction.
-        unsure: uncertainty of the prediction.
+        deviation: difference of that run's error from the prediction.
+        deviation_bound: uncertainty of the prediction.
         order_plausible: whether the order is one that the engine may claim, or unknown.
         converges: whether order and residual converge as an accurate model's do.
-        excused: whether only a part of the runs was used, since the motion is chaotic.
+        partly_chaotic: whether only a part of the runs was used, since the motion is chaotic.
         growth: largest amplification of differences, if measured; else 1.
     """
 
@@ -143,17 +143,17 @@ class FullRunCheck:
     residual: float
     bound: float
     expected: float
-    surprise: float
-    unsure: float
+    deviation: float
+    deviation_bound: float
     order_plausible: bool
     converges: bool
-    excused: bool
+    partly_chaotic: bool
     growth: float
 
     @property
     def predicted(self) -> bool:
         """True if the run at the file's time step matches the prediction of the other runs."""
-        return self.surprise <= self.unsure
+        return self.deviation <= self.deviation_bound
 
 
 def check_full_runs(
@@ -170,7 +170,7 @@ def check_full_runs(
         size: amplitudes of the positions, (n,).
         sensitive: amplification of differences, to exclude the chaotic part of the motion.
     """
-    shipped = runs[0]
+    base = runs[0]
     others = runs[1:3]
     runs = sorted(runs, key=lambda run: -run.h)
     first = first_break_off(runs[0].h, motion)
@@ -190,18 +190,20 @@ def check_full_runs(
     low, high = claimed - ORDER_TOLERANCE, claimed + NEXT_ORDERS + ORDER_TOLERANCE
     rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= max(ROUNDING_FLOOR, lost)
     order_plausible = rounded or nothing or low <= order <= high
-    expected, surprise, unsure = _prediction(shipped, others, min(first, ends[1]), claimed, size)
+    expected, deviation, deviation_bound = _prediction(
+        base, others, min(first, ends[1]), claimed, size
+    )
     return FullRunCheck(
         order=order,
         until=until,
         residual=residual,
         bound=bound,
         expected=expected,
-        surprise=surprise,
-        unsure=unsure,
+        deviation=deviation,
+        deviation_bound=deviation_bound,
         order_plausible=order_plausible,
-        converges=shipped.finite and order_plausible and residual <= bound,
-        excused=sensitive is not None and min(ends) < motion.duration * (1 - 1e-9),
+        converges=base.finite and order_plausible and residual <= bound,
+        partly_chaotic=sensitive is not None and min(ends) < motion.duration * (1 - 1e-9),
         growth=1.0 if sensitive is None else float(sensitive.growth[-1]),
     )
 
@@ -287,7 +289,7 @@ def _together(runs: Sequence[SampledRun], until: float, size: Array) -> Array:
 
 
 def _prediction(
-    shipped: SampledRun, others: Sequence[SampledRun], until: float, claimed: int, size: Array
+    base: SampledRun, others: Sequence[SampledRun], until: float, claimed: int, size: Array
 ) -> tuple[float, float, float]:
     """Return the predicted largest error, the deviation from it, and its uncertainty.
 
@@ -296,16 +298,16 @@ def _prediction(
     the next `NEXT_ORDERS` orders, both predictions differ by a known share of the error of the
     second. An error that occurs only at the file's time step has no order, and changes neither.
     """
-    runs = (shipped, *others)
+    runs = (base, *others)
     lost = max(run.rounding for run in runs)
     if len(others) < 2 or not all(run.finite for run in runs):
         return 0.0, 0.0, max(RESIDUAL_TOLERANCE, lost)
     errors, *other_errors = _together(runs, until, size)
-    ratios = [Fraction(other.h / shipped.h) for other in others]
+    ratios = [Fraction(other.h / base.h) for other in others]
     single, double = _powers(ratios[:1], claimed), _powers(ratios, claimed)
     rough = float(single[0]) * other_errors[0]
     better = np.tensordot([float(w) for w in double], np.stack(other_errors), axes=1)
-    t = shipped.t[: len(errors)]
+    t = base.t[: len(errors)]
     kept = t <= _until(t, np.maximum(np.abs(rough), np.abs(better)) > SMALL_ERROR)
     share = Fraction(0)
     for exponent in range(claimed + 2, claimed + NEXT_ORDERS + 1):

@@ -34,9 +34,7 @@ class EnergyBalance:
         return float(np.max(np.abs(imbalance))) / self.scale if self.scale else 0.0
 
 
-def energy_balance(
-    t: Array, states: Array, motion: Motion, power: VectorFunction
-) -> EnergyBalance:
+def energy_balance(t: Array, states: Array, motion: Motion, power: VectorFunction) -> EnergyBalance:
     """Compute the energy balance of a sampled run.
 
     Args:

@@ -115,7 +115,7 @@ def extrapolate(
     )
 
 
-def limits_alone(
+def limits_only(
     model: Model, coordinates: CoordinateMap, batch: Batch, rungs: tuple[int, ...]
 ) -> Array:
     """Return the limits (K, c) of a batch without uncertainty, for differences of close models.

@@ -61,7 +61,7 @@ class StepStudy:
     """Cost and error of the time step, from full runs at several steps.
 
     Attributes:
-        shipped: run at the file's own time step.
+        base_run: run at the file's own time step.
         others: runs at half of it, and at twice or a quarter; or at twice of it and more.
         global_error: largest position error at the file's time step, relative to the amplitude.
         velocity_error: largest velocity error there, relative to the amplitude.
@@ -72,7 +72,7 @@ class StepStudy:
         checked: (target, step, larger measured error of both) of the one prediction that was run.
     """
 
-    shipped: CompleteRun
+    base_run: CompleteRun
     others: tuple[CompleteRun, ...]
     global_error: float
     velocity_error: float
@@ -105,16 +105,16 @@ def study_step(
     def run(h: float, every: int = 0) -> CompleteRun:
         return full_run(model, coordinates, motion, power, h, every)
 
-    shipped = run(model.step)
-    tiny = largest(shipped, size) <= TINY_ERROR
-    runs = _coarser(run, shipped, motion, size, limit=MOST_COARSER if tiny else 1)
+    base = run(model.step)
+    tiny = largest(base, size) <= TINY_ERROR
+    runs = _coarser(run, base, motion, size, limit=MOST_COARSER if tiny else 1)
     if not tiny:
-        runs.insert(1, _half(run, shipped))
+        runs.insert(1, _half(run, base))
     evidence = check_full_runs(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
     if evidence is None or (agrees and not (evidence.converges and evidence.predicted)):
         runs, evidence = _finer(
             run,
-            [shipped] if tiny else runs[:2],
+            [base] if tiny else runs[:2],
             model=model,
             coordinates=coordinates,
             motion=motion,
@@ -127,12 +127,12 @@ def study_step(
         _step_for(target, coarse_to_fine, (size, rates), motion) for target in TARGETS
     )
     return StepStudy(
-        shipped=shipped,
+        base_run=base,
         others=tuple(runs[1:]),
-        global_error=largest(shipped, size),
-        velocity_error=largest_velocity(shipped, rates),
+        global_error=largest(base, size),
+        velocity_error=largest_velocity(base, rates),
         full_run_check=evidence,
-        decomposition=_decomposed(shipped, motion, size),
+        decomposition=_decomposed(base, motion, size),
         steps_for=predicted,
         checked=_check(run, predicted, motion.duration, (size, rates)),
     )
@@ -144,15 +144,15 @@ def _half(run: Callable[[float, int], CompleteRun], base: CompleteRun) -> Comple
 
 def _coarser(
     run: Callable[[float, int], CompleteRun],
-    shipped: CompleteRun,
+    base: CompleteRun,
     motion: Motion,
     size: Array,
     *,
     limit: int,
 ) -> list[CompleteRun]:
     """Return the run at the file's time step, and coarser ones while they follow the motion."""
-    runs, every = [shipped], shipped.every
-    whole = first_break_off(shipped.h, motion)
+    runs, every = [base], base.every
+    whole = first_break_off(base.h, motion)
     for _ in range(limit):
         h, every = 2 * runs[-1].h, max(1, every // 2)
         is_coarse = motion.duration / h < MIN_STEPS or h * motion.fastest * MIN_STEPS > 2 * math.pi
@@ -193,8 +193,8 @@ def _finer(
         runs: the run at the file's time step, and that of half of it if available.
     """
     size = amplitude[: len(amplitude) // 2]
-    shipped = runs[0]
-    runs = runs if len(runs) > 1 else [shipped, _half(run, shipped)]
+    base = runs[0]
+    runs = runs if len(runs) > 1 else [base, _half(run, base)]
     evidence = check_full_runs(runs, claimed, size, motion)
     # Extrapolation needs three runs, and more while errors are too large for the leading term.
     while _wants_more(runs, evidence):
@@ -205,7 +205,7 @@ def _finer(
         quarter = runs[-1].h / 2, 2 * runs[-1].every
         together.append(beginning(model, coordinates, motion, *quarter, limit=MOST_STEPS))
         evidence = check_full_runs(together, claimed, size, motion)
-    usable = agrees and follows(motion, shipped.h) and shipped.finite and runs[-1].finite
+    usable = agrees and follows(motion, base.h) and base.finite and runs[-1].finite
     if usable and not (evidence.converges and evidence.predicted):
         # These runs do not converge, unless no run can follow the motion.
         sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)

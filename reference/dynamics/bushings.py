@@ -12,9 +12,9 @@ from physics_crosscheck.reference.mechanism.rotations import (
     Scalars,
     from_quaternion,
     quaternion_product,
+    rotate,
+    rotate_back,
     rotation_vector,
-    turned,
-    turned_back,
 )
 from physics_crosscheck.reference.mechanism.tree import Bushing, Tree
 
@@ -44,7 +44,7 @@ class Bushings:
             rates = self._rates(v[there], turn)
             forces = [f - self._damped(bushing, w) * w for f, w in zip(forces, rates, strict=True)]
             if len(forces) == 2:
-                forces[1] = turned_back(turn, forces[1])
+                forces[1] = rotate_back(turn, forces[1])
             out[there] = np.concatenate(forces)
         return out
 
@@ -105,7 +105,7 @@ class Bushings:
 
     def _rates(self, velocity: Scalars, turn: Scalars) -> list[Scalars]:
         """Return the angular velocity in the link's axes and the linear velocity in the joint's."""
-        return [velocity[:3]] if len(velocity) == 3 else [velocity[:3], turned(turn, velocity[3:])]
+        return [velocity[:3]] if len(velocity) == 3 else [velocity[:3], rotate(turn, velocity[3:])]
 
     def _sprung(self, bushing: Bushing, x: Scalars) -> Scalars:
         """Return the secant stiffness: the force per unit of deflection."""

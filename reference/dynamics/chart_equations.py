@@ -38,13 +38,13 @@ class Charted:
             return self._dynamics.acceleration(x, rate, forces)
         y, v, q = self._state(x, rate)
         applied = self._dynamics.force(q, v, chart.forces(y, self._spread(forces)))
-        return self._independent(chart.seconds(y, v, self._solved(q, applied)))
+        return self._independent(chart.second_derivatives(y, v, self._solved(q, applied)))
 
     def forces_for(self, x: Scalars, rate: Scalars, wanted: Scalars) -> Scalars:
         """Return the generalized forces that cause these second derivatives (inverse dynamics)."""
         y = self._state(x, rate)[0]
         applied = -self.residual(x, rate, wanted, 0 * x)
-        return self._independent(self._chart.given(y, self._spread(applied)))
+        return self._independent(self._chart.to_joint_axes(y, self._spread(applied)))
 
     def residual(self, x: Scalars, rate: Scalars, second: Scalars, forces: Scalars) -> Scalars:
         """Return the residual forces of given second derivatives, on the independent velocities."""
@@ -59,7 +59,7 @@ class Charted:
         mass = self._dynamics.mass(self._state(x, 0 * x)[2])
         return mass if self._coupled is None else self._coupled.mass(mass, self._field)
 
-    def seconds(self, x: Scalars, by: Scalars) -> Scalars:
+    def second_derivatives(self, x: Scalars, by: Scalars) -> Scalars:
         """Return the second derivatives of the coordinates caused by accelerations.
 
         The accelerations are the derivatives of the independent velocities.
@@ -89,7 +89,7 @@ class Charted:
         forces = np.concatenate([self.bodies(x, rate, second), along], axis=1)
         mass = np.moveaxis(self.inertia(x), -1, 0)
         by = np.linalg.solve(mass, np.moveaxis(forces, -1, 0))
-        return self.seconds(x[:, None], np.moveaxis(by, 0, -1))
+        return self.second_derivatives(x[:, None], np.moveaxis(by, 0, -1))
 
     def bodies(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
         """Return the force regressor of each body's ten inertial parameters, (n, 10 links, ...).

@@ -26,8 +26,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     Field,
     Scalars,
     cross,
-    turned,
-    turned_back,
+    rotate,
+    rotate_back,
 )
 from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
 
@@ -104,14 +104,14 @@ class Immersion:
                 linear = linear - blowing[immersed.link]
             center, turn = box.place(linear)
             linear = linear + cross(angular, center)
-            yield immersed, box, Moving(turned_back(turn, angular), turned_back(turn, linear))
+            yield immersed, box, Moving(rotate_back(turn, angular), rotate_back(turn, linear))
 
     def _blowing(self, placements: list[Placement], v: Scalars) -> list[Scalars]:
         """Return the wind in each link's frame, (3, ...); empty without wind."""
         if self._wind is None:
             return []
         wind = self._wind.reshape(3, *(1,) * (v.ndim - 1)) + 0 * v[:1]
-        return [turned_back(pose.rotation, wind) for pose in self._recursion.poses_of(placements)]
+        return [rotate_back(pose.rotation, wind) for pose in self._recursion.poses_of(placements)]
 
 
 def _dragged(box: _Box, moving: Moving) -> Acting:
@@ -123,8 +123,8 @@ def _dragged(box: _Box, moving: Moving) -> Acting:
         for coefficients in (box.drag, box.resistance, box.turning_drag, box.turning_resistance)
     )
     center, turn = box.place(linear)
-    force = turned(turn, -(drag * abs(linear) + resistance) * linear)
-    moment = turned(turn, -(turning_drag * abs(angular) + turning_resistance) * angular)
+    force = rotate(turn, -(drag * abs(linear) + resistance) * linear)
+    moment = rotate(turn, -(turning_drag * abs(angular) + turning_resistance) * angular)
     return force, moment + cross(center, force)
 
 

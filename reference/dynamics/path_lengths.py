@@ -24,9 +24,9 @@ from physics_crosscheck.reference.mechanism.rotations import (
     from_quaternion,
     product,
     quaternion_product,
+    rotate,
+    rotate_back,
     rotation_vector,
-    turned,
-    turned_back,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
 
@@ -77,11 +77,11 @@ class Lines:
         turn = self._quaternion(way.joint, q)
         rotation = from_quaternion(turn)
         moment = gear[-3:] + 0 * turn[1:]
-        moment = turned_back(rotation, moment) if way.in_parent else moment
+        moment = rotate_back(rotation, moment) if way.in_parent else moment
         row[there.start : there.start + 3] = moment
         if len(way.gear) == 3:
             return (moment * rotation_vector(turn)).sum(axis=0)[None], row
-        row[there.start + 3 : there.stop] = turned_back(rotation, gear[:3] + 0 * turn[1:])
+        row[there.start + 3 : there.stop] = rotate_back(rotation, gear[:3] + 0 * turn[1:])
         return 0 * q[:1], row
 
     def _quaternion(self, link: int, q: Scalars) -> Scalars:
@@ -147,8 +147,8 @@ class Lines:
             tall = (1,) * (q.ndim - 1)
             turn = rotation.reshape(3, 3, *tall)
             origin = self._field.array(way.frame.position).reshape(3, *tall)
-            along = turned(turn, force)
-            on[way.frame.link] = along, turned(turn, moment) + cross(origin, along)
+            along = rotate(turn, force)
+            on[way.frame.link] = along, rotate(turn, moment) + cross(origin, along)
         return 0 * q[:1], self._recursion.propagate(placements, on)
 
     def _between(
@@ -162,10 +162,10 @@ class Lines:
         frame, other = (self._marked(mark, poses, q) for mark in (way.frame, against))
         force, moment = self._gear(way, q)
         vector = rotation_vector(self._turn(against, way.frame, q))
-        apart = turned_back(other.rotation, frame.origin - other.origin)
+        apart = rotate_back(other.rotation, frame.origin - other.origin)
         length = (force * apart + moment * vector).sum(axis=0)[None]
         on = self._nothing(q)
-        along, about = turned(other.rotation, force), turned(other.rotation, moment)
+        along, about = rotate(other.rotation, force), rotate(other.rotation, moment)
         self._push(on, way.frame, poses, along, about)
         self._push(on, against, poses, -along, -about)
         row = self._recursion.propagate(placements, on)
@@ -198,7 +198,7 @@ class Lines:
             return Placement(rotation, origin)
         pose = poses[mark.link]
         return Placement(
-            product(pose.rotation, rotation), pose.origin + turned(pose.rotation, origin)
+            product(pose.rotation, rotation), pose.origin + rotate(pose.rotation, origin)
         )
 
     def _push(
@@ -213,9 +213,9 @@ class Lines:
         if mark.link == WORLD:
             return
         turn = poses[mark.link].rotation
-        local_force = turned_back(turn, force)
+        local_force = rotate_back(turn, force)
         origin = self._field.array(mark.position).reshape(3, *(1,) * (local_force.ndim - 1))
         about = cross(origin, local_force)
         if moment is not None:
-            about = about + turned_back(turn, moment)
+            about = about + rotate_back(turn, moment)
         on[mark.link] = on[mark.link][0] + local_force, on[mark.link][1] + about

@@ -17,8 +17,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     Scalars,
     cross,
     product,
-    turned,
-    turned_back,
+    rotate,
+    rotate_back,
 )
 from physics_crosscheck.reference.mechanism.tree import TreeLink
 
@@ -86,9 +86,9 @@ class Composite(NamedTuple):
         which = np.arange(rows.start, rows.stop)
         return WrenchColumns(np.broadcast_to(force, shape), np.broadcast_to(moment, shape), which)
 
-    def seen(self, placed: Placement, field: Field) -> Composite:
+    def in_frame(self, placed: Placement, field: Field) -> Composite:
         """Return the same body in the outer frame (parallel axis theorem)."""
-        r, moment = placed.origin, turned(placed.rotation, self.moment)
+        r, moment = placed.origin, rotate(placed.rotation, self.moment)
         inertia = self.inertia.reshape(3, 3, *self.inertia.shape[2:] or (1,) * (r.ndim - 1))
         rotated = product(product(placed.rotation, inertia), np.swapaxes(placed.rotation, 0, 1))
         eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (r.ndim - 1))
@@ -99,7 +99,7 @@ class Composite(NamedTuple):
             self.mass, moment + self.mass * r, whole - mixed - np.swapaxes(mixed, 0, 1)
         )
 
-    def with_(self, other: Composite) -> Composite:
+    def combined(self, other: Composite) -> Composite:
         """Return the composite of both bodies."""
         inertia_ = self.inertia
         inertia = (
@@ -131,7 +131,7 @@ class WrenchColumns(NamedTuple):
         force, moment = (np.concatenate(pair, axis=1) for pair in pairs)
         return WrenchColumns(force, moment, np.concatenate([self.which, other.which]))
 
-    def carried(self, placed: Placement) -> WrenchColumns:
+    def in_parent(self, placed: Placement) -> WrenchColumns:
         """Return the same columns in the parent's frame."""
         return WrenchColumns(*carried_down(placed, self.force, self.moment), self.which)
 
@@ -163,16 +163,16 @@ class LinkMotion(NamedTuple):
         force = np.concatenate([point, centers, still, still], axis=1)
         return force, np.concatenate([0 * point, cross(eye, point), moments], axis=1)
 
-    def carrying(
+    def child(
         self, here: Placement, link: LinkNumbers, v: Scalars, a: Scalars | None
     ) -> LinkMotion:
         """Return the motion of a child link; without `a` its joint velocities are constant."""
         w, r = self.angular, here.origin
-        carried = turned_back(here.rotation, w)
+        carried = rotate_back(here.rotation, w)
         turning, sliding = np.tensordot(link.turning, v, 1), np.tensordot(link.sliding, v, 1)
         point = self.linear + cross(self.turning, r) + cross(w, cross(w, r))
-        angular = turned_back(here.rotation, self.turning) + cross(carried, turning)
-        linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
+        angular = rotate_back(here.rotation, self.turning) + cross(carried, turning)
+        linear = rotate_back(here.rotation, point) + cross(2 * carried + turning, sliding)
         if a is not None:
             angular = angular + np.tensordot(link.turning, a, 1)
             linear = linear + np.tensordot(link.sliding, a, 1)

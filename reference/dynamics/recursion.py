@@ -32,8 +32,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     from_quaternion,
     product,
     quaternion_rate,
-    turned,
-    turned_back,
+    rotate,
+    rotate_back,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -71,7 +71,7 @@ class Recursion:
                 continue
             base = poses[link.parent]
             rotation = product(base.rotation, placement.rotation)
-            poses.append(Placement(rotation, base.origin + turned(base.rotation, placement.origin)))
+            poses.append(Placement(rotation, base.origin + rotate(base.rotation, placement.origin)))
         return poses
 
     def rates(self, q: Scalars, v: Scalars) -> Scalars:
@@ -86,7 +86,7 @@ class Recursion:
                 case "ball":
                     parts.append(quaternion_rate(given, velocity))
                 case "free":
-                    parts.append(turned(from_quaternion(given[3:]), velocity[3:]))
+                    parts.append(rotate(from_quaternion(given[3:]), velocity[3:]))
                     parts.append(quaternion_rate(given[3:], velocity[:3]))
         return np.concatenate(parts)
 
@@ -106,7 +106,7 @@ class Recursion:
             for k in range(rows.start, rows.stop):
                 out[k, k] = (out[k, k] + link.armature).reshape(batch)
             if (parent := tree.links[i].parent) != WORLD:
-                columns_at[parent] = columns_at[parent].joined(columns.carried(placements[i]))
+                columns_at[parent] = columns_at[parent].joined(columns.in_parent(placements[i]))
         return out
 
     def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
@@ -144,7 +144,7 @@ class Recursion:
         batch, forces = q.shape[1:], list[Acting]()
         for link, pose in zip(self.tree.links, self.poses(q), strict=True):
             up = self._field.array([-link.lifted]) * tall(self._gravity, batch)
-            force = turned_back(pose.rotation, up + 0 * pose.origin)
+            force = rotate_back(pose.rotation, up + 0 * pose.origin)
             forces.append((force, cross(tall(self._field.array(link.lift), batch), force)))
         return self.propagate(self.placements(q), forces)
 
@@ -160,7 +160,7 @@ class Recursion:
             base = LinkMotion(still, still, up) if link.parent == WORLD else motions[link.parent]
             there = tree.velocities[i]
             acceleration = None if a is None else a[there]
-            motions.append(base.carrying(placements[i], numbers, v[there], acceleration))
+            motions.append(base.child(placements[i], numbers, v[there], acceleration))
         return motions
 
     def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:
@@ -170,8 +170,8 @@ class Recursion:
         rows = zip(self.tree.links, self._links, placements, self.tree.velocities, strict=True)
         for link, numbers, here, there in rows:
             base = Moving(still, still) if link.parent == WORLD else velocities[link.parent]
-            linear = turned_back(here.rotation, base.linear + cross(base.angular, here.origin))
-            angular = turned_back(here.rotation, base.angular)
+            linear = rotate_back(here.rotation, base.linear + cross(base.angular, here.origin))
+            angular = rotate_back(here.rotation, base.angular)
             velocities.append(
                 Moving(
                     angular + np.tensordot(numbers.turning, v[there], 1),
@@ -193,8 +193,8 @@ class Recursion:
             force, moment = forces[i]
             out[i] = self._joint_force(i, force, moment)
             if (parent := tree.links[i].parent) != WORLD:
-                force = turned(placements[i].rotation, force)
-                moment = turned(placements[i].rotation, moment) + cross(placements[i].origin, force)
+                force = rotate(placements[i].rotation, force)
+                moment = rotate(placements[i].rotation, moment) + cross(placements[i].origin, force)
                 forces[parent] = forces[parent][0] + force, forces[parent][1] + moment
         return np.concatenate(out)
 
@@ -216,12 +216,12 @@ class Recursion:
                     product(rotation, about_axis(numbers.axis, q[0], self._field)), origin
                 )
             case "slide":
-                moved = turned(rotation, tall(numbers.axis, batch)) * q[0]
+                moved = rotate(rotation, tall(numbers.axis, batch)) * q[0]
                 return Placement(rotation + 0 * q[0], origin + moved)
             case "ball":
                 return Placement(product(rotation, from_quaternion(q)), origin)
         return Placement(
-            product(rotation, from_quaternion(q[3:])), origin + turned(rotation, q[:3])
+            product(rotation, from_quaternion(q[3:])), origin + rotate(rotation, q[:3])
         )
 
     def _composites(self, placements: list[Placement]) -> list[Composite]:
@@ -234,7 +234,9 @@ class Recursion:
         ]
         for i in reversed(range(len(bodies))):
             if (parent := self.tree.links[i].parent) != WORLD:
-                bodies[parent] = bodies[parent].with_(bodies[i].seen(placements[i], self._field))
+                bodies[parent] = bodies[parent].combined(
+                    bodies[i].in_frame(placements[i], self._field)
+                )
         return [widened(one, here) for one, here in zip(bodies, placements, strict=True)]
 
     def _about(self, numbers: LinkNumbers) -> Scalars:

@@ -8,7 +8,7 @@ from physics_crosscheck.reference.dynamics.bushings import Bushings
 from physics_crosscheck.reference.dynamics.fluid import Immersion
 from physics_crosscheck.reference.dynamics.force_elements import ForceElements
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars, cross, turned
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars, cross, rotate
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
 
@@ -142,11 +142,11 @@ class Dynamics:
         rows = zip(self.tree.links, self.tree.positions, self.recursion.poses(q), strict=True)
         for link, here, pose in rows:
             center = self._field.array(link.center).reshape(3, *(1,) * (q.ndim - 1))
-            point = pose.origin + turned(pose.rotation, center)
+            point = pose.origin + rotate(pose.rotation, center)
             energy = energy - self._array(link.mass) * np.tensordot(gravity[None], point, 1)
             if link.lifted:
                 lift = self._field.array(link.lift).reshape(center.shape)
-                point = pose.origin + turned(pose.rotation, lift)
+                point = pose.origin + rotate(pose.rotation, lift)
                 energy = energy + self._array(link.lifted) * np.tensordot(gravity[None], point, 1)
             if link.stiffness:
                 stretched = q[here] - self._array(link.rest[0])

@@ -89,7 +89,7 @@ class TreeEquations(EquationsOfMotion):
             step[some, range(len(some))] = sizes[some]
             by = np.einsum("bij,jcb->icb", inverse, residual(step) - residual(-step), optimize=True)
             positions = np.broadcast_to(x[:, None], by.shape)
-            columns.append(equations.seconds(positions, by) / (2 * sizes[some][:, None]))
+            columns.append(equations.second_derivatives(positions, by) / (2 * sizes[some][:, None]))
         return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
 
     def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:

@@ -138,14 +138,14 @@ class _Builder:
     def _load(self, body: RigidBody, within: int, place: Place) -> None:
         """Add a body's mass to its link."""
         inertia = body.spatial_inertia
-        placed = inertia.seen(place)
+        placed = inertia.in_frame(place)
         if placed.mass and placed.mass == -self._inertias[within].mass:
             self.cancelled.append(body.name)
             return
-        self._inertias[within] = self._inertias[within].with_(placed)
+        self._inertias[within] = self._inertias[within].combined(placed)
         if body.lift:
             lifted = inertia._replace(mass=inertia.mass * body.lift, inertia=np.zeros((3, 3)))
-            self._lifts[within] = self._lifts[within].with_(lifted.seen(place))
+            self._lifts[within] = self._lifts[within].combined(lifted.in_frame(place))
         if self._has_fluid and body.dragged and (box := body.box) is not None:
             box_place = place.compose(box[0])
             self.immersed.append(

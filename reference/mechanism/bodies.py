@@ -170,7 +170,7 @@ class RigidBody:
     def spatial_inertia(self) -> SpatialInertia:
         """Its spatial inertia in its own frame."""
         central = SpatialInertia(float(self.mass), np.zeros(3), self._tensor)
-        return central.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
+        return central.in_frame(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
 
     @property
     def box(self) -> tuple[Place, Array] | None:

@@ -22,8 +22,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     Scalars,
     cross,
     from_quaternion,
-    turned,
-    turned_back,
+    rotate,
+    rotate_back,
 )
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree
 
@@ -94,13 +94,13 @@ class MinimalCoordinates:
 
     def velocities(self, y: Scalars, rate: Scalars) -> Scalars:
         """Return the tree's v."""
-        return self.tree_velocities(y, self.carried(y, rate))
+        return self.tree_velocities(y, self.stored_velocities(y, rate))
 
     def rates(self, y: Scalars, v: Scalars) -> Scalars:
         """Return the coordinate rates for the tree's v."""
-        return self.given(y, self.carrying(y, v))
+        return self.to_joint_axes(y, self.rates_of_stored(y, v))
 
-    def seconds(self, y: Scalars, v: Scalars, a: Scalars) -> Scalars:
+    def second_derivatives(self, y: Scalars, v: Scalars, a: Scalars) -> Scalars:
         """Return the second derivatives of the coordinates for the tree's v and its derivative."""
         return self.rates(y, a) + self._turning(y, v)
 
@@ -120,25 +120,25 @@ class MinimalCoordinates:
                 + 2 * cross(ds, angular)
             )  # fmt: skip
         for joint in self._free:
-            carried = cross(v[joint.turning], v[joint.moving])
-            out[joint.moving] = turned(self._turn(y, joint), carried)
+            transport = cross(v[joint.turning], v[joint.moving])
+            out[joint.moving] = rotate(self._turn(y, joint), transport)
         return out
 
-    def carried(self, y: Scalars, rate: Scalars) -> Scalars:
+    def stored_velocities(self, y: Scalars, rate: Scalars) -> Scalars:
         """Return the velocities that engines store: angular velocity replaces the rate of p."""
         out = rate.copy()
         for joint in self._joints:
             out[joint.turning] = _unturned(y[joint.turning] / 4, rate[joint.turning])
         return out
 
-    def carrying(self, y: Scalars, m: Scalars) -> Scalars:
+    def rates_of_stored(self, y: Scalars, m: Scalars) -> Scalars:
         """Return the coordinate rates for the velocities that engines store."""
         out = m.copy()
         for joint in self._joints:
             out[joint.turning] = _rate(y[joint.turning] / 4, m[joint.turning])
         return out
 
-    def steady(self, y: Scalars, m: Scalars) -> Scalars:
+    def frame_acceleration(self, y: Scalars, m: Scalars) -> Scalars:
         """Return the derivative of the tree's v at constant m, caused by rotating link axes."""
         v, out = self.tree_velocities(y, m), 0 * m
         for joint in self._free:
@@ -148,10 +148,10 @@ class MinimalCoordinates:
     def tree_velocities(self, y: Scalars, m: Scalars) -> Scalars:
         """Return the tree's v for the velocities that engines store."""
         out = m.copy()
-        self._place(out, y, m, turned_back)
+        self._place(out, y, m, rotate_back)
         return out
 
-    def unturned(self, moved: Scalars, m: Scalars) -> Scalars:
+    def exponential_rate(self, moved: Scalars, m: Scalars) -> Scalars:
         """Return m as the rate of the rotation vectors, after displacements `moved`, (nv, ...).
 
         This is the inverse differential of the exponential map (Iserles, Munthe-Kaas, Norsett and
@@ -170,7 +170,7 @@ class MinimalCoordinates:
             out[joint.turning] = angular + twist / 2 + share * cross(by, twist)
         return out
 
-    def turned_on(self, y: Scalars, m: Scalars, h: float) -> Scalars:
+    def advance(self, y: Scalars, m: Scalars, h: float) -> Scalars:
         """Return the coordinates after h seconds at constant m; each rotation has a fixed axis."""
         out = y + h * m
         for joint in self._joints:
@@ -187,16 +187,16 @@ class MinimalCoordinates:
             out[joint.turning] = 4 * turned_axis / (1 + turned_real)
         return out
 
-    def forces(self, y: Scalars, given: Scalars) -> Scalars:
+    def forces(self, y: Scalars, coordinate_forces: Scalars) -> Scalars:
         """Return forces on the tree's velocities for forces on the coordinates."""
-        out = given.copy()
-        self._place(out, y, given, turned_back)
+        out = coordinate_forces.copy()
+        self._place(out, y, coordinate_forces, rotate_back)
         return out
 
-    def given(self, y: Scalars, forces: Scalars) -> Scalars:
-        """Return forces on the coordinates for forces on the tree's velocities."""
-        out = forces.copy()
-        self._place(out, y, forces, turned)
+    def to_joint_axes(self, y: Scalars, values: Scalars) -> Scalars:
+        """Rotate velocities or forces of free joints from the link's axes to the joint's."""
+        out = values.copy()
+        self._place(out, y, values, rotate)
         return out
 
     def _place(

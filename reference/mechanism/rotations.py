@@ -63,13 +63,13 @@ def objects(sin: Callable[[Any], Any], cos: Callable[[Any], Any], number: Any) -
     )
 
 
-def turned(matrix: Scalars, vector: Scalars) -> Scalars:
+def rotate(matrix: Scalars, vector: Scalars) -> Scalars:
     """Return R x: (3, 3, ...) by (3, ...)."""
     result: Scalars = (matrix * vector).sum(axis=1)
     return result
 
 
-def turned_back(matrix: Scalars, vector: Scalars) -> Scalars:
+def rotate_back(matrix: Scalars, vector: Scalars) -> Scalars:
     """Return R^T x."""
     result: Scalars = (matrix * vector[:, None]).sum(axis=0)
     return result

@@ -34,14 +34,14 @@ class SpatialInertia(NamedTuple):
     center: Array
     inertia: Array
 
-    def seen(self, place: Place) -> SpatialInertia:
+    def in_frame(self, place: Place) -> SpatialInertia:
         """Return the same body in the outer frame."""
         rotation = place.rotation
         return SpatialInertia(
             self.mass, place.transform(self.center), rotation @ self.inertia @ rotation.T
         )
 
-    def with_(self, other: SpatialInertia) -> SpatialInertia:
+    def combined(self, other: SpatialInertia) -> SpatialInertia:
         """Return both bodies welded together; their masses must not cancel."""
         if other.mass == 0.0:  # so that adding nothing changes no digit
             return self._replace(inertia=self.inertia + other.inertia)

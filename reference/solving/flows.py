@@ -155,7 +155,7 @@ class Flow:
     def _pushed(self, forces: Scalars) -> Scalars:
         """Return the change of the coordinates' second derivatives caused by forces."""
         by = np.einsum("ij...,j...->i...", self._inverse, forces)
-        return self._equations.seconds(self._stages[: self.tree.dof], by)
+        return self._equations.second_derivatives(self._stages[: self.tree.dof], by)
 
     def _staged(self, slopes: Scalars) -> Scalars:
         result: Scalars = self._start + self._length * np.einsum(

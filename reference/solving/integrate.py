@@ -120,7 +120,7 @@ def solve_numerically(
         else:
             checks.append(by_runge_kutta(field, *given[1:]))
     end = np.concatenate(ends)
-    bound = held_together(end, np.concatenate(checks))
+    bound = checked_bound(end, np.concatenate(checks))
     other = "heyoka's Taylor series" if by_series else "DOP853"
     return Segments(
         t=times,
@@ -132,7 +132,7 @@ def solve_numerically(
     )
 
 
-def held_together(end: Array, checked: Array) -> Array:
+def checked_bound(end: Array, checked: Array) -> Array:
     """Return an error bound, (2n,), of ends (K, 2n), from a second integration of them.
 
     Raises:

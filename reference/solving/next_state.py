@@ -47,7 +47,7 @@ class Stepped(ABC):
         """Return the positions after h seconds at constant m."""
 
     @abstractmethod
-    def unturned(self, moved: Array, m: Array) -> Array:
+    def exponential_rate(self, moved: Array, m: Array) -> Array:
         """Return m as the rate of the displacement in `advanced`, after displacements (B, n)."""
 
 
@@ -88,7 +88,7 @@ class SteppedEquations(Stepped):
         """Return q + h m."""
         return q + h * m
 
-    def unturned(self, moved: Array, m: Array) -> Array:
+    def exponential_rate(self, moved: Array, m: Array) -> Array:
         """Return m."""
         return m
 
@@ -131,9 +131,9 @@ class SteppedBodies(Stepped):
         """Return the positions after h seconds; each rotation has a fixed axis."""
         return self._there(self._tree.advanced(self._here(q), self._here(m), h))
 
-    def unturned(self, moved: Array, m: Array) -> Array:
+    def exponential_rate(self, moved: Array, m: Array) -> Array:
         """Return m by the inverse differential of the exponential map."""
-        return self._there(self._tree.unturned(*map(self._here, (moved, m))))
+        return self._there(self._tree.exponential_rate(*map(self._here, (moved, m))))
 
     def _here(self, values: Array) -> Array:
         return values.T[self._back]
@@ -252,7 +252,7 @@ def _runge_kutta(stepped: Stepped, q: Array, m: Array, u: Array, h: float) -> tu
         moved = share * h * rates[-1]
         position = stepped.advanced(q, moved, 1.0)
         now: Array = m + share * h * accelerations[-1]
-        rates.append(stepped.unturned(moved, now))
+        rates.append(stepped.exponential_rate(moved, now))
         accelerations.append(_acceleration(stepped, position, now, u, None))
     move, gain = (h / 6 * (a + d + 2 * (b + c)) for a, b, c, d in (rates, accelerations))
     return stepped.advanced(q, move, 1.0), m + gain

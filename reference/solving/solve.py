@@ -27,7 +27,7 @@ from physics_crosscheck.reference.solving.integrate import (
     trajectory,
 )
 from physics_crosscheck.reference.solving.motion import Motion, Span
-from physics_crosscheck.reference.solving.shooting import ROUGH_SAMPLES, ROUGH_ACCURACY, shoot
+from physics_crosscheck.reference.solving.shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200

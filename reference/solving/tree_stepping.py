@@ -32,27 +32,27 @@ class SteppedTree:
 
     def velocities(self, x: Scalars, rate: Scalars) -> Scalars:
         """Return the stored velocities for coordinate rates."""
-        return self._chart.carried(self._all(x), self._rates(rate))[self._coupled.kept]
+        return self._chart.stored_velocities(self._all(x), self._rates(rate))[self._coupled.kept]
 
     def rates(self, x: Scalars, m: Scalars) -> Scalars:
         """Return the coordinate rates for stored velocities."""
-        return self._chart.carrying(self._all(x), self._rates(m))[self._coupled.kept]
+        return self._chart.rates_of_stored(self._all(x), self._rates(m))[self._coupled.kept]
 
     def advanced(self, x: Scalars, m: Scalars, h: float) -> Scalars:
         """Return the coordinates after h seconds at constant velocities."""
-        return self._chart.turned_on(self._all(x), self._rates(m), h)[self._coupled.kept]
+        return self._chart.advance(self._all(x), self._rates(m), h)[self._coupled.kept]
 
-    def unturned(self, moved: Scalars, m: Scalars) -> Scalars:
+    def exponential_rate(self, moved: Scalars, m: Scalars) -> Scalars:
         """Return m as the rate of the displacement of `advanced`, after displacements."""
-        return self._chart.unturned(self._rates(moved), self._rates(m))[self._coupled.kept]
+        return self._chart.exponential_rate(self._rates(moved), self._rates(m))[self._coupled.kept]
 
     def mass(self, x: Scalars) -> Scalars:
         """Return M, (n, n, B)."""
         y = self._all(x)
         mass = self._dynamics.mass(self._chart.positions(y))
         if not self._chart.plain:
-            half = np.stack([self._chart.given(y, column) for column in mass], axis=1)
-            mass = np.stack([self._chart.given(y, row) for row in half])
+            half = np.stack([self._chart.to_joint_axes(y, column) for column in mass], axis=1)
+            mass = np.stack([self._chart.to_joint_axes(y, row) for row in half])
         return self._coupled.mass(mass)
 
     def force(self, x: Scalars, m: Scalars, u: Scalars) -> Scalars:
@@ -63,10 +63,10 @@ class SteppedTree:
         residual = self._dynamics.residual(
             self._chart.positions(y),
             self._chart.tree_velocities(y, m),
-            self._chart.steady(y, m),
+            self._chart.frame_acceleration(y, m),
             self._chart.forces(y, forces),
         )
-        return self._coupled.forces(self._chart.given(y, residual))
+        return self._coupled.forces(self._chart.to_joint_axes(y, residual))
 
     def _all(self, x: Scalars) -> Scalars:
         return self._coupled.positions(x)

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.numerics.segments import (
     BlownUpError,
     Extrapolated,
     extrapolate,
-    limits_alone,
+    limits_only,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference import t
@@ -189,7 +189,7 @@ def test_all_rungs_are_run_where_no_resolution_is_given(bench: MakeBench) -> Non
 def test_limits_alone_are_those_of_all_rungs_without_a_companion_s_step(bench: MakeBench) -> None:
     made = bench(drive=sin(5 * t))
     batch = Batch.of_motion(made.motion, component_scale(made.motion, []))
-    alone = limits_alone(made.model, made.coordinates, batch, RUNGS[:6])
+    alone = limits_only(made.model, made.coordinates, batch, RUNGS[:6])
     assert sum(n * count for _, n, count in made.model.calls) == sum(RUNGS[:6]) * len(made.motion.t)
     whole = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS[:6])
     assert np.array_equal(alone, whole.limit.value)

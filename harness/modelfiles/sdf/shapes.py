@@ -49,7 +49,7 @@ def automatic_lump(
             if pose.relative_to:
                 outer = inverse(frames.place(name)).compose(frames.place(pose.relative_to))
                 place = outer.compose(place)
-            total = total.with_(own.seen(place))
+            total = total.combined(own.in_frame(place))
     mass = document.child(inertial, "mass")
     if mass is None or not total.mass:
         return total

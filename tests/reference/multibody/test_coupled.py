@@ -56,7 +56,7 @@ def test_accelerations_are_those_of_the_whole_with_forces_that_hold_it() -> None
     for k in range(4):
         whole_matrix = np.block([[mass[:, :, k], rows.T], [rows, np.zeros((3, 3))]])
         a = np.linalg.solve(whole_matrix, [*force[:, k], 0, 0, 0])[:10]
-        wanted = chart.seconds(y[:, k : k + 1], v[:, k : k + 1], a[:, None])[:7, 0]
+        wanted = chart.second_derivatives(y[:, k : k + 1], v[:, k : k + 1], a[:, None])[:7, 0]
         own = Charted(held).acceleration(x[:, k], rate[:, k], forces[:, k])
         assert own == pytest.approx(wanted, rel=1e-10, abs=1e-10)
     batch = Charted(held).acceleration(x, rate, forces)
