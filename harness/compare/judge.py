@@ -112,7 +112,7 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
     )
     found = judgement.judge(defect, uncertainty, resolution, hindered or there)
     reason = ""
-    stopped = hindered or found.obstacle
+    stopped = hindered or found.unresolved_reason
     known = np.where(np.isfinite(uncertainty), defect, 0.0)
     certain = known > uncertainty
     if found.outcome is Outcome.DIFFERS:

@@ -182,7 +182,7 @@ class Accelerations:
         each = np.tensordot(weights(LADDER, (1, 1)), np.stack(by_step), axes=1)
         carried = np.max(np.abs(each - each[-1]), axis=0)
         found = Estimate(value=limit.value, uncertainty=limit.uncertainty + 2 * carried)
-        return _bounded_by_finest(found, np.stack(by_step)) if of.vanishing else found
+        return _bounded_by_finest(found, np.stack(by_step)) if observed.vanishing else found
 
     def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
         """Return the engine's mass matrices (B, n, n) and generalized forces (B, n) at states.

@@ -18,11 +18,11 @@ from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, about, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
-from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
 from physics_crosscheck.reference.solving.bounds import each, rounded_away
 from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
 from physics_crosscheck.reference.solving.motion import Motion
-from physics_crosscheck.reference.solving.shooting import ROUGH_SAMPLES, ROUGH_ACCURACY, shoot
+from physics_crosscheck.reference.solving.shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
 from physics_crosscheck.reference.solving.solve import (
     check_duration,
     check_motion,

@@ -20,8 +20,8 @@ from physics_crosscheck.reference.solving.closed_form import Segments
 from physics_crosscheck.reference.solving.collocation import CONVERGED, ReferenceError, collocate
 from physics_crosscheck.reference.solving.integrate import (
     by_runge_kutta,
+    checked_bound,
     field_of,
-    held_together,
     trajectory,
 )
 from physics_crosscheck.reference.solving.motion import Span
@@ -95,7 +95,7 @@ def shoot(
         start=starts,
         end=end,
         nodes=nodes,
-        bound=held_together(end, np.concatenate(checks)),
+        bound=checked_bound(end, np.concatenate(checks)),
         method="multiple shooting by Gauss collocation, checked by DOP853",
     )
     return segments, flow

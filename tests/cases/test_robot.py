@@ -515,7 +515,7 @@ def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
     sizes = np.maximum(sizes, 0.01 * sizes.max())
     for step in range(1, 251):
         mujoco.mj_step(model, data)
-        exact = prepared.motion.at(np.array([step * model.opt.timestep]))[0, order]
+        exact = prepared.motion.states_at(np.array([step * model.opt.timestep]))[0, order]
         worst = max(worst, float(np.max(np.abs(data.qpos - exact) / sizes)))
     assert case.full_run is not None
     assert case.outcome is Outcome.AGREES
