@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.scaffold.from_model import from_model
 
 ROBOTS = (
@@ -137,7 +137,7 @@ def run(file: Path, floating: bool) -> str:
     """The file's equations, and it in every engine."""
     prepared = prepare_robot(file, floating=floating)
     told = [f"{len(prepared.names)} coordinates"]
-    for engine in readers(file.suffix):
+    for engine in engines_reading(file.suffix):
         if engine.version() is not None:
             case = run_robot(prepared.task(engine.name, 1e-9))
             told.append(f"{engine.name} {case.outcome}")

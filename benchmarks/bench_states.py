@@ -37,7 +37,7 @@ def slopes(robot: Robot, q: Array, v: Array, forces: Array) -> Array:
     """Of accelerations by the file's numbers, each by its size, (numbers, K, n)."""
     numbers = robot_numbers(robot.file, settings_of(robot))
     rows = []
-    for i in numbers.saying:
+    for i in numbers.relevant_numbers:
         one = numbers.numerals[i]
         ends = [numbers.tree({i: one.value + way * NUDGE * one.scale}) for way in (1, -1)]
         if any(tree is None or tree.dof != q.shape[1] for tree in ends):

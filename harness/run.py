@@ -29,7 +29,7 @@ from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import work
 from physics_crosscheck.harness.jobs.stop import Stop
-from physics_crosscheck.harness.modelfiles.input_files import luggage
+from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import Collected, Interruption, Progress
@@ -91,7 +91,7 @@ def run(
         jobs=options.jobs,
         limits=options.limits,
         scheduler=options.scheduler,
-        files=partial(luggage, (*folders, *robots)),
+        files=partial(input_files, (*folders, *robots)),
         engines=options.engines,
         sure=options.cache is None and bool(folders or readable or not robots),
     ) as workers:

@@ -19,7 +19,7 @@ from pathlib import Path
 from campaigns.planted.compared import compared
 from campaigns.planted.fates import Fate, Ground, Planted, plant, table
 from campaigns.planted.record import Record
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 
 SHARES = (1e-6, 1e-2)
 
@@ -76,8 +76,8 @@ def planted(robot: Robot, seconds: float, record: Record) -> Iterator[Planted]:
     """The faults of a file's numbers, spread evenly, as many as processor time allows."""
     ground, tried = _ground(robot), compared if robot.compare else plant
     began = time.process_time()
-    for place in spread(len(ground.numbers.saying)):
-        index = ground.numbers.saying[place]
+    for place in spread(len(ground.numbers.relevant_numbers)):
+        index = ground.numbers.relevant_numbers[place]
         one = ground.numbers.numerals[index]
         for share in SHARES:
             found = record.known(one.file.name, one.line, one.address, share)
@@ -114,7 +114,7 @@ def main(given: Sequence[str] | None = None) -> int:
     options = parser.parse_args(given)
     everything: list[Planted] = []
     for file in options.files:
-        engine = options.engine or readers(file.suffix)[0].name
+        engine = options.engine or engines_reading(file.suffix)[0].name
         robot = Robot(
             file=file,
             engine=engine,
@@ -129,7 +129,9 @@ def main(given: Sequence[str] | None = None) -> int:
             if one.fate.seen and one.fate not in (Fate.NAMED, Fate.TIED):
                 print(one, flush=True)
         everything += found
-        of = f"{len(found) // len(SHARES)} of {len(_ground(robot).numbers.saying)} numbers"
+        of = (
+            f"{len(found) // len(SHARES)} of {len(_ground(robot).numbers.relevant_numbers)} numbers"
+        )
         print(f"{file} [{engine}]: {of}, {sum(one.seconds for one in found):.0f} s")
         print("\n".join(f"  {line}" for line in table(found)), flush=True)
     print("\n".join(table(everything)))

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.compare.candidate import CompareError, candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
 from physics_crosscheck.harness.compare.execute import FailureError
 from physics_crosscheck.harness.compare.executor import at_once
-from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.records.outcome import Outcome
 
 MOST = 0.99
@@ -28,7 +28,7 @@ def compared(ground: Ground, index: int, share: float) -> Planted:
     return planted(ground, index, share, lambda new, one, *_: _fate(ground.engine, old, new, one))
 
 
-def _fate(engine: str, old: Path, new: Path, one: Numeral) -> tuple[Fate, str]:
+def _fate(engine: str, old: Path, new: Path, one: Number) -> tuple[Fate, str]:
     a, b = candidate("A", old, engine), candidate("B", new, engine)
     try:
         found = compare(CompareOptions(a=a, b=b, resolution=RESOLUTION), at_once)
@@ -43,7 +43,7 @@ def _fate(engine: str, old: Path, new: Path, one: Numeral) -> tuple[Fate, str]:
     return (Fate.NAMED if _names(found, one) else Fate.CAUGHT), said
 
 
-def _names(found: Findings, one: Numeral) -> bool:
+def _names(found: Findings, one: Number) -> bool:
     """Whether the line is that of the first difference, and that makes up the discrepancy."""
     if not found.trials:
         return False

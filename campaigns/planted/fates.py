@@ -20,7 +20,7 @@ from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copied
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, Numeral
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.flows import Flow
@@ -160,14 +160,14 @@ class Ground:
 def plant(ground: Ground, index: int, share: float) -> Planted:
     """One fault, and what comes of it."""
 
-    def judged(copy: Path, one: Numeral, value: float, effect: float) -> tuple[Fate, str]:
+    def judged(copy: Path, one: Number, value: float, effect: float) -> tuple[Fate, str]:
         task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
         return _fate(ground, task, one, value, effect)
 
     return planted(ground, index, share, judged)
 
 
-Judged = Callable[[Path, Numeral, float, float], tuple[Fate, str]]
+Judged = Callable[[Path, Number, float, float], tuple[Fate, str]]
 """What comes of a copy with one number at another value, and what is said: by the effect of it."""
 
 
@@ -194,13 +194,13 @@ def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted
     )
 
 
-def wrong(one: Numeral, share: float) -> float:
+def wrong(one: Number, share: float) -> float:
     """A number off by a share of its size, or of that of its neighbours where it is zero."""
     return one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
 
 
 def _fate(
-    ground: Ground, task: RobotTask, one: Numeral, value: float, effect: float
+    ground: Ground, task: RobotTask, one: Number, value: float, effect: float
 ) -> tuple[Fate, str]:
     try:
         verdict = judge_robot(task)
@@ -230,7 +230,7 @@ def _fate(
     return Fate.CAUGHT, said
 
 
-def _is(fit: Fit, one: Numeral) -> bool:
+def _is(fit: Fit, one: Number) -> bool:
     return len(fit.members) == 1 and fit.causes[0].subject == (one.address,)
 
 

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.checks.not_run import absent
 from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
 from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.modelfiles.inertias import impossible
@@ -91,7 +91,7 @@ class Check:
         return iter([Job(task=Task(prepare, self._file), done=self._run, failed=failed)])
 
     def _run(self, prepared: PreparedRobot) -> Jobs:
-        there = [engine for engine in readers(self._file.suffix) if not absent(engine)]
+        there = [engine for engine in engines_reading(self._file.suffix) if not absent(engine)]
         self._left = len(there)
         for engine in there:
             task = prepared.task(engine.name, self._resolution)

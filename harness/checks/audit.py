@@ -112,8 +112,9 @@ def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
     """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
     blamed = remark.fault or wrong & set(remark.shows_in)
     message = remark.message
-    if remark.beside:
-        message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
+    if remark.related_address:
+        related = replace(remark, address=remark.related_address)
+        message += f" ({where(related, task.sidecar, task.engine)})"
     return finding(
         remark.kind,
         remark.subject or (remark.message,),

@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames
-from physics_crosscheck.harness.modelfiles.quote import brief, cut
+from physics_crosscheck.harness.modelfiles.quote import quote, truncate
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.reference.mechanism.frames import ENTRIES, frame_function
@@ -78,7 +78,7 @@ class Frames:
         """Where the engine has them at its positions z, (K, nz), in the system's world."""
         targets = self.said.targets
         origins, turns = self.model.poses([target.place for target in targets], z)
-        at = np.array([target.at for target in targets])
+        at = np.array([target.offset for target in targets])
         axes = np.array([target.axes for target in targets])
         world = self.said.axes
         places = origins + np.einsum("kfij,fj->kfi", turns, at) - self.said.origin
@@ -88,7 +88,7 @@ class Frames:
     def length(self, z: Array) -> float:
         """The largest distance of anything of the model from its origin, m."""
         origins, _ = self.model.poses(self.model.places, z[:PROBED])
-        offsets = [float(np.linalg.norm(target.at)) for target in self.said.targets]
+        offsets = [float(np.linalg.norm(target.offset)) for target in self.said.targets]
         far = float(np.max(np.abs(origins), initial=0.0))
         return far + max(offsets, default=0.0) + float(np.linalg.norm(self.said.origin))
 
@@ -121,5 +121,5 @@ def _moved(placed: Callable[[Array], Placed], x: Array) -> Array:
 def _lacking(target: FrameTarget, known: Sequence[str]) -> str:
     kind = target.place.partition(":")[0]
     same = [place for place in known if place.startswith(f"{kind}:")]
-    shown = ", ".join(map(cut, (same or list(known))[:24]))
-    return f"{target.where}: the model has no {brief(target.place)}; it has {shown}"
+    shown = ", ".join(map(truncate, (same or list(known))[:24]))
+    return f"{target.where}: the model has no {quote(target.place)}; it has {shown}"

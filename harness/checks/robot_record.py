@@ -10,15 +10,15 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.checks.system_record import quantities
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
 from physics_crosscheck.harness.modelfiles.inertias import impossible
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
-from physics_crosscheck.harness.modelfiles.numbers import Numeral, numerals
-from physics_crosscheck.harness.modelfiles.robot import LeftOut, Robot
+from physics_crosscheck.harness.modelfiles.numbers import Number, numerals
+from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.records.system import Scenario, System
@@ -61,7 +61,7 @@ def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
 
 def _remarks(file: Path) -> Iterator[AuditFinding]:
     """What engines make of a file as they read it."""
-    for engine in readers(file.suffix):
+    for engine in engines_reading(file.suffix):
         with suppress(EngineError):  # its own case reports that it can't read the file
             for remark in engine.file_remarks(file) if engine.version() is not None else ():
                 yield AuditFinding(
@@ -103,7 +103,7 @@ def _parts(file: Path) -> tuple[Path, ...]:
         return ()
 
 
-def finding_of(one: Numeral, what: str) -> AuditFinding:
+def finding_of(one: Number, what: str) -> AuditFinding:
     """Return the finding about a negative number; a spring may well push away."""
     word = next(word for word in _EFFECTS if word in what.lower())
     return AuditFinding(
@@ -154,7 +154,7 @@ def sidecar_beside(file: Path) -> tuple[str, ...]:
     )
 
 
-def told(one: LeftOut) -> str:
+def told(one: Omission) -> str:
     """Such as: dry friction (7)."""
     return one.what if one.count == 1 else f"{one.what} ({one.count})"
 

@@ -77,7 +77,7 @@ def attributed(
         return tuple(rest), 0
     bench = _Bench.of(execute, models, recorded, runs, followed, matched, len(can))
     engine = engines()[models[0].engine]
-    looks = [re.compile(pattern) for pattern in engine.idle]
+    looks = [re.compile(pattern) for pattern in engine.non_physical]
     root = _root(models[0].sidecar.model)
     idle = [edit for edit in can if _is_idle(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in idle), key=_size, reverse=True)
@@ -98,7 +98,7 @@ def attributed(
 def untested(trials: Iterable[Trial], a: Candidate) -> tuple[str, ...]:
     """Return the differences of the files that no run shows, but those of looks and steps."""
     engine, root = engines()[a.engine], _root(a.sidecar.model)
-    looks = [re.compile(one) for one, what in engine.idle.items() if what in NO_PHYSICS]
+    looks = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
     silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or not one.moved))
     edits = (one.edits[0] for one in silent)
     return tuple(

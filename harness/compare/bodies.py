@@ -11,7 +11,7 @@ from physics_crosscheck.harness.compare.alignment import SAME, Aligned
 from physics_crosscheck.harness.compare.property import Property, shown, told
 from physics_crosscheck.harness.compare.side import Side
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.modelfiles.robot import Part
+from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
 
 ROUNDING = 1e-13
@@ -45,7 +45,7 @@ def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Pro
 def _masses(
     a: Side,
     b: Side,
-    parts: tuple[tuple[Part, ...], tuple[Part, ...]],
+    parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     masses: tuple[float, float],
     effect: float,
 ) -> Iterator[Property]:
@@ -67,7 +67,9 @@ def _masses(
     yield from _named(a, b, parts, "mass", message, (effect, share), masses)
 
 
-def _namesakes(one: tuple[Part, ...], other: tuple[Part, ...]) -> list[tuple[Part, Part]]:
+def _namesakes(
+    one: tuple[LinkPart, ...], other: tuple[LinkPart, ...]
+) -> list[tuple[LinkPart, LinkPart]]:
     if len(one) == len(other) == 1:
         return [(one[0], other[0])]
     by_name = {part.name: part for part in other}
@@ -77,7 +79,7 @@ def _namesakes(one: tuple[Part, ...], other: tuple[Part, ...]) -> list[tuple[Par
 def _named(
     a: Side,
     b: Side,
-    parts: tuple[tuple[Part, ...], tuple[Part, ...]],
+    parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     kind: str,
     message: str,
     sizes: tuple[float, float],
@@ -99,10 +101,10 @@ def _named(
     yield _at(a, b, x, y, one)
 
 
-_NOBODY = Part(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
+_NOBODY = LinkPart(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
 
 
-def _unlike(x: Part, y: Part) -> bool:
+def _unlike(x: LinkPart, y: LinkPart) -> bool:
     """Whether two links say other things of their masses, in their own frames."""
     return not (
         x.mass == y.mass
@@ -111,7 +113,7 @@ def _unlike(x: Part, y: Part) -> bool:
     )
 
 
-def _heaviest(parts: tuple[Part, ...]) -> Part | None:
+def _heaviest(parts: tuple[LinkPart, ...]) -> LinkPart | None:
     return max(parts, key=lambda part: part.mass, default=None)
 
 
@@ -119,7 +121,7 @@ def _both(x: str, y: str) -> str:
     return x if x == y else f"{x} / {y}"
 
 
-def _at(a: Side, b: Side, x: Part | None, y: Part | None, one: Property) -> Property:
+def _at(a: Side, b: Side, x: LinkPart | None, y: LinkPart | None, one: Property) -> Property:
     """With its lines."""
     where = [
         SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None

@@ -10,14 +10,14 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
-from physics_crosscheck.harness.engines.registry import engines, missing, readers
+from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
 from physics_crosscheck.harness.modelfiles.folders import FORMATS
 from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import LeftOut, Robot
+from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -150,7 +150,7 @@ def facts(candidate: Candidate) -> Facts:
         step=model.step,
         gravity=model.gravity,
         home=model.home,
-        reach=model.reach,
+        reach=model.sampling_range,
         limits=_limits(model, robot),
         places=tuple(model.places),
         robot=robot,
@@ -173,7 +173,7 @@ def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
     if settings.get("couplings", True) or robot.tree is None or not robot.tree.couplings:
         return robot
     count = len(robot.tree.couplings)
-    free = LeftOut(what=FOLLOWERS, count=count, where=())
+    free = Omission(what=FOLLOWERS, count=count, where=())
     tree = replace(robot.tree, couplings=())
     return replace(robot, tree=tree, left_out=(free, *robot.left_out))
 
@@ -249,7 +249,7 @@ def _engine(label: str, path: Path, asked: str | None, sidecar: Sidecar | None) 
     else:
         declared = () if sidecar is None else sidecar.engines
         wanted = [name for name in declared if _reads(known, name, path)] or [
-            engine.name for engine in readers(path.suffix)
+            engine.name for engine in engines_reading(path.suffix)
         ]
         if not wanted:
             formats = sorted({suffix for engine in known.values() for suffix in engine.formats})

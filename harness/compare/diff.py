@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.modelfiles.edits import spliced
+from physics_crosscheck.harness.modelfiles.edits import apply_edits
 from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
 from physics_crosscheck.harness.records.base import SourceLine
@@ -352,7 +352,7 @@ def applied(data: bytes, found: tuple[Edit, ...]) -> bytes:
     for (_, end, _), (start, _, _) in pairwise(changes):
         if start < end:
             raise ValueError("these edits overlap")
-    return spliced(data, changes)
+    return apply_edits(data, changes)
 
 
 def _is_number(word: str) -> bool:

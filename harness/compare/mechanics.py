@@ -105,7 +105,7 @@ class _Lens:
 
     def __init__(self, task: MechanicsTask, model: Model) -> None:
         self.task = task
-        extent = model.reach
+        extent = model.sampling_range
         self.size = (extent[:, 1] - extent[:, 0]) / 2
         self.speed = self.size * task.typical
         n, picked = task.z.shape[1], list(task.independent)

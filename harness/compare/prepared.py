@@ -19,7 +19,7 @@ from physics_crosscheck.harness.compare.match import Match, match, spoken_for
 from physics_crosscheck.harness.compare.partners import Partners, partners
 from physics_crosscheck.harness.compare.placed import Placed, placed, positions, tree_of
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
@@ -292,7 +292,7 @@ def _told(candidate: Candidate, own: Facts) -> str:
     return ", ".join(map(_counted, _parts(candidate, own)))
 
 
-def _parts(candidate: Candidate, own: Facts) -> list[LeftOut]:
+def _parts(candidate: Candidate, own: Facts) -> list[Omission]:
     """Return what is left out of a model's motions."""
     settings = candidate.sidecar.spec(candidate.engine).settings
     if own.robot is None or not settings.get("smooth", False):
@@ -301,5 +301,5 @@ def _parts(candidate: Candidate, own: Facts) -> list[LeftOut]:
     return [one for one in own.robot.left_out if not one.what.startswith((*ALWAYS, *kept))]
 
 
-def _counted(one: LeftOut) -> str:
+def _counted(one: Omission) -> str:
     return one.what if one.count == 1 else f"{one.what} ({one.count})"

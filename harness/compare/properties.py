@@ -21,7 +21,7 @@ from physics_crosscheck.harness.compare.property import Property, shown, told
 from physics_crosscheck.harness.compare.side import Pair, Side
 from physics_crosscheck.harness.compare.terms import apart
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot import Omission
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,5 +253,5 @@ def _left_out(a: Side, b: Side) -> Iterator[Property]:
             yield told("left out", "", said, 0.0, moves=False)
 
 
-def _counts(left_out: Sequence[LeftOut]) -> dict[str, int]:
+def _counts(left_out: Sequence[Omission]) -> dict[str, int]:
     return {one.what: one.count for one in left_out if one.what.startswith(COUNTED)}

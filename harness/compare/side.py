@@ -12,7 +12,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.placed import Placed, held, placed, positions, tree_of
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.modelfiles.robot import Part
+from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -36,7 +36,7 @@ class Side:
     facts: Facts
     tree: Tree
     placed: Placed
-    parts: tuple[tuple[Part, ...], ...]
+    parts: tuple[tuple[LinkPart, ...], ...]
     springs: bool
 
     def limits(self, name: str) -> tuple[float, float]:
@@ -68,7 +68,7 @@ def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Arra
     tree, now = held(tree, still) if still else (tree, tuple(range(len(tree.links))))
     if len(facts.gravity) == 3:
         tree = replace(tree, gravity=np.array(facts.gravity))
-    parts: list[list[Part]] = [[] for _ in tree.links]
+    parts: list[list[LinkPart]] = [[] for _ in tree.links]
     for part in robot.parts:
         if part.body != WORLD and now[part.body] != WORLD:
             parts[now[part.body]].append(part)

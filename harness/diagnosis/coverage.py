@@ -55,7 +55,7 @@ def count_numbers(task: AuditTask) -> Coverage:
     frames = _frames(task.system, task.sidecar)
     probe = Probe(z, w, model.step, engine, frames, task.resolution)
     found, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
-    idle = {**_STEP, **engine.idle}
+    idle = {**_STEP, **engine.non_physical}
     reasons = [reason_of(one.path, idle) for one in found]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         base = probe.of(model)

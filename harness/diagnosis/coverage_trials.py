@@ -9,7 +9,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.diagnosis.behaviour import Behaviour, Probe
 from physics_crosscheck.harness.modelfiles.bindings import with_texts
-from physics_crosscheck.harness.modelfiles.edits import reworded
+from physics_crosscheck.harness.modelfiles.edits import replace_numbers
 from physics_crosscheck.harness.modelfiles.locations import Literal
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 
@@ -93,7 +93,7 @@ class Trials:
     def _tried(self, words: Mapping[int, str]) -> Say:
         """What depends on some numbers, written in other words."""
         places = ((self._numbers[i].location, word) for i, word in words.items())
-        texts = reworded(self._texts, places)
+        texts = replace_numbers(self._texts, places)
         try:
             model = self._probe.loaded(with_texts(self._sidecar, texts, self._folder))
         except SidecarError:

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -34,7 +34,7 @@ def count_robot(task: RobotTask) -> Coverage:
     if numbers.unread:
         return Coverage(note="; ".join(numbers.unread))
     problem = problem_of(task, numbers, own=False)
-    says = {i: _say(problem, k, task.resolution) for k, i in enumerate(numbers.saying)}
+    says = {i: _say(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
     choices, fixed = _choices(task), _fixed(task)
     found = [
         CountedNumber(
@@ -45,7 +45,7 @@ def count_robot(task: RobotTask) -> Coverage:
         )
         for i, one in enumerate(numbers.numerals)
     ]
-    return summarized(found, engines()[task.engine].idle)
+    return summarized(found, engines()[task.engine].non_physical)
 
 
 def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
@@ -59,7 +59,7 @@ def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
     return Say.FAINT if moved else Say.NONE
 
 
-def _otherwise(one: Numeral, say: Say, choices: str, fixed: Collection[str]) -> Say:
+def _otherwise(one: Number, say: Say, choices: str, fixed: Collection[str]) -> Say:
     """Why nothing depends on a number, where its place in the file tells."""
     if say is Say.NONE and choices and re.fullmatch(choices, one.path):
         return Say.CHOICE

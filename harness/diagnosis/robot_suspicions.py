@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import rank
 from physics_crosscheck.harness.diagnosis.robot_problem import Suspicion
-from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
@@ -27,7 +27,7 @@ def suspicions(numbers: Numbers, *, own: bool) -> Iterator[Suspicion]:
         numbers: of the file.
         own: whether the file is right, and the engine may take it otherwise.
     """
-    for i in numbers.saying:
+    for i in numbers.relevant_numbers:
         one = numbers.numerals[i]
         hypothesis = Hypothesis(
             id=CauseId(kind="taken" if own else "literal", subject=(one.address,)),
@@ -77,7 +77,7 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
     links: dict[int, list[int]] = {}
     massless: list[int] = []
     products: list[int] = []
-    for i in numbers.saying:
+    for i in numbers.relevant_numbers:
         one = numbers.numerals[i]
         kinds.setdefault("/".join(one.path.split("/")[-2:]), []).append(i)
         if _MOMENTS.fullmatch(one.path):
@@ -94,7 +94,7 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
         yield kind.rpartition("@")[2] or kind, group
 
 
-def _mass(one: Numeral) -> float | None:
+def _mass(one: Number) -> float | None:
     """That is told beside moments."""
     inertial = one.element.parent
     told = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
@@ -104,5 +104,5 @@ def _mass(one: Numeral) -> float | None:
         return None
 
 
-def _line(one: Numeral) -> SourceLine:
+def _line(one: Number) -> SourceLine:
     return SourceLine(file=one.file.name, line=one.line, span=one.span, text=one.text)

@@ -124,7 +124,7 @@ _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
 
 def _remedies(run: FollowersRun) -> tuple[list[_Remedy], ...]:
     """Each alone; then all together, where there are several."""
-    remedies = run.way.model.remedies
+    remedies = run.way.model.corrective_settings
     alone: list[_Remedy] = [((cause,), settings) for cause, settings in remedies.items()]
     every = {key: value for settings in remedies.values() for key, value in settings.items()}
     return (alone, [(tuple(remedies), every)]) if len(remedies) > 1 else (alone,)
@@ -146,7 +146,7 @@ def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ..
     uncertainty = np.maximum(uncertainty, check.resolution)
     size = float(np.linalg.norm(apart))
     found = []
-    for cause, tree in numbers.taken():
+    for cause, tree in numbers.engine_variants():
         left = problem.left_by(tree)
         if np.all(np.abs(left) <= uncertainty):
             remaining = float(np.linalg.norm(left)) / size

@@ -1,1 +1,1 @@
-"""All that is known of engines: the protocol, the adapters, and the formats that they share."""
+"""The engine protocol, the adapters, and code that they share."""

@@ -1,8 +1,9 @@
-"""Rotations as three coordinates whose rates are velocities, for engines that keep quaternions.
+"""Rotations as three coordinates whose rates are velocities, for engines that use quaternions.
 
-p = 4 tan(angle/4) times the axis, four times the modified Rodrigues parameters (Schaub and Junkins,
-Analytical Mechanics of Space Systems, section 3.6). Quaternions have their real part first; angular
-velocities are in the axes of what turns. All arrays may have leading dimensions.
+The coordinates are p = 4 tan(angle/4) times the axis: four times the modified Rodrigues parameters
+(Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.6). Quaternions have their
+real part first. Angular velocities are in the axes of the rotating body. All arrays may have
+leading dimensions.
 """
 
 from __future__ import annotations
@@ -17,76 +18,76 @@ AXES = ("x", "y", "z")
 
 
 def rotation_names(joint: str) -> tuple[str, ...]:
-    """Of the three coordinates of a joint."""
+    """Return the names of a joint's three rotation coordinates."""
     return tuple(f"{joint}:r{axis}" for axis in AXES)
 
 
 def place_names(joint: str) -> tuple[str, ...]:
-    """Of the place of what a free joint carries."""
+    """Return the names of a free joint's three position coordinates."""
     return tuple(f"{joint}:{axis}" for axis in AXES)
 
 
 def quaternion(p: Array) -> Array:
-    """(..., 4) of (..., 3), of length one."""
+    """Return the unit quaternions (..., 4) of coordinates (..., 3)."""
     s = p / 4
     square = np.sum(s * s, axis=-1, keepdims=True)
-    found: Array = np.concatenate([1 - square, 2 * s], axis=-1) / (1 + square)
-    return found
+    result: Array = np.concatenate([1 - square, 2 * s], axis=-1) / (1 + square)
+    return result
 
 
 def coordinates(q: Array, near: Array) -> Array:
-    """(..., 3) of quaternions (..., 4), of the two signs that which is nearer to `near`."""
+    """Return the coordinates (..., 3) of quaternions (..., 4), with the sign nearer to `near`."""
     towards = np.sum(q * near, axis=-1, keepdims=True)
     q = np.where(towards < 0, -q, q)
-    found: Array = 4 * q[..., 1:] / (np.linalg.norm(q, axis=-1, keepdims=True) + q[..., :1])
-    return found
+    result: Array = 4 * q[..., 1:] / (np.linalg.norm(q, axis=-1, keepdims=True) + q[..., :1])
+    return result
 
 
 def rate(p: Array, angular: Array) -> Array:
-    """dp/dt, (..., 3)."""
+    """Return dp/dt, (..., 3), of an angular velocity."""
     s = p / 4
     square, along = _dot(s, s), _dot(s, angular)
-    found: Array = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
-    return found
+    result: Array = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
+    return result
 
 
 def angular_velocity(p: Array, rates: Array) -> Array:
-    """Of dp/dt, (..., 3)."""
+    """Return the angular velocity, (..., 3), of dp/dt."""
     s = p / 4
     square, along = _dot(s, s), _dot(s, rates)
-    found: Array = (1 - square) * rates - 2 * cross(s, rates) + 2 * s * along
-    return found / (1 + square) ** 2
+    result: Array = (1 - square) * rates - 2 * cross(s, rates) + 2 * s * along
+    return result / (1 + square) ** 2
 
 
-def product(one: Array, other: Array) -> Array:
-    """Of two quaternions (..., 4): turned by the other first."""
-    w, x, v, y = one[..., :1], one[..., 1:], other[..., :1], other[..., 1:]
-    found: Array = np.concatenate([w * v - _dot(x, y), w * y + v * x + cross(x, y)], axis=-1)
-    return found
+def product(first: Array, second: Array) -> Array:
+    """Multiply two quaternions (..., 4); the second one rotates first."""
+    w, x, v, y = first[..., :1], first[..., 1:], second[..., :1], second[..., 1:]
+    result: Array = np.concatenate([w * v - _dot(x, y), w * y + v * x + cross(x, y)], axis=-1)
+    return result
 
 
-def exponential(turned: Array) -> Array:
-    """The quaternion of a rotation by so much about an axis, which `turned` (..., 3) is along."""
-    half = np.sqrt(_dot(turned, turned)) / 2
-    found: Array = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * turned], axis=-1)
-    return found
+def exponential(vector: Array) -> Array:
+    """Return the quaternion of a rotation vector (..., 3): angle times axis."""
+    half = np.sqrt(_dot(vector, vector)) / 2
+    result: Array = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * vector], axis=-1)
+    return result
 
 
 def matrix(q: Array) -> Array:
-    """The rotation of a quaternion of any length, (..., 3, 3)."""
+    """Return the rotation matrix, (..., 3, 3), of a quaternion of any length."""
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    found: Array = np.empty((*q.shape[:-1], 3, 3))
-    found[..., 0, 0] = w * w + x * x - y * y - z * z
-    found[..., 1, 1] = w * w - x * x + y * y - z * z
-    found[..., 2, 2] = w * w - x * x - y * y + z * z
-    found[..., 0, 1], found[..., 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
-    found[..., 0, 2], found[..., 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
-    found[..., 1, 2], found[..., 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
-    return found / (w * w + x * x + y * y + z * z)[..., None, None]
+    result: Array = np.empty((*q.shape[:-1], 3, 3))
+    result[..., 0, 0] = w * w + x * x - y * y - z * z
+    result[..., 1, 1] = w * w - x * x + y * y - z * z
+    result[..., 2, 2] = w * w - x * x - y * y + z * z
+    result[..., 0, 1], result[..., 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    result[..., 0, 2], result[..., 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    result[..., 1, 2], result[..., 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    return result / (w * w + x * x + y * y + z * z)[..., None, None]
 
 
 def from_rpy(rpy: Sequence[float] | Array) -> Array:
-    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3), of roll, pitch and yaw; of none the identity."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll), (3, 3); an empty `rpy` gives the identity."""
     roll, pitch, yaw = rpy if len(rpy) else (0.0, 0.0, 0.0)
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
@@ -98,20 +99,20 @@ def from_rpy(rpy: Sequence[float] | Array) -> Array:
     )
 
 
-def cross(one: Array, other: Array) -> Array:
-    """The cross product, (..., 3); numpy's own costs five times as much for one pair."""
-    a, b, c = one[..., 0], one[..., 1], one[..., 2]
-    x, y, z = other[..., 0], other[..., 1], other[..., 2]
-    found: Array = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
-    return found
+def cross(first: Array, second: Array) -> Array:
+    """Return the cross product, (..., 3); for one pair `numpy.cross` takes five times as long."""
+    a, b, c = first[..., 0], first[..., 1], first[..., 2]
+    x, y, z = second[..., 0], second[..., 1], second[..., 2]
+    result: Array = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+    return result
 
 
-def _dot(one: Array, other: Array) -> Array:
-    found: Array = np.sum(one * other, axis=-1, keepdims=True)
-    return found
+def _dot(first: Array, second: Array) -> Array:
+    result: Array = np.sum(first * second, axis=-1, keepdims=True)
+    return result
 
 
-def turned(turn: Array, of: Array) -> Array:
-    """Vectors (B, 3), each by its own matrix."""
-    found: Array = (turn @ of[..., None])[..., 0]
-    return found
+def turned(turn: Array, vectors: Array) -> Array:
+    """Rotate vectors (B, 3), each by its own matrix."""
+    result: Array = (turn @ vectors[..., None])[..., 0]
+    return result

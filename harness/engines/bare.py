@@ -1,8 +1,9 @@
-"""Links of a URDF without `<inertial>`: PyBullet and DART give each 1 kg and 1 kg m^2, welded too.
+"""Links of a URDF without `<inertial>`: PyBullet and DART give each 1 kg and 1 kg m^2, even if
+welded.
 
-`BulletURDFImporter::getMassAndInertia2` says so on stderr, and no more; in DART it is an option
-(`DartLoader::Options::mDefaultInertia`). A root that is fixed to the world does not feel it, and
-one that floats has to have a mass: the root is left as it is.
+`BulletURDFImporter::getMassAndInertia2` warns about it on stderr only. In DART it is an option
+(`DartLoader::Options::mDefaultInertia`). The default does not affect a root that is fixed to the
+world, and a floating root needs a mass, so the root is left unchanged.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 BARE: Mapping[str, object] = {"bare_links": False}
-"""The adapter's setting that loads the file with links without `<inertial>` of no mass."""
+"""The adapter's setting that gives links without `<inertial>` no mass."""
 
 _NAMED = 6
-"""Links named in a sentence."""
+"""The most links that a sentence names."""
 
 
 def bare_links(robot: ET.Element) -> list[str]:
-    """Names of links that something carries and that have no `<inertial>`."""
+    """Return the names of links that have a parent and no `<inertial>`."""
     carried = {child.get("link") for child in robot.findall("joint/child")}
     links = {link.get("name", ""): link for link in robot.findall("link")}
     return [
@@ -27,7 +28,7 @@ def bare_links(robot: ET.Element) -> list[str]:
 
 
 def weightless(robot: ET.Element) -> None:
-    """Give them no mass and no moments, in so many words."""
+    """Give these links an explicit mass and moments of inertia of zero."""
     bare = set(bare_links(robot))
     for link in robot.findall("link"):
         if link.get("name", "") in bare:
@@ -38,7 +39,7 @@ def weightless(robot: ET.Element) -> None:
 
 
 def bare_cause(names: Sequence[str], title: str) -> str:
-    """What a diagnosis calls it."""
-    told = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    """Return the cause that a diagnosis reports."""
+    shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
-    return f"{title}'s own 1 kg and 1 kg m^2 of {count} without <inertial> ({told})"
+    return f"{title}'s own 1 kg and 1 kg m^2 of {count} without <inertial> ({shown})"

@@ -1,4 +1,6 @@
-"""What an engine's libraries print past Python: they say why they can't load a file there alone."""
+"""Output that an engine's libraries write past Python: often the only explanation of a load
+error.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,11 @@ STDOUT, STDERR = 1, 2
 
 @contextmanager
 def captured(streams: Sequence[int] = (STDOUT,), *, again: bool = True) -> Iterator[list[str]]:
-    """A list that holds, once it is over, what was printed: the text of each stream.
+    """Yield a list that holds the text of each stream after the block ends.
 
     Args:
-        streams: of the process.
-        again: whether it is printed afterwards, for those who read it there.
+        streams: file descriptors of the process.
+        again: whether the text is printed again afterwards.
     """
     texts: list[str] = []
     sys.stdout.flush()
@@ -30,9 +32,9 @@ def captured(streams: Sequence[int] = (STDOUT,), *, again: bool = True) -> Itera
         try:
             yield texts
         finally:
-            for stream, own, file in zip(streams, kept, files, strict=True):
-                os.dup2(own, stream)
-                os.close(own)
+            for stream, saved, file in zip(streams, kept, files, strict=True):
+                os.dup2(saved, stream)
+                os.close(saved)
                 file.seek(0)
                 data = file.read()
                 if again:

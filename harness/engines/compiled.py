@@ -1,6 +1,6 @@
-"""A model file as the numbers that an engine makes of it: a tree of bodies on slides and hinges.
+"""A model file as the numbers that an engine compiles it to: a tree of bodies on slides and hinges.
 
-What an engine makes of defaults, frames, units and shapes need not be guessed so.
+This shows how an engine reads defaults, frames, units and shapes.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ class CompiledJoint:
     """A joint.
 
     Attributes:
-        name: as in the file; empty for none.
-        kind: "hinge", "slide", or what else the engine calls it.
-        at, axis: in the body's frame, metres and a unit vector.
-        zero: its value where the file draws the mechanism; of a ball or free joint, 0.
-        rest: where its spring is relaxed, likewise.
+        name: as in the file; empty if it has no name.
+        kind: "hinge", "slide", or the engine's own word.
+        position, axis: position (m) and unit vector in the body's frame.
+        zero: its position in the file's drawn configuration; 0 for a ball or free joint.
+        rest: the position at which its spring is relaxed, likewise.
         stiffness, damping: coefficients of force, (first, second, ...) power.
         armature: inertia added to its own motion.
         friction: dry friction.
-        limits: lower and upper, where it has them.
-        rest_place, rest_turn: where the spring of a ball or free joint is relaxed: metres, and a
-            quaternion.
+        limits: lower and upper, or None.
+        rest_place, rest_turn: position (m) and quaternion at which the spring of a ball or free
+            joint is relaxed.
     """
 
     name: str
     kind: str
-    at: Numbers
+    position: Numbers
     axis: Numbers
     zero: float
     rest: float
@@ -48,21 +48,21 @@ class CompiledBody:
     """A body.
 
     Attributes:
-        name: as in the file; empty for none.
+        name: as in the file; empty if it has no name.
         parent: index of its parent, counted from 1; 0 for the ground.
-        at, turn: its frame in its parent's, metres and a unit quaternion (w, x, y, z).
-        mass, centre: kg, metres in its frame.
-        principal: the frame of its principal moments, a quaternion in its own.
-        moments: principal moments, kg*m^2.
+        position, turn: its frame in its parent's: metres and a unit quaternion (w, x, y, z).
+        mass, centre: kg, and metres in its frame.
+        principal: orientation of its principal axes, a quaternion in its frame.
+        moments: principal moments of inertia, kg*m^2.
         joints: between its parent and it.
-        lift: share of its weight that is taken from it.
-        ordinary: whether it is moved by forces alone, and weighs what it weighs.
-        dragged: whether a medium acts on it as on a box.
+        lift: the share of its weight that gravity compensation cancels.
+        ordinary: whether only forces move it and its weight is mass times gravity.
+        dragged: whether a fluid acts on it as on a box.
     """
 
     name: str
     parent: int
-    at: Numbers
+    position: Numbers
     turn: Numbers
     mass: float
     centre: Numbers
@@ -80,27 +80,28 @@ class CompiledMark:
 
     Attributes:
         body: its index, counted from 1; 0 for the ground.
-        at, turn: metres and a unit quaternion, in the body's frame.
+        position, turn: metres and a unit quaternion, in the body's frame.
     """
 
     body: int
-    at: Numbers
+    position: Numbers
     turn: Numbers
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledWay:
-    """A length that is no combination of hinges and slides: of one of these kinds.
+    """A length that is not a linear combination of hinge and slide positions, of one of these
+    kinds.
 
     Attributes:
-        branches: a cord of straight lines: shares, each with the frames that lines join.
-        frame: on which `gear` is a force and a moment, along its axes, or those of `against`, which
-            feels the opposite.
-        against: the other frame, where there is one.
-        joint: a ball or free one, by its index, on which `gear` is a moment, or a force and a
-            moment; -1 for none.
-        gear: force and moment by F.
-        in_parent: whether moments on a joint are along the axes of what carries it.
+        branches: a cable of straight segments: shares, each with the frames that the segments join.
+        frame: the frame on which `gear` is a force and a moment, along its own axes or those of
+            `against`, which receives the opposite.
+        against: the other frame, or None.
+        joint: index of a ball or free joint on which `gear` is a moment, or a force and a moment;
+            -1 without one.
+        gear: force and moment per unit of F.
+        in_parent: whether moments on a joint are along the axes of its parent body.
     """
 
     branches: tuple[tuple[float, tuple[CompiledMark, ...]], ...] = ()
@@ -113,20 +114,21 @@ class CompiledWay:
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledPull:
-    """A force along a length s: of hinges' and slides' positions, or of another way.
+    """A force along a length s, which is a combination of hinge and slide positions or another
+    length.
 
-    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
-    w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
+    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where w
+    = ds/dt and x is the distance of s outside `rest`. Each joint receives F times its coefficient.
 
     Attributes:
         name: of the tendon or actuator.
         joints: coefficients by the index of the joint among all, in the bodies' order.
-        along: the other way.
+        along: the other length, or None.
         bias, gain: (b0, b1, b2) and (g0, g1, g2).
-        control: index of its input u, or of the state that it holds; -1 for none.
-        range: of its input, where it has one.
+        control: index of its input u, or of the state that replaces it; -1 without one.
+        range: of its input, or None.
         stiffness, damping: (k_1, k_2, ...), (d_1, d_2, ...).
-        rest: between which lengths springs pull nothing.
+        rest: the range of lengths in which springs exert no force.
         armature: mass that moves as s does.
     """
 
@@ -148,13 +150,12 @@ class CompiledActuator:
     """An actuator.
 
     Attributes:
-        name: as in the file; empty for none.
-        on: the joint, or what else it acts on.
-        kind: what it acts on, what its force depends on, by which law, and its dynamics.
-        numbers: by what they are, those on which its force depends: its gear, gain and bias, the
-            constants of its dynamics, and its own damper and armature.
-        ranges: those of its control, its state and its force, where it has them; and what else
-            acts as its control changes, as a delay.
+        name: as in the file; empty if it has no name.
+        on: name of the joint or other element that it acts on.
+        kind: kind of that element, dependence of its force, law and dynamics.
+        numbers: named numbers that its force depends on: gear, gain, bias, constants of its
+            dynamics, and its own damper and armature.
+        ranges: ranges of its control, state and force, and further features such as a delay.
         covered: whether its force has a formula, so that it acts in smooth motions.
         control: index of its first input.
         states: indices of its own states.
@@ -172,12 +173,13 @@ class CompiledActuator:
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledCoupling:
-    """A hinge or slide whose position is multiplier * that of another + offset.
+    """A hinge or slide whose position is multiplier * leader + offset.
 
     Attributes:
-        follower, leader: indices of the joints among all; no leader where it stands at the offset.
+        follower, leader: indices of the joints among all; without a leader the position is the
+            offset.
         multiplier, offset: in the units of both.
-        others: further joints that it follows, each with its multiplier.
+        others: further leaders, each with its multiplier.
     """
 
     follower: int
@@ -189,7 +191,7 @@ class CompiledCoupling:
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledMedium:
-    """A fluid in which the bodies move, each as the box of its mass and moments.
+    """A fluid in which the bodies move, each as the box of its mass and moments of inertia.
 
     Attributes:
         density, viscosity: kg/m^3, Pa s.
@@ -203,28 +205,27 @@ class CompiledMedium:
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledTree:
-    """All bodies but the ground, parents first, in the order of the file.
+    """All bodies except the ground, parents first, in the order of the file.
 
     Attributes:
         gravity: m/s^2.
         pulls: tendons and actuators.
         couplings: joints that follow others.
-        controls: how many inputs the actuators have.
-        medium: in which the bodies move; None for none.
-        name: of the model; empty for none.
-        besides: what else the file has that the settings `smooth` and `couplings` leave out, each
-            with its number.
-        uncovered: what else acts on the bodies.
+        controls: number of actuator inputs.
+        fluid: the fluid around the bodies, or None.
+        name: of the model; empty if it has no name.
+        besides: elements that the settings `smooth` and `couplings` leave out, each with its count.
+        uncovered: other effects on the bodies that have no formula.
         actuators: in the order of the file.
-        states: how many states the actuators have.
-        shapes: files of meshes and the like without which the bodies can't be had, by the names
-            that the file has for them.
-        taken: what the engine does with pulls on its own: a cause, and the pulls as it takes them.
+        states: number of actuator states.
+        shapes: file names, as in the model, of meshes that the inertias depend on.
+        engine_variants: where the engine's force law differs from the file: a cause, and the forces
+            that the engine computes.
     """
 
     bodies: tuple[CompiledBody, ...]
     gravity: tuple[float, float, float]
-    medium: CompiledMedium | None
+    fluid: CompiledMedium | None
     pulls: tuple[CompiledPull, ...] = ()
     couplings: tuple[CompiledCoupling, ...] = ()
     controls: int = 0
@@ -234,4 +235,4 @@ class CompiledTree:
     actuators: tuple[CompiledActuator, ...] = ()
     states: int = 0
     shapes: tuple[str, ...] = ()
-    taken: tuple[tuple[str, tuple[CompiledPull, ...]], ...] = ()
+    engine_variants: tuple[tuple[str, tuple[CompiledPull, ...]], ...] = ()

@@ -1,8 +1,8 @@
-"""iDynTree, on URDF: the accelerations of its mass matrix and bias forces, stepped here.
+"""iDynTree, on URDF: accelerations of its mass matrix and bias forces, stepped by the adapter.
 
-iDynTree has no stepper. Its dynamics take no account of the dampers and the friction of joints that
-it reads, nor of limits, contacts and `<mimic>`. A link without mass that hangs on a fixed joint is
-a frame of its neighbour to it, so that the file's root need not be its base link.
+iDynTree has no integrator. It reads joint dampers and friction, but its dynamics ignore them, and
+ignore limits, contacts and `<mimic>`. A link without mass on a fixed joint becomes a frame of its
+neighbour, so the base link can differ from the file's root.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MASSLESS = "iDynTree's taking of links without mass for frames"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ADDED_HERE,
-    # Whether a link with moments and no mass keeps them; to iDynTree it is a frame.
+    # Whether a link with moments of inertia and no mass keeps them; iDynTree reads it as a frame.
     "massless_links": False,
 })  # fmt: skip
 
@@ -62,28 +62,28 @@ class IdyntreeEngine(UrdfEngine):
         "linearization: from steps",
         "steps: RK4 by the adapter, order 4",
     )
-    unstated = "no step, since it takes none, and no gravity"
+    default_settings_note = "no step, since it takes none, and no gravity"
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (dampers_not_added("iDynTree"),)
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A file whose settings are in order."""
+        """Load a file whose settings are valid."""
         return IdyntreeModel(spec)
 
 
 class IdyntreeModel(SteppedHere, UrdfModel):
-    """A tree of slides and hinges, fixed or not."""
+    """A tree of slides and hinges, fixed or floating."""
 
     def __init__(self, spec: ModelSpec) -> None:
         idt = quietly("idyntree.bindings")
         kept = (with_masses,) if spec.settings.get("massless_links") else ()
         UrdfModel.__init__(self, spec, "iDynTree", READER, DEFAULTS, (without_shapes, *kept))
-        self._loader = idt.ModelLoader()  # what it has read goes with it
-        with captured((STDOUT, STDERR), again=False) as said:
+        self._loader = idt.ModelLoader()  # owns the model
+        with captured((STDOUT, STDERR), again=False) as printed:
             done = self._loader.loadModelFromString(self.declared.text, "urdf")
-        # Of what it can't read it goes on with what is left, and says so.
-        if not done or any("[ERROR]" in text for text in said):
-            raise EngineError(f"{spec.path}: iDynTree can't load it: {folded(' '.join(said))}")
+        # After an error iDynTree continues with the rest of the file.
+        if not done or any("[ERROR]" in text for text in printed):
+            raise EngineError(f"{spec.path}: iDynTree can't load it: {folded(' '.join(printed))}")
         self._model = self._loader.model()
         self._centres = {
             self._model.getLinkName(i): np.array(link.getCenterOfMass().toNumPy())
@@ -97,7 +97,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         self._springs = self.dampers(*self._joints())
         held = self.mimics if self.settings["hold_mimics"] else ()
         self._along = leading(held, self.coordinates, self.path) if held else None
-        # Where its base link is in the file's root link.
+        # Pose of iDynTree's base link in the file's root link.
         base = self._model.getLinkName(self._model.getDefaultBaseLink())
         placed = self._computed.getRelativeTransform(self.declared.root, base)
         self._turn = np.array(placed.getRotation().toNumPy())
@@ -106,24 +106,24 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         if self.floats:
             self.step_by(self._floating)
         else:
-            # A base link that stands still is where iDynTree's world is.
+            # A fixed base link is the origin of iDynTree's world.
             self._down = self._turn.T @ self._down
             self.step_by(each_alone(self._fixed), self._fixed)
 
     def _joints(self) -> tuple[list[str], Array]:
-        """Names and dampers of those that move, in iDynTree's order."""
-        found = {}
+        """Return names and dampers of moving joints, in iDynTree's order."""
+        joints = {}
         for i in range(self._model.getNrOfJoints()):
             joint, name = self._model.getJoint(i), self._model.getJointName(i)
             if joint.getNrOfDOFs() > 1:
                 raise EngineError(f"{self.path}: joint {name!r} is neither a slide nor a hinge")
             if joint.getNrOfDOFs():
-                found[joint.getDOFsOffset()] = name, float(joint.getDamping(0))
-        ordered = [found[i] for i in sorted(found)]
+                joints[joint.getDOFsOffset()] = name, float(joint.getDamping(0))
+        ordered = [joints[i] for i in sorted(joints)]
         return [name for name, _ in ordered], np.array([one for _, one in ordered])
 
-    def _terms(self, *state: Array) -> tuple[Array, Array]:
-        """Mass matrix (6 + n, 6 + n) of a state, and forces at which nothing is accelerated."""
+    def _mass_and_bias(self, *state: Array) -> tuple[Array, Array]:
+        """Return the mass matrix (6 + n, 6 + n) of a state, and its bias forces."""
         self._computed.setRobotState(*state, self._down)
         self._computed.getFreeFloatingMassMatrix(self._mass)
         self._computed.generalizedBiasForces(self._bias)
@@ -131,43 +131,47 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         return np.array(self._mass.toNumPy()), np.concatenate([wrench, torques])
 
     def _fixed(self, x: Array, m: Array, f: Array) -> Array:
-        """Of one state, (n,) each."""
-        pull = f if self._springs.empty else f + self._springs.at(x, m)
-        mass, bias = self._terms(x, m)
-        return self._solved(mass[FREE:, FREE:], pull - bias[FREE:])
+        """Return the accelerations of one state, (n,) each."""
+        force = f if self._springs.empty else f + self._springs.forces(x, m)
+        mass, bias = self._mass_and_bias(x, m)
+        return self._solved(mass[FREE:, FREE:], force - bias[FREE:])
 
     def _floating(self, x: Array, m: Array, f: Array) -> Array:
-        """Of the root's origin; iDynTree's are of its base link's, all along the world's axes."""
-        pull, turn = f.copy(), matrix(x[:, 3:7])
-        pull[:, FREE:] += self._springs.at(x[:, FREE + 1 :], m[:, FREE:])
+        """Return accelerations at the root's origin; iDynTree's are at its base link, along world
+        axes.
+        """
+        forces, turn = f.copy(), matrix(x[:, 3:7])
+        forces[:, FREE:] += self._springs.forces(x[:, FREE + 1 :], m[:, FREE:])
         arm, spin = turn @ self._arm, turned(turn, m[:, 3:6])
         base = np.concatenate([m[:, :3] + cross(spin, arm), spin], axis=1)
-        pull[:, 3:6] = turned(turn, f[:, 3:6]) - cross(arm, f[:, :3])
+        forces[:, 3:6] = turned(turn, f[:, 3:6]) - cross(arm, f[:, :3])
         rows = zip(turn, x, base, m[:, FREE:], strict=True)
-        terms = [self._terms(self._frame(w, q[:3]), q[FREE + 1 :], v, u) for w, q, v, u in rows]
-        mass, bias = (np.array(part) for part in zip(*terms, strict=True))
-        a = self._solved(mass, pull - bias)
+        rows_of_terms = [
+            self._mass_and_bias(self._frame(w, q[:3]), q[FREE + 1 :], v, u) for w, q, v, u in rows
+        ]
+        mass, bias = (np.array(part) for part in zip(*rows_of_terms, strict=True))
+        a = self._solved(mass, forces - bias)
         a[:, :3] -= cross(a[:, 3:6], arm) + cross(spin, cross(spin, arm))
         a[:, 3:6] = turned(turn.swapaxes(1, 2), a[:, 3:6])
         return a
 
     def _frame(self, turn: Array, origin: Array) -> Array:
-        """Where the base link is, (4, 4), by where the root link is."""
-        found = np.eye(4)
-        found[:3, :3], found[:3, 3] = turn @ self._turn, origin + turn @ self._arm
-        return found
+        """Return the pose (4, 4) of the base link for a pose of the root link."""
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = turn @ self._turn, origin + turn @ self._arm
+        return pose
 
-    def _solved(self, mass: Array, pull: Array) -> Array:
+    def _solved(self, mass: Array, force: Array) -> Array:
         if self._along is not None:
-            return held_accelerations(mass, pull, self._along)
+            return held_accelerations(mass, force, self._along)
         try:
-            return np.asarray(np.linalg.solve(mass, pull[..., None])[..., 0], dtype=np.float64)
+            return np.asarray(np.linalg.solve(mass, force[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError:
-            return np.full_like(pull, np.inf)
+            return np.full_like(force, np.inf)
 
     @property
-    def remedies(self) -> Mapping[str, Mapping[str, object]]:
-        """What iDynTree leaves out and the settings let stand, with what undoes it."""
+    def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
+        """Elements that iDynTree leaves out under the current settings, with corrections."""
         lost: dict[str, Mapping[str, object]] = {}
         if self.mimics and self._along is None:
             lost[MIMICS] = {"hold_mimics": True}
@@ -178,13 +182,13 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         return {**self.undamped, **lost}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain, and dampers that are left out."""
+        """Yield ignored parts of the URDF, and omitted dampers."""
         yield from UrdfModel.remarks(self, z, w)
         yield from self.damping_remarks()
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Links, and the centres of those that have a mass."""
+        """Links, and the centres of links with mass."""
         names = self.declared.links
         return (
             *(f"link:{n}" for n in names),
@@ -192,7 +196,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         )
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics."""
+        """Return poses by iDynTree's forward kinematics."""
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         x = to_state(z, 0 * z)[0] if self.floats else z
         for i, row in enumerate(x):
@@ -201,9 +205,9 @@ class IdyntreeModel(SteppedHere, UrdfModel):
             rest = np.zeros(FREE), np.zeros(len(q)), self._down
             self._computed.setRobotState(self._frame(turn, origin), q, *rest)
             for k, (kind, _, link) in enumerate(place.partition(":") for place in places):
-                at = self._computed.getWorldTransform(link)
-                turns[i, k] = at.getRotation().toNumPy()
-                origins[i, k] = at.getPosition().toNumPy()
+                pose = self._computed.getWorldTransform(link)
+                turns[i, k] = pose.getRotation().toNumPy()
+                origins[i, k] = pose.getPosition().toNumPy()
                 if kind == "centre":
                     origins[i, k] += turns[i, k] @ self._centres[link]
         return origins, turns

@@ -1,4 +1,4 @@
-"""What is installed: versions, looked up once for a path that has not changed, and modules."""
+"""Installed packages: versions, cached while the Python path is unchanged, and modules."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ Path = tuple[tuple[str, int], ...]
 
 
 def python_path() -> Path:
-    """Where Python looks for what is installed, and when something was put there."""
-    found = []
+    """Return the folders of the Python path with their modification times."""
+    entries = []
     for folder in sys.path:
         try:
-            found.append((folder, os.stat(folder or os.curdir).st_mtime_ns))
+            entries.append((folder, os.stat(folder or os.curdir).st_mtime_ns))
         except OSError:
-            found.append((folder, 0))
-    return tuple(found)
+            entries.append((folder, 0))
+    return tuple(entries)
 
 
 def version_of(package: str, distribution: str) -> str | None:
-    """Version of a distribution whose package can be imported; None where it can't.
+    """Return the version of a distribution, or None if its package can't be imported.
 
-    "unknown" where the package comes from elsewhere, as ROS has some.
+    "unknown" for a package without that distribution, as some of ROS.
     """
     return _looked_up(package, distribution, python_path())
 
@@ -44,7 +44,7 @@ def _looked_up(package: str, distribution: str, _: Path) -> str | None:
 
 
 def quietly(name: str) -> Any:
-    """A module whose import warns: SWIG's ends the process where warnings are errors."""
+    """Import a module whose import warns: SWIG modules end the process if warnings are errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return importlib.import_module(name)

@@ -1,15 +1,15 @@
-"""An engine whose answer is known, and which is wrong on demand: read it first to write an adapter.
+"""An engine with a known answer and faults on demand; an example for authors of adapters.
 
-It is whole: a file format, a model with what `Model` asks of every one, an adapter. All else in the
-protocol has a default, and is declared where an engine has more to say: `home` and `reach` where
-its coordinates don't start at 0, `gravity` where it has some, `remedies` and `usual_mistakes` where
-it does things unless told, `remarks` where a file doesn't mean what it seems to. An adapter becomes
-known by an entry point of its distribution, in the group `crosscheck.engines`. The tests declare
-this one: `known = "physics_crosscheck.harness.engines.known_answer:KnownEngine"`.
+It is complete: a file format, a model with all that `Model` requires, and an adapter. Everything
+else in the protocol has a default. Override `home` and `reach` if coordinates don't start at 0,
+`gravity` if the engine applies one, `corrective_settings` and `usual_mistakes` for the engine's own
+defaults, and `remarks` for parts of a file that the engine reads differently. An adapter is found
+by an entry point of its distribution, in the group `crosscheck.engines`. The tests declare this
+one: `known = "physics_crosscheck.harness.engines.known_answer:KnownEngine"`.
 
 A `.known` file is TOML: names, M, C, K and the weights W of M a = F - C v - K q - W sin q, the
-step, the method and the order it claims, whether it computes in 32 `bits` instead of 64, and under
-[fault] what is to be wrong.
+step, the method and the order that it claims, 32 or 64 `bits` of its numbers, and under [fault] the
+faults.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ claims = {}
 
 
 class OddError(Exception):
-    """Can't be rebuilt from its arguments, nor sent: as third parties' errors may be."""
+    """An error that can't be rebuilt from its arguments or pickled, like some of third parties."""
 
     def __init__(self, first: str, second: str) -> None:
         super().__init__(f"{first} {second}")
@@ -63,15 +63,15 @@ class KnownEngine(Engine):
     name = "known"
     title = "the known-answer engine"
     formats = (".known",)
-    written_like = MappingProxyType({".known": ".toml"})
+    syntax = MappingProxyType({".known": ".toml"})
     capabilities = ("answers that are known",)
 
     def version(self) -> str | None:
-        """Always there."""
+        """Return a version: this engine is always installed."""
         return "1.0"
 
     def load(self, spec: ModelSpec) -> KnownModel:
-        """Read the file; whatever is wrong with it is told with its name and a remedy."""
+        """Read the file; errors name it and a remedy."""
         if spec.settings:
             raise EngineError(f"{spec.path}.toml: unknown settings: {', '.join(spec.settings)}")
         try:
@@ -86,14 +86,14 @@ class KnownEngine(Engine):
             ) from None
 
     def samples(self) -> tuple[Sample, ...]:
-        """Both methods, and numbers of 32 bits."""
+        """Return a sample of each method, and one with 32-bit numbers."""
         euler, heun = _SAMPLE.format("euler", 1), _SAMPLE.format("heun", 2)
         texts = {"euler.known": euler, "heun.known": heun, "single.known": f"{euler}bits = 32\n"}
         return tuple(Sample(file=file, text=text) for file, text in texts.items())
 
 
 class KnownModel(Model):
-    """A linear system, or pendulums, stepped by semi-implicit Euler or by Heun's method."""
+    """A linear system, or pendulums, stepped by semi-implicit Euler or Heun's method."""
 
     def __init__(self, file: Mapping[str, Any]) -> None:
         self.coordinates = tuple(file["names"])
@@ -107,19 +107,21 @@ class KnownModel(Model):
         self._spring = self._spring * (1 + self._fault.number("off", 0.0))
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """As the file claims; Heun's method has order 1 where an input is held while it varies."""
+        """Return the claimed order; Heun's method has order 1 if an input is held while it
+        varies.
+        """
         return (1 if varying_input and self.integrator == "heun" else self._claims), 1
 
     @property
     def step_rule(self) -> StepRule | None:
-        """Of Euler's alone; two stages are no rule that the harness has."""
+        """The rule of semi-implicit Euler; the harness has no rule for two stages."""
         return StepRule(scheme="semi-implicit Euler") if self.integrator == "euler" else None
 
     @np.errstate(all="ignore")
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """All states at once, each step with the force held over it."""
+        """Step all states at once, with the force held over each step."""
         self._fault.misbehave()
         q, v = (a.astype(self._number) for a in (q + self._fault.remembered, v))
         qs: list[Array] = []
@@ -140,21 +142,21 @@ class KnownModel(Model):
         return np.stack(qs, axis=1).astype(np.float64), np.stack(vs, axis=1).astype(np.float64)
 
     def _acceleration(self, q: Array, v: Array, force: Array) -> Array:
-        pull = force - _times(self._damper, v) - _times(self._spring, q) - np.sin(q) * self._weight
-        return _times(self._inverse, pull)
+        total = force - _times(self._damper, v) - _times(self._spring, q) - np.sin(q) * self._weight
+        return _times(self._inverse, total)
 
     def _held(self, force: Force, q: Array, i: int) -> Array:
-        """The force of a step, (B, nz): given, or asked for at the state at its start."""
+        """Return the force of a step, (B, nz), evaluated at the state at its start."""
         if force is None:
             return np.zeros_like(q)
         if isinstance(force, StateForce):
             rows = zip(q.tolist(), force.inputs[:, i].tolist(), strict=True)
-            return np.array([force.at(z, u) for z, u in rows], dtype=self._number)
+            return np.array([force.evaluate(z, u) for z, u in rows], dtype=self._number)
         return force[:, i].astype(self._number)
 
 
 def _times(matrix: Array, rows: Array) -> Array:
-    """Matrix times each row, in the same order of sums for one row as for many."""
+    """Multiply a matrix by each row, with the same order of sums for one row and for many."""
     product = rows[:, :1] * matrix[:, 0]
     for k in range(1, len(matrix)):
         product = product + rows[:, k : k + 1] * matrix[:, k]
@@ -162,17 +164,17 @@ def _times(matrix: Array, rows: Array) -> Array:
 
 
 class _Fault:
-    """What is wrong on demand; no part of an adapter."""
+    """Faults on demand; not part of an adapter."""
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
         self._wanted, self._calls = wanted, 0
 
     def number(self, name: str, default: float) -> float:
-        """What the file says of a fault."""
+        """Return the number of a fault in the file."""
         return float(self._wanted.get(name, default))
 
     def misbehave(self) -> None:
-        """What ends a process, or a call."""
+        """Hang, crash, exit or raise, as the file demands."""
         self._calls += 1
         if "hang" in self._wanted:
             end = time.process_time() + self._wanted["hang"]
@@ -189,11 +191,11 @@ class _Fault:
 
     @property
     def remembered(self) -> float:
-        """By how much positions are off, from call to call."""
+        """Offset of positions, which grows from call to call."""
         return self.number("remembers", 0.0) * self._calls
 
     def disturb(self, q: Array, v: Array, h: float, steps: int, mass: Array) -> tuple[Array, Array]:
-        """What a step does beside the equations."""
+        """Return the state with faults that a step adds to the equations."""
         if steps > self.number("drags_after_steps", np.inf):
             v = v * (1 - self.number("drag", 0.05) * h)
         if "limit" in self._wanted:

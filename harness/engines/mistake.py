@@ -1,4 +1,4 @@
-"""Mistakes that the users of one engine make, as data."""
+"""Typical mistakes of an engine's users, as data."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class DefaultLeftOn:
-    """What an engine does unless told, left on.
+    """An engine's default behaviour, left on.
 
     Attributes:
-        name: what the user did.
-        setting, value: the adapter's setting that does it.
-        cause: what a diagnosis calls it, as in `Model.remedies`.
+        name: of the mistake.
+        setting, value: the adapter's setting that reproduces it.
+        cause: the name that a diagnosis reports, as in `Model.corrective_settings`.
     """
 
     name: str
@@ -24,13 +24,13 @@ class DefaultLeftOn:
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """What a user must state lest the engine takes a value of its own, left out.
+    """A value that a user must state because the engine's default differs, left out.
 
     Attributes:
-        name: what the user did.
-        within: tag of the elements whose children state it, as attributes.
-        defaults: attribute, and setting of the adapter, -> the engine's own value.
-        cause: what a diagnosis calls it, as in `Model.remedies`.
+        name: of the mistake.
+        within: tag of the elements whose children state the value, as attributes.
+        defaults: attribute, and setting of the adapter, -> the engine's default.
+        cause: the name that a diagnosis reports, as in `Model.corrective_settings`.
     """
 
     name: str

@@ -1,10 +1,10 @@
-"""An MJCF rewritten for a parser that takes a part of it: bodies, joints, and what they weigh.
+"""A copy of an MJCF for a parser of a subset: bodies, joints and inertias.
 
-What is seen and touches, and what adapters add themselves, is left out, so that no file is looked
-for and nothing is warned of in vain; classes of defaults stay for the parser to resolve. Several
-`<compiler>` are one, in which the last value of each attribute counts, as in MuJoCo: parsers read
-the first element alone. Of several top-level `<default>` each class has what stands before it, so
-that they are written into each element.
+The copy leaves out visuals, contacts and elements that adapters add themselves, so that the parser
+loads no files and prints no irrelevant warnings. Classes of defaults stay for the parser to
+resolve. Several `<compiler>` become one, with the last value of each attribute, as in MuJoCo:
+parsers read the first element only. In several top-level `<default>` each class includes the
+earlier ones, so they are written into each element.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from physics_crosscheck.harness.engines.source import finite_numbers
 POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 TOUCHES = ("contype", "conaffinity")
-"""By which a geom touches others."""
+"""Attributes by which geoms collide."""
 
 LIMITS = ("range", "limited")
 
@@ -34,7 +34,7 @@ _KEPT = {
     "inertial": ("mass", "diaginertia", "fullinertia", *POSE),
     "geom": ("name", "class", "type", "size", "fromto", "mass", "density", *TOUCHES, *POSE),
 }  # fmt: skip
-"""Attributes that say something of bodies and joints."""
+"""Attributes that describe bodies and joints."""
 
 
 def copied(
@@ -45,14 +45,14 @@ def copied(
     resolved: bool,
     refs: bool = True,
 ) -> ET.Element:
-    """The copy.
+    """Return the copy.
 
     Args:
         declared: the file.
-        limits: whether those of positions are kept.
-        touches: whether geoms say what they touch.
-        refs: whether joints say what they are where the file draws them.
-        resolved: whether each element says what its defaults add, and there are none.
+        limits: whether joint limits are kept.
+        touches: whether geoms keep their contact attributes.
+        resolved: whether defaults are written into each element and removed.
+        refs: whether joints keep their positions in the drawn configuration.
     """
     source = declared.source
     root = ET.Element("mujoco", model=source.root.get("model", "") or "model")
@@ -62,22 +62,22 @@ def copied(
     gone |= set() if refs else {"ref"}
     compilers = source.root.findall("compiler")
     if compilers:
-        whole = {key: value for one in compilers for key, value in one.attrib.items()}
+        whole = {key: value for element in compilers for key, value in element.attrib.items()}
         _shallow(root, ET.Element("compiler", whole), gone)
-    for one in () if resolved else source.root.findall("default"):
-        _default(root, one, gone)
+    for element in () if resolved else source.root.findall("default"):
+        _default(root, element, gone)
     world = ET.SubElement(root, "worldbody")
     joints = {joint.element: joint for joint in declared.joints}
     defaults = declared.defaults if resolved else None
     copy = _Copy(declared, joints, gone, defaults)
-    for one in source.root.findall("worldbody"):
-        for body in one.findall("body"):
-            copy.body(world, body, one.get("childclass", ""))
+    for element in source.root.findall("worldbody"):
+        for body in element.findall("body"):
+            copy.body(world, body, element.get("childclass", ""))
     return root
 
 
 def without_pose(root: ET.Element) -> ET.Element:
-    """Let bodies that float be drawn at the origin: they count from there."""
+    """Place floating bodies at the origin, from which their coordinates count."""
     for body in root.iter("body"):
         if body.find("freejoint") is not None:
             for key in POSE:
@@ -86,7 +86,7 @@ def without_pose(root: ET.Element) -> ET.Element:
 
 
 class _Copy:
-    """Copies bodies."""
+    """A writer of copied bodies."""
 
     def __init__(
         self,
@@ -102,30 +102,30 @@ class _Copy:
         self._aligned = root.body if root and is_aligned(self._source, root) else None
 
     def body(self, parent: ET.Element, body: ET.Element, inherited: str) -> None:
-        """A body and what it carries, under a `childclass`."""
+        """Copy a body and its children, under a `childclass`."""
         inherited = body.get("childclass", inherited)
-        own = _shallow(parent, body, self._gone)
-        own.set("name", self._names[body])
+        copy = _shallow(parent, body, self._gone)
+        copy.set("name", self._names[body])
         weighing = "geom" if shaped(self._source, body) else "inertial"
         if compiled := self._inertias.get(body):
             weighing = ""
-            _state_inertia(own, compiled)
+            _state_inertia(copy, compiled)
             if body is self._aligned:
-                _place(own, compiled.at, compiled.turn)
+                _place(copy, compiled.position, compiled.turn)
         if inherited and self._defaults is None:
-            own.set("childclass", inherited)
-        for one in body:
-            if one.tag in JOINTS and one in self._joints:
-                self._joint(own, one, self._joints[one], inherited)
-            elif one.tag == weighing and not _weightless(one):
-                self._element(own, one, inherited)
-            elif one.tag == "body":
-                self.body(own, one, inherited)
+            copy.set("childclass", inherited)
+        for child in body:
+            if child.tag in JOINTS and child in self._joints:
+                self._joint(copy, child, self._joints[child], inherited)
+            elif child.tag == weighing and not _weightless(child):
+                self._element(copy, child, inherited)
+            elif child.tag == "body":
+                self.body(copy, child, inherited)
 
-    def _element(self, body: ET.Element, one: ET.Element, inherited: str) -> ET.Element:
-        if self._defaults is None or one.tag == "inertial":
-            return _shallow(body, one, self._gone)
-        whole = ET.Element(one.tag, dict(self._defaults.of(one, inherited)))
+    def _element(self, body: ET.Element, child: ET.Element, inherited: str) -> ET.Element:
+        if self._defaults is None or child.tag == "inertial":
+            return _shallow(body, child, self._gone)
+        whole = ET.Element(child.tag, dict(self._defaults.attributes(child, inherited)))
         return _shallow(body, whole, self._gone | {"class"})
 
     def _joint(
@@ -134,26 +134,26 @@ class _Copy:
         if joint.kind == FREE:
             ET.SubElement(body, "freejoint", name=joint.name)
             return
-        own = self._element(body, element, inherited)
-        own.set("name", joint.name)
-        # A range whose lower bound is above its upper is none.
+        copy = self._element(body, element, inherited)
+        copy.set("name", joint.name)
+        # A range with lower above upper is not a limit.
         if "limited" not in self._gone and math.isinf(joint.limits[0]):
-            own.attrib.pop("range", None)
-            own.set("limited", "false")
+            copy.attrib.pop("range", None)
+            copy.set("limited", "false")
 
 
 def _state_inertia(body: ET.Element, compiled: CompiledBody) -> None:
-    """Give a body in the copy the inertia that another engine has compiled."""
+    """Write the inertia that another engine has compiled."""
     if compiled.mass:
-        own = ET.SubElement(body, "inertial", mass=repr(compiled.mass))
-        own.set("diaginertia", _words(compiled.moments))
-        _place(own, compiled.centre, compiled.principal)
+        inertial = ET.SubElement(body, "inertial", mass=repr(compiled.mass))
+        inertial.set("diaginertia", _words(compiled.moments))
+        _place(inertial, compiled.centre, compiled.principal)
 
 
-def _place(element: ET.Element, at: Numbers, turn: Numbers) -> None:
+def _place(element: ET.Element, position: Numbers, turn: Numbers) -> None:
     for key in POSE:
         element.attrib.pop(key, None)
-    element.set("pos", _words(at))
+    element.set("pos", _words(position))
     element.set("quat", _words(turn))
 
 
@@ -161,24 +161,24 @@ def _words(numbers: Numbers) -> str:
     return " ".join(map(repr, numbers))
 
 
-def _weightless(one: ET.Element) -> bool:
-    """Return whether it is an `<inertial>` without mass and moments, which parsers refuse."""
-    return one.tag == "inertial" and not any(finite_numbers(one.get("mass", "")) or [1.0])
+def _weightless(element: ET.Element) -> bool:
+    """Return whether the element is an `<inertial>` without mass, which parsers refuse."""
+    return element.tag == "inertial" and not any(finite_numbers(element.get("mass", "")) or [1.0])
 
 
 def _default(parent: ET.Element, default: ET.Element, gone: set[str]) -> None:
-    own = ET.SubElement(parent, "default", default.attrib)
-    for one in default:
-        if one.tag == "default":
-            _default(own, one, gone)
-        elif one.tag in ("joint", "geom"):
-            _shallow(own, one, gone)
+    copy = ET.SubElement(parent, "default", default.attrib)
+    for child in default:
+        if child.tag == "default":
+            _default(copy, child, gone)
+        elif child.tag in ("joint", "geom"):
+            _shallow(copy, child, gone)
 
 
-def _shallow(parent: ET.Element, one: ET.Element, gone: set[str]) -> ET.Element:
-    """The element without its children, with what of its attributes says something here."""
-    kept = {k: v for k, v in one.attrib.items() if k in _KEPT[one.tag] and k not in gone}
+def _shallow(parent: ET.Element, element: ET.Element, gone: set[str]) -> ET.Element:
+    """Copy the element without its children, with the attributes that matter here."""
+    kept = {k: v for k, v in element.attrib.items() if k in _KEPT[element.tag] and k not in gone}
     for key in ("damping", "armature"):
         if key in kept:
             kept[key] = kept[key].split()[0]  # zeros follow
-    return ET.SubElement(parent, one.tag, kept)
+    return ET.SubElement(parent, element.tag, kept)

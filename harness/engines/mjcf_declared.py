@@ -1,4 +1,4 @@
-"""What an MJCF and its sidecar declare, for engines whose parsers take a part of it."""
+"""Declarations of an MJCF and its sidecar, for engines whose parsers read a subset."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.mjcf_inertias import (
     lifts_of,
 )
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
-from physics_crosscheck.harness.engines.mjcf_pulls import Actuated, Pulls
+from physics_crosscheck.harness.engines.mjcf_pulls import Actuated, JointForces
 from physics_crosscheck.harness.engines.mjcf_refused import refuse
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource, read_source_mjcf
 from physics_crosscheck.harness.engines.protocol import (
@@ -31,18 +31,18 @@ from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 @dataclass(frozen=True, kw_only=True)
 class DeclaredMjcf:
-    """A file, taken apart.
+    """A parsed file.
 
     Attributes:
         source: the file.
         defaults: its classes.
-        joints: those that move, in the order of their bodies.
-        held: those that stand still, where the file draws them.
+        joints: moving joints, in the order of their bodies.
+        held: joints that stay at their drawn positions.
         springs: of single joints.
-        tendons: springs and dampers of combinations.
-        actuators: at the controls that are held.
-        mimics: joints that follow others, of those that the setting `couplings` lets.
-        inertias: bodies whose inertias a copy states as another engine compiles them.
+        tendons: springs and dampers of joint combinations.
+        actuators: at their held controls.
+        mimics: joints that follow others, limited by the setting `couplings`.
+        inertias: bodies whose inertias the copy takes from another engine's compiler.
         lifts: gravity compensation.
     """
 
@@ -59,7 +59,7 @@ class DeclaredMjcf:
 
     @property
     def root(self) -> MjcfJoint | None:
-        """The joint of the body that floats."""
+        """The joint of the floating body."""
         return next((one for one in self.joints if one.kind == FREE), None)
 
     @property
@@ -71,16 +71,17 @@ class DeclaredMjcf:
 def declared_mjcf(
     spec: ModelSpec, title: str, compiler: Engine | None, no_fromto: Collection[str]
 ) -> DeclaredMjcf:
-    """Read an MJCF and what is declared beside it.
+    """Read an MJCF and its sidecar's declarations.
 
     Args:
         spec: the file.
         title: of the engine that reads it.
-        compiler: another engine, for inertias that parsers can't work out; None for none.
-        no_fromto: shapes that the parser ignores between two points.
+        compiler: another engine, for inertias that parsers can't compute, or None.
+        no_fromto: shapes whose `fromto` the parser ignores.
 
     Raises:
-        EngineError: naming file, line and setting, and for what these engines can't be given.
+        EngineError: naming file, line and setting, also for elements that these engines can't
+            represent.
     """
     source = read_source_mjcf(spec.path)
     defaults = Defaults(source)
@@ -93,7 +94,7 @@ def declared_mjcf(
     joints = {one.name: one for one in everything if one.name not in held}
     still = tuple(one for one in everything if one.name in held)
     refs = {one.name: one.ref for one in still}
-    pulls = Pulls(source=source, defaults=defaults, joints=joints, refs=refs)
+    pulls = JointForces(source=source, defaults=defaults, joints=joints, refs=refs)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     return DeclaredMjcf(
         source=source,
@@ -109,8 +110,8 @@ def declared_mjcf(
     )
 
 
-def _actuators(source: MjcfSource, pulls: Pulls, spec: ModelSpec) -> Iterator[Actuated]:
-    """Of those that act, at held controls; a file that is not taken for smooth has none."""
+def _actuators(source: MjcfSource, pulls: JointForces, spec: ModelSpec) -> Iterator[Actuated]:
+    """Yield actuators at held controls; the setting `smooth` is required."""
     rows, controls = source.root.findall("actuator/*"), spec.settings.get("controls")
     if rows and not spec.settings.get("smooth", False):
         raise source.unsupported(
@@ -118,8 +119,8 @@ def _actuators(source: MjcfSource, pulls: Pulls, spec: ModelSpec) -> Iterator[Ac
         )
     if controls is not None and not _numbers(controls):
         wanted = "1 number" if len(rows) == 1 else f"{len(rows)} numbers"
-        told = f"[settings] controls is {controls!r}; expected {wanted}"
-        raise EngineError(f"{spec.path}.toml: {told}")
+        problem = f"[settings] controls is {controls!r}; expected {wanted}"
+        raise EngineError(f"{spec.path}.toml: {problem}")
     if rows and spec.settings.get("actuators", True) and not source.disabled("actuation"):
         given = controls if isinstance(controls, list) else [0.0] * len(rows)
         yield from pulls.actuators(given)
@@ -135,39 +136,47 @@ def _mimics(
     still: Collection[str],
     followers: Collection[str] | None,
 ) -> Iterator[Mimic]:
-    """Of equalities of two joints that are straight lines.
+    """Yield the mimics of linear equalities of two joints.
 
     Raises:
-        EngineError: for other equalities that are to hold.
+        EngineError: for other active equalities.
     """
-    rows = [one for one in source.root.findall("equality/*") if one.get("active") != "false"]
-    found: dict[str, Mimic] = {}
+    rows = [
+        equality
+        for equality in source.root.findall("equality/*")
+        if equality.get("active") != "false"
+    ]
+    mimics: dict[str, Mimic] = {}
     if source.disabled("equality", "constraint"):
         rows = []
-    for one in rows:
-        name = one.get("joint1", "")
-        if followers is not None and (one.tag != "joint" or name not in followers):
+    for equality in rows:
+        name = equality.get("joint1", "")
+        if followers is not None and (equality.tag != "joint" or name not in followers):
             continue
-        if name in still or one.get("joint2", "") in still:
-            continue  # as where a joint is taken out: what names it goes with it
-        if name in found:
-            raise source.unsupported(one, f"joint {name!r} follows two leaders")
-        found[name] = _mimic(source, joints, one)
-    for name in sorted(set(followers or ()) - set(found)):
+        if name in still or equality.get("joint2", "") in still:
+            continue  # Held joints are removed together with the equalities that name them.
+        if name in mimics:
+            raise source.unsupported(equality, f"joint {name!r} follows two leaders")
+        mimics[name] = _mimic(source, joints, equality)
+    for name in sorted(set(followers or ()) - set(mimics)):
         raise EngineError(f"{source.path}: no equality of two joints makes joint {name!r} follow")
-    yield from found.values()
+    yield from mimics.values()
 
 
-def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], one: ET.Element) -> Mimic:
-    ends = [joints.get(one.get(key, "")) for key in ("joint1", "joint2")]
-    if one.tag != "joint":
-        raise source.unsupported(one, f"an equality <{one.tag}> is not added here")
+def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], equality: ET.Element) -> Mimic:
+    ends = [joints.get(equality.get(key, "")) for key in ("joint1", "joint2")]
+    if equality.tag != "joint":
+        raise source.unsupported(equality, f"an equality <{equality.tag}> is not added here")
     pair = [end for end in ends if end is not None and end.kind in (SLIDE, HINGE)]
     if len(pair) != 2:
-        raise source.unsupported(one, "an equality of other than two slides or hinges")
-    offset, slope, *bends = (*numbers_of(source, one, one.attrib, "polycoef", "0 1"), 0.0, 0.0)
-    if any(bends):
-        raise source.unsupported(one, "an equality that is not linear")
+        raise source.unsupported(equality, "an equality of other than two slides or hinges")
+    offset, slope, *higher = (
+        *numbers_of(source, equality, equality.attrib, "polycoef", "0 1"),
+        0.0,
+        0.0,
+    )
+    if any(higher):
+        raise source.unsupported(equality, "an equality that is not linear")
     follower, leader = pair
     start = follower.ref + offset - slope * leader.ref
     return Mimic(follower.name, leader.name, slope, start)

@@ -1,4 +1,4 @@
-"""What the defaults of an MJCF make of an element: its attributes, with those of its class."""
+"""Defaults of an MJCF: the attributes of an element, including those of its class."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from physics_crosscheck.harness.engines.source import finite_numbers
 MAIN = "main"
 
 MOTORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder")
-"""Actuators, whose defaults are of one and the same set in MuJoCo."""
+"""Actuators that share one set of defaults in MuJoCo."""
 
 BOUNDS = frozenset({"ctrllimited", "ctrlrange", "forcelimited", "forcerange", "group"})
-"""What of those pulls at nothing."""
+"""Attributes of actuators that exert no force."""
 
 Attributes = Mapping[str, str]
 
 
 class Defaults:
-    """The classes of a file.
+    """The default classes of a file.
 
     Args:
         source: of the file.
@@ -35,24 +35,24 @@ class Defaults:
             self._read(top, self._classes.get(self._main, {}), self._main)
 
     def _read(self, default: ET.Element, above: Mapping[str, Attributes], name: str) -> None:
-        own = dict(above)
-        for one in default:
-            if one.tag != "default":
-                own[one.tag] = {**own.get(one.tag, {}), **one.attrib}
-        self._classes[name] = own
+        merged = dict(above)
+        for element in default:
+            if element.tag != "default":
+                merged[element.tag] = {**merged.get(element.tag, {}), **element.attrib}
+        self._classes[name] = merged
         for nested in default.findall("default"):
-            self._read(nested, own, nested.get("class", ""))
+            self._read(nested, merged, nested.get("class", ""))
 
-    def of(self, element: ET.Element, inherited: str = "", tag: str = "") -> Attributes:
-        """The attributes of an element.
+    def attributes(self, element: ET.Element, inherited: str = "", tag: str = "") -> Attributes:
+        """Return the attributes of an element.
 
         Args:
             element: of the file.
-            inherited: the `childclass` that it stands under.
-            tag: of its defaults, where that is another one.
+            inherited: the `childclass` that applies to it.
+            tag: of its defaults, if it differs.
 
         Raises:
-            EngineError: for a class that is none.
+            EngineError: for an unknown class.
         """
         name = element.get("class") or inherited or self._main
         if name not in self._classes:
@@ -60,45 +60,45 @@ class Defaults:
         return {**self._classes[name].get(tag or element.tag, {}), **element.attrib}
 
     def mixed(self, element: ET.Element, tags: tuple[str, ...]) -> bool:
-        """Whether the defaults of its class state something for others of these tags."""
+        """Return whether the defaults of its class also state something for other tags."""
         name = element.get("class") or self._main
-        found = self._classes.get(name, {})
-        others = {key for tag in tags if tag != element.tag for key in found.get(tag, {})}
+        defaults = self._classes.get(name, {})
+        others = {key for tag in tags if tag != element.tag for key in defaults.get(tag, {})}
         return bool(others - BOUNDS)
 
 
 def bodies_of(source: MjcfSource) -> Iterator[tuple[ET.Element, str]]:
-    """Bodies, parents first, each with the `childclass` of what it holds."""
+    """Yield bodies, parents first, each with the `childclass` of its content."""
     for world in source.root.findall("worldbody"):
         yield from _below(world, world.get("childclass", ""))
 
 
 def body_names(source: MjcfSource) -> dict[ET.Element, str]:
-    """Return what each body is called in a copy: its own name, or one by its place among all."""
+    """Return each body's name in a copy: its own, or one by its index."""
     bodies = (body for body, _ in bodies_of(source))
     return {body: body.get("name") or f"body_{i}" for i, body in enumerate(bodies)}
 
 
 def _below(parent: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, str]]:
     for body in parent.findall("body"):
-        own = body.get("childclass", inherited)
-        yield body, own
-        yield from _below(body, own)
+        childclass = body.get("childclass", inherited)
+        yield body, childclass
+        yield from _below(body, childclass)
 
 
 def shaped(source: MjcfSource, body: ET.Element) -> bool:
-    """Whether a body's inertia follows from its geoms."""
-    told = source.stated("compiler", "inertiafromgeom", "auto")
-    return told == "true" or (told == "auto" and body.find("inertial") is None)
+    """Return whether a body's inertia follows from its geoms."""
+    mode = source.stated("compiler", "inertiafromgeom", "auto")
+    return mode == "true" or (mode == "auto" and body.find("inertial") is None)
 
 
 def numbers_of(
     source: MjcfSource, element: ET.Element, attributes: Attributes, key: str, otherwise: str
 ) -> list[float]:
-    """The numbers of an attribute.
+    """Return the numbers of an attribute.
 
     Raises:
-        EngineError: where one is none.
+        EngineError: if the text is not numbers.
     """
     text = attributes.get(key, otherwise)
     numbers = finite_numbers(text)
@@ -110,10 +110,10 @@ def numbers_of(
 def number_of(
     source: MjcfSource, element: ET.Element, attributes: Attributes, key: str, otherwise: str = "0"
 ) -> float:
-    """The number of an attribute; zeros may follow.
+    """Return the number of an attribute; zeros may follow.
 
     Raises:
-        EngineError: where it is none, or a polynomial.
+        EngineError: if the text is not a number, or is a polynomial.
     """
     first, *others = numbers_of(source, element, attributes, key, otherwise)
     if any(others):

@@ -1,4 +1,4 @@
-"""What adapters of engines whose own parsers take a part of an MJCF have in common."""
+"""The shared base of adapters whose engines' own parsers read a subset of MJCF."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
 from physics_crosscheck.harness.engines.tree_model import FREE, TreeModel, Weight
 
 ADDED: Mapping[str, bool] = MappingProxyType({
-    # Whether what the engine leaves out of an MJCF is added: springs of joints, springs and dampers
-    # of fixed tendons, and joints' following of others by equalities.
+    # Whether elements that the engine leaves out are added: springs of joints, springs and dampers
+    # of fixed tendons, and joint equalities.
     "springs": True, "tendons": True, "equalities": True,
     # Whether gravity compensation of bodies is added, as forces at their centres of mass.
     "gravcomp": True,
-    # Whether its actuators act, at held controls, where all is smooth.
+    # Whether actuators act, at held controls, under the setting `smooth`.
     "actuators": True,
     # Whether defaults are written into each element before the engine reads it; it loses some.
     "resolved": False,
@@ -43,9 +43,9 @@ NAMES = {
 }
 
 URDF_ALONE = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links")
-"""Settings that say what an MJCF says itself."""
+"""Settings for facts that an MJCF states itself."""
 
-MJCF_IDLE: Mapping[str, str] = MappingProxyType(
+MJCF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(
     {
         r".*/keyframe/.*": "keyframes",
         r".*/sensor/.*": "sensors",
@@ -72,7 +72,7 @@ MJCF_IDLE: Mapping[str, str] = MappingProxyType(
         r".*@user|.*/custom/.*": "user data",
     }
 )
-"""Numbers of an MJCF on which no smooth motion needs to depend, by what they are for."""
+"""Numbers of an MJCF that need not affect a smooth motion, by purpose."""
 
 _SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldbody>
 <body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
@@ -85,27 +85,27 @@ _SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldb
 
 
 def sample_mjcf() -> Sample:
-    """Two bodies on the ground, a spring and a damper between them."""
+    """Return two bodies on the ground, with a spring and a damper between them."""
     return Sample(file="sample.xml", text=_SAMPLE)
 
 
 class MjcfModel(TreeModel):
-    """An MJCF in an engine; a subclass loads it, and makes the `stepper`.
+    """An MJCF in an engine; a subclass loads it and creates the `stepper`.
 
     Args:
         spec: the file, with step and gravity among its settings.
         title: of the engine.
         defaults: of its settings.
-        read_over: what its parser reads over of `<option>`.
-        compiler: another engine, for inertias that its parser can't work out; None for none.
+        ignored_options: attributes of `<option>` that its parser ignores.
+        compiler: another engine, for inertias that its parser can't compute, or None.
 
     Attributes:
-        declared: what the file says.
+        declared: the parsed file.
         resolved: whether defaults are written into each element before the engine reads it.
         lifts: gravity compensation that is added: body's name, centre (m), mass (kg).
-        misread: whether the engine loses some of the file's defaults, which a subclass finds.
-        drawn: coordinates of a body that floats, where the file draws it, (6,).
-        no_fromto: shapes that its parser ignores between two points.
+        misread: whether the engine loses some of the file's defaults; set by a subclass.
+        drawn: coordinates of a floating body in the drawn configuration, (6,).
+        no_fromto: shapes whose `fromto` its parser ignores.
     """
 
     no_fromto: frozenset[str] = frozenset()
@@ -115,14 +115,14 @@ class MjcfModel(TreeModel):
         spec: ModelSpec,
         title: str,
         defaults: Mapping[str, float | bool | str],
-        read_over: frozenset[str],
+        ignored_options: frozenset[str],
         compiler: Engine | None,
     ) -> None:
         super().__init__(spec, title, {**defaults, **spec.settings})
         for key in URDF_ALONE:
             if spec.settings.get(key):
                 raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} only for URDFs")
-        self._read_over, self.misread = read_over, False
+        self._ignored_options, self.misread = ignored_options, False
         self.declared = declared_mjcf(spec, title, compiler, self.no_fromto)
         self._compiler = compiler.title if compiler and self.declared.inertias else ""
         several = len(self.declared.source.root.findall("default")) > 1
@@ -144,54 +144,54 @@ class MjcfModel(TreeModel):
         self.mimics = self.declared.mimics if self.settings["equalities"] else ()
         names = body_names(self.declared.source)
         self.lifts = tuple(
-            Weight(body=names[one.body], centre=one.centre, mass=one.mass)
-            for one in (self.declared.lifts if self.settings["gravcomp"] else ())
+            Weight(body=names[actuator.body], centre=actuator.centre, mass=actuator.mass)
+            for actuator in (self.declared.lifts if self.settings["gravcomp"] else ())
         )
         self.springs = (
             *(self.declared.springs if self.settings["springs"] else ()),
             *(self.declared.tendons if self.settings["tendons"] else ()),
             *(
-                Spring(one.joints, one.stiffness, one.damping, 0.0)
-                for one in self.declared.actuators
-                if one.stiffness or one.damping
+                Spring(actuator.joints, actuator.stiffness, actuator.damping, 0.0)
+                for actuator in self.declared.actuators
+                if actuator.stiffness or actuator.damping
             ),
         )
         pushes: dict[str, float] = {}
-        for one in self.declared.actuators:
-            for name, by in one.joints.items():
-                pushes[name] = pushes.get(name, 0.0) + by * one.force
+        for actuator in self.declared.actuators:
+            for name, by in actuator.joints.items():
+                pushes[name] = pushes.get(name, 0.0) + by * actuator.force
         self.pushes = pushes
 
     @property
     def home(self) -> Array:
-        """Where the file draws the mechanism."""
+        """Positions of the drawn configuration."""
         refs = {one.name: one.ref for one in self.declared.singles}
-        own = self.coordinates[FREE if self.floats else 0 :]
-        return np.concatenate([self.drawn[: len(self.coordinates) - len(own)],
-                               [refs[name] for name in own]])  # fmt: skip
+        names = self.coordinates[FREE if self.floats else 0 :]
+        return np.concatenate([self.drawn[: len(self.coordinates) - len(names)],
+                               [refs[name] for name in names]])  # fmt: skip
 
     @property
     def stated_limits(self) -> Array:
-        """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
-        found = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
-        for one in self.declared.singles:
-            found[self.coordinates.index(one.name)] = one.limits
-        return found
+        """Position limits of the file, (nz, 2); infinite for joints without one."""
+        bounds = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+        for joint in self.declared.singles:
+            bounds[self.coordinates.index(joint.name)] = joint.limits
+        return bounds
 
     @property
-    def reach(self) -> Array:
-        """About home, within the limits that the file states."""
-        return within(super().reach + self.home[:, None], self.stated_limits)
+    def sampling_range(self) -> Array:
+        """Sampling range around home, within the file's limits."""
+        return within(super().sampling_range + self.home[:, None], self.stated_limits)
 
     @property
     def remedied(self) -> dict[str, Mapping[str, object]]:
-        """What the engine leaves out and the settings let, with what undoes it."""
-        found = {cause: {key: True} for cause, key in self.lost.items()}
-        return {**found, self._classes: {"resolved": True}} if self.misread else {**found}
+        """Elements that the engine leaves out under the current settings, with corrections."""
+        settings = {cause: {key: True} for cause, key in self.lost.items()}
+        return {**settings, self._classes: {"resolved": True}} if self.misread else {**settings}
 
     @property
     def reservations(self) -> tuple[str, ...]:
-        """Which inertias are another engine's."""
+        """Notes on inertias that another engine has computed."""
         count = len(self.declared.inertias)
         if not count:
             return ()
@@ -200,21 +200,23 @@ class MjcfModel(TreeModel):
 
     @property
     def _classes(self) -> str:
-        """What a diagnosis calls it."""
+        """The cause that a diagnosis reports."""
         return f"{self.title}'s own reading of defaults"
 
     def _merged(self) -> Iterator[str]:
-        """Which elements the copy has as one, or in others."""
+        """Yield how elements are combined in the copy."""
         for tag, how in (("compiler", "are merged"), ("default", "are written into each element")):
             count = len(self.declared.source.root.findall(tag))
             if count > 1:
                 yield f"{count} <{tag}> elements {how} before it reads the file"
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the engine reads over or leaves out, and limits that are reached."""
-        yield from option_remarks(self.declared.source, self.title, self._read_over)
-        yield from (Remark(message=f"{self.title}: {one}") for one in self.reservations)
-        yield from (Remark(message=f"{self.title}: {one}") for one in self._merged())
+        """Yield elements that the engine ignores or leaves out, and limits that the motion
+        reaches.
+        """
+        yield from option_remarks(self.declared.source, self.title, self._ignored_options)
+        yield from (Remark(message=f"{self.title}: {joint}") for joint in self.reservations)
+        yield from (Remark(message=f"{self.title}: {joint}") for joint in self._merged())
         for element, what in unread(self.declared.source):
             file, line = self.declared.source.places[element]
             yield Remark(kind="ignored", message=f"{file}:{line}: {self.title} ignores {what}")
@@ -224,24 +226,24 @@ class MjcfModel(TreeModel):
                 kind="setting", message=f"{cause}, by a setting", fault=True, address=address
             )
         if self.misread:
-            told = f"{self._classes}: it loses numbers that classes give joints or geoms"
-            yield Remark(kind="ignored", message=told, fault=True, address="mujoco/default")
+            message = f"{self._classes}: it loses numbers that classes give joints or geoms"
+            yield Remark(kind="ignored", message=message, fault=True, address="mujoco/default")
         stops = self.limits
-        for one in self.declared.singles:
-            i, address = self.coordinates.index(one.name), f"body/joint[{one.name}]"
-            if one.friction and not self.settings["smooth"]:
+        for joint in self.declared.singles:
+            i, address = self.coordinates.index(joint.name), f"body/joint[{joint.name}]"
+            if joint.friction and not self.settings["smooth"]:
                 yield Remark(
                     kind="dry friction",
-                    message=f"frictionloss of {one.name} is {one.friction:g};"
+                    message=f"frictionloss of {joint.name} is {joint.friction:g};"
                     f" {self.title} ignores it",
-                    subject=(one.name, self.title, "frictionloss"),
+                    subject=(joint.name, self.title, "frictionloss"),
                     fault=True,
                     address=f"{address}@frictionloss",
-                    value=one.friction,
+                    value=joint.friction,
                 )
             if np.isfinite(stops[i]).any():
                 yield from limit_remarks(
-                    one.name,
+                    joint.name,
                     bounds=(float(stops[i, 0]), float(stops[i, 1])),
                     reached=(float(z[:, i].min()), float(z[:, i].max())),
                     address=f"{address}@range",

@@ -1,4 +1,6 @@
-"""Inertias that an MJCF leaves to its compiler, such as those of meshes, and what lifts bodies."""
+"""Inertias that an MJCF leaves to its compiler, such as those of meshes, and gravity
+compensation.
+"""
 
 from __future__ import annotations
 
@@ -20,15 +22,15 @@ from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 from physics_crosscheck.harness.engines.protocol import Engine
 
 SHAPES = ("sphere", "capsule", "cylinder", "box", "ellipsoid")
-"""Of which a mass follows from numbers of the file alone."""
+"""Shapes whose mass follows from numbers of the file."""
 
 WEIGHTLESS = ("plane", "hfield")
 
 GEOMS_ALONE = ("frame", "replicate")
-"""Elements that may stand for geoms alone."""
+"""Elements that may contain geoms only."""
 
 CHANGING = {"settotalmass": -1.0, "boundmass": 0.0, "boundinertia": 0.0}
-"""Attributes of `<compiler>` that change all masses where they are positive, and their defaults."""
+"""Attributes of `<compiler>` that change all masses if positive, and their defaults."""
 
 Reason = tuple[ET.Element, str]
 
@@ -39,8 +41,8 @@ class Lift:
 
     Attributes:
         body: of the file.
-        centre: where it acts, m in the body's frame.
-        mass: of which the weight is taken from the body, kg.
+        centre: point of application, m in the body's frame.
+        mass: whose weight is cancelled, kg.
     """
 
     body: ET.Element
@@ -51,24 +53,24 @@ class Lift:
 def left_to_compiler(
     source: MjcfSource, defaults: Defaults, joints: Sequence[MjcfJoint], no_fromto: Collection[str]
 ) -> dict[ET.Element, Reason]:
-    """Return the bodies whose inertia a parser can't work out, each with the reason.
+    """Return the bodies whose inertia a parser can't compute, each with the reason.
 
     Args:
         source: the file.
         defaults: its classes.
-        joints: of it.
-        no_fromto: shapes that the parser ignores between two points.
+        joints: of the file.
+        no_fromto: shapes whose `fromto` the parser ignores.
     """
     everywhere = list(_changing(source))
     aligned = {joint.body: joint.element for joint in joints if is_aligned(source, joint)}
-    found = {}
+    reasons_by_body = {}
     for body, inherited in bodies_of(source):
         reasons = [*everywhere, *_of_body(source, defaults, (body, inherited), no_fromto)]
         if body in aligned:
             reasons.append((aligned[body], "a free body that is aligned with its inertia"))
         if reasons:
-            found[body] = reasons[0]
-    return found
+            reasons_by_body[body] = reasons[0]
+    return reasons_by_body
 
 
 def compiled_bodies(
@@ -79,11 +81,11 @@ def compiled_bodies(
     Args:
         source: the file.
         needed: bodies, each with the reason.
-        compiler: the engine; None for none.
+        compiler: the engine, or None.
         title: of the engine that reads the copy.
 
     Raises:
-        EngineError: where no engine compiles the file, or makes other bodies of it.
+        EngineError: if no engine compiles the file, or its bodies differ.
     """
     if not needed:
         return {}
@@ -92,59 +94,59 @@ def compiled_bodies(
         lacking = "an installed engine that compiles MJCFs"
         raise source.unsupported(element, f"{sentence}: {title}'s adapter needs {lacking} for it")
     bodies = [body for body, _ in bodies_of(source)]
-    found = compiler.compiled(source.path).bodies
+    compiled = compiler.compiled(source.path).bodies
     names = [body.get("name", "") for body in bodies]
-    if names != [one.name for one in found]:
+    if names != [one.name for one in compiled]:
         raise source.unsupported(element, f"{sentence}, and {compiler.title} makes other bodies")
-    return {body: one for body, one in zip(bodies, found, strict=True) if body in needed}
+    return {body: one for body, one in zip(bodies, compiled, strict=True) if body in needed}
 
 
 def is_aligned(source: MjcfSource, joint: MjcfJoint) -> bool:
     """Return whether MuJoCo moves the frame of a free body to its centre and principal axes.
 
-    It does so where the body has no other joint and no bodies of its own.
+    It does so if the body has no other joint and no child bodies.
     """
     if joint.kind != FREE or joint.body.find("body") is not None:
         return False
-    asked = joint.element.get("align", "auto")
-    if asked == "auto":
-        asked = source.stated("compiler", "alignfree", "false")
-    return asked == "true"
+    mode = joint.element.get("align", "auto")
+    if mode == "auto":
+        mode = source.stated("compiler", "alignfree", "false")
+    return mode == "true"
 
 
 def lifts_of(source: MjcfSource, compiled: Mapping[ET.Element, CompiledBody]) -> Iterator[Lift]:
-    """Return what gravity compensation takes from each body.
+    """Yield the gravity compensation of each body.
 
     Raises:
-        EngineError: for what is no number.
+        EngineError: for text that is not a number.
     """
-    # MuJoCo counts it among passive forces, which it skips where both of these are off.
+    # MuJoCo counts it among passive forces, which it skips if both flags are off.
     if source.disabled("spring") and source.disabled("damper"):
         return
     for body, _ in bodies_of(source):
-        share, own = number_of(source, body, body.attrib, "gravcomp"), body.find("inertial")
+        share, inertial = number_of(source, body, body.attrib, "gravcomp"), body.find("inertial")
         if not share:
             continue
         if body in compiled:
             yield Lift(body=body, centre=compiled[body].centre, mass=share * compiled[body].mass)
-        elif own is not None:
-            mass = number_of(source, own, own.attrib, "mass")
-            centre = numbers_of(source, own, own.attrib, "pos", "0 0 0")
+        elif inertial is not None:
+            mass = number_of(source, inertial, inertial.attrib, "mass")
+            centre = numbers_of(source, inertial, inertial.attrib, "pos", "0 0 0")
             yield Lift(body=body, centre=tuple(centre), mass=share * mass)
 
 
 def _changing(source: MjcfSource) -> Iterator[Reason]:
-    """Yield what changes all masses."""
+    """Yield compiler attributes that change all masses."""
     for key, off in CHANGING.items():
-        one = source.stating("compiler", key)
-        if one is not None and number_of(source, one, one.attrib, key, str(off)) > 0:
-            yield one, f"{key} that changes masses"
-    one = source.stating("compiler", "balanceinertia")
-    if one is not None and one.get("balanceinertia") == "true":
-        yield one, "balanceinertia"
-    one = source.stating("compiler", "inertiagrouprange")
-    if one is not None and one.get("inertiagrouprange", "").split() != ["0", "5"]:
-        yield one, "an inertiagrouprange"
+        element = source.stating("compiler", key)
+        if element is not None and number_of(source, element, element.attrib, key, str(off)) > 0:
+            yield element, f"{key} that changes masses"
+    element = source.stating("compiler", "balanceinertia")
+    if element is not None and element.get("balanceinertia") == "true":
+        yield element, "balanceinertia"
+    element = source.stating("compiler", "inertiagrouprange")
+    if element is not None and element.get("inertiagrouprange", "").split() != ["0", "5"]:
+        yield element, "an inertiagrouprange"
 
 
 def _of_body(
@@ -153,28 +155,28 @@ def _of_body(
     body, inherited = row
     if not shaped(source, body):
         return
-    for one in body:
-        if one.tag in GEOMS_ALONE and one.find(".//geom") is not None:
-            yield one, f"<{one.tag}> with content that has mass"
+    for child in body:
+        if child.tag in GEOMS_ALONE and child.find(".//geom") is not None:
+            yield child, f"<{child.tag}> with content that has mass"
     for geom in body.findall("geom"):
-        said = defaults.of(geom, inherited)
-        if what := _unlike_a_shape(source, geom, said, no_fromto):
+        attributes = defaults.attributes(geom, inherited)
+        if what := _unlike_a_shape(source, geom, attributes, no_fromto):
             yield geom, f"a mass of {what}"
     if number_of(source, body, body.attrib, "gravcomp"):
         yield body, "gravity compensation of the mass of geoms"
 
 
 def _unlike_a_shape(
-    source: MjcfSource, geom: ET.Element, said: Attributes, no_fromto: Collection[str]
+    source: MjcfSource, geom: ET.Element, attributes: Attributes, no_fromto: Collection[str]
 ) -> str:
-    """Return what a geom is that weighs something and no parser works out; empty for a shape."""
-    # A mesh beside a shape's type is what the shape is fitted to.
-    kind = "mesh" if "mesh" in said else said.get("type", "sphere")
-    weighs = any(numbers_of(source, geom, said, "mass", said.get("density", "1000")))
+    """Return why a parser can't compute a geom's mass; empty for a plain or massless shape."""
+    # A shape with a mesh is fitted to that mesh.
+    kind = "mesh" if "mesh" in attributes else attributes.get("type", "sphere")
+    weighs = any(numbers_of(source, geom, attributes, "mass", attributes.get("density", "1000")))
     if not weighs or kind in WEIGHTLESS:
         return ""
-    if said.get("shellinertia", "false") == "true":
+    if attributes.get("shellinertia", "false") == "true":
         return "a shell"
-    if kind in no_fromto and "fromto" in said:
+    if kind in no_fromto and "fromto" in attributes:
         return f"a {kind} between two points"
     return "" if kind in SHAPES else f"a {kind}"

@@ -1,4 +1,4 @@
-"""The joints of an MJCF, by its own words: named as they are here, with what its defaults add."""
+"""The joints of an MJCF, with their defaults; unnamed joints get a name."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class MjcfJoint:
     Attributes:
         element: of the file.
         body: that it moves.
-        name: its own, or `joint_0`, ... by its place among all.
+        name: its own, or `joint_0`, ... by its index.
         kind: free, ball, slide or hinge.
-        ref: its position where the file draws it, m or rad.
-        limits: between which it is said to be; infinite where nothing is.
+        ref: its position in the drawn configuration, m or rad.
+        limits: lower and upper; infinite without limits.
         stiffness, rest: of its spring, N/m or N m/rad, m or rad.
         damping, armature: N s/m or N m s/rad, kg or kg m^2.
         friction: dry, N or N m.
@@ -51,24 +51,24 @@ class MjcfJoint:
 
 
 def joints_of(source: MjcfSource, defaults: Defaults) -> tuple[MjcfJoint, ...]:
-    """All joints, in the order of their bodies.
+    """Return all joints, in the order of their bodies.
 
     Raises:
         EngineError: naming file and line.
     """
     rows = [
-        (one, body, inherited)
+        (joint, body, inherited)
         for body, inherited in bodies_of(source)
-        for one in body
-        if one.tag in JOINTS
+        for joint in body
+        if joint.tag in JOINTS
     ]
-    found = [_joint(source, defaults, i, *row) for i, row in enumerate(rows)]
+    joints = [_joint(source, defaults, i, *row) for i, row in enumerate(rows)]
     names: set[str] = set()
-    for one in found:
-        if one.name in names:
-            raise source.refused(one.element, f"a second joint is called {one.name!r}")
-        names.add(one.name)
-    return tuple(found)
+    for joint in joints:
+        if joint.name in names:
+            raise source.refused(joint.element, f"a second joint is called {joint.name!r}")
+        names.add(joint.name)
+    return tuple(joints)
 
 
 def _joint(
@@ -80,29 +80,31 @@ def _joint(
     inherited: str,
 ) -> MjcfJoint:
     free = element.tag == "freejoint"
-    said = element.attrib if free else defaults.of(element, inherited)
-    kind = FREE if free else said.get("type", HINGE)
+    attributes = element.attrib if free else defaults.attributes(element, inherited)
+    kind = FREE if free else attributes.get("type", HINGE)
     turn = 1.0 if kind != HINGE or _radians(source) else math.pi / 180
-    if "springdamper" in said and any(numbers_of(source, element, said, "springdamper", "0 0")):
+    if "springdamper" in attributes and any(
+        numbers_of(source, element, attributes, "springdamper", "0 0")
+    ):
         raise source.unsupported(
             element, "springdamper (a spring with a time constant) is not supported"
         )
 
-    def one(key: str) -> float:
-        return number_of(source, element, said, key)
+    def number(key: str) -> float:
+        return number_of(source, element, attributes, key)
 
     return MjcfJoint(
         element=element,
         body=body,
         name=element.get("name") or f"joint_{i}",
         kind=kind,
-        ref=one("ref") * turn,
-        limits=_limits(source, element, said, turn),
-        stiffness=one("stiffness"),
-        rest=one("springref") * turn,
-        damping=0.0 if source.disabled("damper") else one("damping"),
-        armature=one("armature"),
-        friction=one("frictionloss"),
+        ref=number("ref") * turn,
+        limits=_limits(source, element, attributes, turn),
+        stiffness=number("stiffness"),
+        rest=number("springref") * turn,
+        damping=0.0 if source.disabled("damper") else number("damping"),
+        armature=number("armature"),
+        friction=number("frictionloss"),
     )
 
 
@@ -111,23 +113,25 @@ def _radians(source: MjcfSource) -> bool:
 
 
 def _limits(
-    source: MjcfSource, element: ET.Element, said: Attributes, turn: float
+    source: MjcfSource, element: ET.Element, attributes: Attributes, turn: float
 ) -> tuple[float, float]:
-    """None where the lower is above the upper, or nothing switches them on."""
+    """Return infinite limits if lower is above upper or no attribute enables them."""
     automatic = source.stated("compiler", "autolimits", "true") == "true"
-    limited = said.get("limited", "auto")
-    on = limited == "true" or (limited == "auto" and automatic and "range" in said)
+    limited = attributes.get("limited", "auto")
+    on = limited == "true" or (limited == "auto" and automatic and "range" in attributes)
     if not on or source.disabled("limit", "constraint"):
         return -math.inf, math.inf
-    numbers = numbers_of(source, element, said, "range", "0 0")
+    numbers = numbers_of(source, element, attributes, "range", "0 0")
     if len(numbers) != 2:
-        raise source.refused(element, f"<joint range> is {said['range']!r}; expected two numbers")
+        raise source.refused(
+            element, f"<joint range> is {attributes['range']!r}; expected two numbers"
+        )
     lower, upper = (number * turn for number in numbers)
     return (lower, upper) if lower < upper else (-math.inf, math.inf)
 
 
 def rows_of(joints: Collection[MjcfJoint]) -> Iterator[tuple[ET.Element, list[MjcfJoint]]]:
-    """Bodies with the joints that each has."""
+    """Yield bodies with the joints of each."""
     bodies = list(dict.fromkeys(one.body for one in joints))
     for body in bodies:
         yield body, [one for one in joints if one.body is body]

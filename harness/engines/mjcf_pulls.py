@@ -1,4 +1,4 @@
-"""What pulls at the joints of an MJCF: springs, fixed tendons and actuators at held controls."""
+"""Forces on the joints of an MJCF: springs, fixed tendons and actuators at held controls."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 from physics_crosscheck.harness.engines.protocol import Spring
 
 AUTOMATIC = -1.0
-"""As MuJoCo compares it: other lengths below zero are lengths."""
+"""MuJoCo's exact value for an automatic length; other negative lengths are lengths."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Actuated:
-    """An actuator at its control: a held force on a combination of joints, and what it resists.
+    """An actuator at its control: a held force on a combination of joints, with feedback.
 
     Attributes:
-        joints: names of joints -> by how much each moves it.
+        joints: names of joints -> coefficient of the combination.
         force: N or N m, along the combination.
-        stiffness, damping: that it loses by position and by velocity.
+        stiffness, damping: loss of force per position and per velocity.
     """
 
     joints: Mapping[str, float]
@@ -38,8 +38,8 @@ class Actuated:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pulls:
-    """Reads what pulls; `joints` are those that move, `refs` where others stand, by name."""
+class JointForces:
+    """A reader of forces; `joints` move, `refs` are the positions of held joints, by name."""
 
     source: MjcfSource
     defaults: Defaults
@@ -47,31 +47,31 @@ class Pulls:
     refs: Mapping[str, float]
 
     def springs(self) -> Iterator[Spring]:
-        """Of slides and hinges.
+        """Yield the springs of slides and hinges.
 
         Raises:
-            EngineError: for what has a spring and is neither.
+            EngineError: for springs of other joints.
         """
         on = not self.source.disabled("spring")
-        for name, one in self.joints.items():
-            if one.kind in (SLIDE, HINGE):
-                if one.stiffness and on:
-                    yield Spring({name: 1.0}, one.stiffness, 0.0, one.rest)
-            elif one.stiffness or one.damping:
+        for name, joint in self.joints.items():
+            if joint.kind in (SLIDE, HINGE):
+                if joint.stiffness and on:
+                    yield Spring({name: 1.0}, joint.stiffness, 0.0, joint.rest)
+            elif joint.stiffness or joint.damping:
                 raise self.source.unsupported(
-                    one.element, f"a spring or damper of a {one.kind} joint is not added here"
+                    joint.element, f"a spring or damper of a {joint.kind} joint is not added here"
                 )
 
     def tendons(self) -> Iterator[Spring]:
-        """Springs and dampers of fixed tendons.
+        """Yield springs and dampers of fixed tendons.
 
         Raises:
-            EngineError: for tendons that pull otherwise.
+            EngineError: for tendons with other forces.
         """
         for tendon in self.source.root.findall("tendon/*"):
-            said = self.defaults.of(tendon, tag="tendon")
+            attributes = self.defaults.attributes(tendon, tag="tendon")
             numbers = {
-                key: number_of(self.source, tendon, said, key)
+                key: number_of(self.source, tendon, attributes, key)
                 for key in ("stiffness", "damping", "armature")
             }
             for key, flag in (("stiffness", "spring"), ("damping", "damper")):
@@ -82,55 +82,57 @@ class Pulls:
                 kind = "a tendon with armature" if numbers["armature"] else "a tendon between sites"
                 raise self.source.unsupported(tendon, f"{kind} that pulls is not added here")
             shares = self.shares(tendon)
-            rest = self._rest(tendon, said, shares) if numbers["stiffness"] else 0.0
+            rest = self._rest(tendon, attributes, shares) if numbers["stiffness"] else 0.0
             yield self._free(shares, numbers["stiffness"], numbers["damping"], rest)
 
     def shares(self, tendon: ET.Element) -> dict[str, float]:
-        """Joints of a fixed tendon, also those that stand still, and its coefficients."""
-        found: dict[str, float] = {}
-        for one in tendon.findall("joint"):
-            name = one.get("joint", "")
+        """Return the coefficients of a fixed tendon's joints, including held ones."""
+        coefficients: dict[str, float] = {}
+        for element in tendon.findall("joint"):
+            name = element.get("joint", "")
             moved = self.joints.get(name)
             if name not in self.refs and (moved is None or moved.kind not in (SLIDE, HINGE)):
-                raise self.source.refused(one, f"{name!r} is neither a slide nor a hinge")
-            found[name] = found.get(name, 0.0) + number_of(
-                self.source, one, one.attrib, "coef", "nan"
+                raise self.source.refused(element, f"{name!r} is neither a slide nor a hinge")
+            coefficients[name] = coefficients.get(name, 0.0) + number_of(
+                self.source, element, element.attrib, "coef", "nan"
             )
-        return found
+        return coefficients
 
-    def _rest(self, tendon: ET.Element, said: Attributes, shares: Mapping[str, float]) -> float:
-        """At which length it is relaxed: -1, which is no length, where the joints' springs are."""
-        length = numbers_of(self.source, tendon, said, "springlength", "-1")
+    def _rest(
+        self, tendon: ET.Element, attributes: Attributes, shares: Mapping[str, float]
+    ) -> float:
+        """Return the relaxed length; -1 stands for the length at the joints' rest positions."""
+        length = numbers_of(self.source, tendon, attributes, "springlength", "-1")
         if length[0] != length[-1]:
             raise self.source.unsupported(tendon, "a tendon that is slack between two lengths")
         if length[0] == AUTOMATIC:
-            at = {**self.refs, **{name: one.rest for name, one in self.joints.items()}}
-            return sum(share * at[name] for name, share in shares.items())
+            positions = {**self.refs, **{name: one.rest for name, one in self.joints.items()}}
+            return sum(share * positions[name] for name, share in shares.items())
         return length[0]
 
     def _free(self, shares: Mapping[str, float], k: float, c: float, rest: float) -> Spring:
-        """Of the joints that move alone."""
+        """Return the spring on the moving joints only."""
         still = sum(share * self.refs[name] for name, share in shares.items() if name in self.refs)
         moving = {name: share for name, share in shares.items() if name not in self.refs}
         return Spring(moving, k, c, rest - still)
 
     def actuators(self, controls: Sequence[float]) -> Iterator[Actuated]:
-        """Those that pull in proportion, at these controls, one for each.
+        """Yield actuators with an affine law, at these controls, one for each.
 
         Raises:
-            EngineError: for actuators of other laws, and where there are more controls or fewer.
+            EngineError: for actuators of other laws, and for a wrong number of controls.
         """
         rows = self.source.root.findall("actuator/*")
         if len(controls) != len(rows):
             wanted = "1 number" if len(rows) == 1 else f"{len(rows)} numbers"
             sentence = f"[settings] controls is {list(controls)}; expected {wanted}"
             raise self.source.refused(rows[0], sentence)
-        for one, control in zip(rows, controls, strict=True):
-            said = self._said(one)
-            length, gear = self._length(one, said)
+        for element, control in zip(rows, controls, strict=True):
+            attributes = self._checked_attributes(element)
+            length, gear = self._length(element, attributes)
             if not {name for name in length if name in self.joints}:
-                continue  # it stands still, and its actuator goes with it
-            gain, bias = self._law(one, said)
+                continue  # the joint is held, so its actuator has no effect
+            gain, bias = self._law(element, attributes)
             still = sum(by * self.refs[name] for name, by in length.items() if name in self.refs)
             yield Actuated(
                 joints={k: gear * by for k, by in length.items() if k not in self.refs},
@@ -139,21 +141,31 @@ class Pulls:
                 damping=-bias[2],
             )
 
-    def _said(self, one: ET.Element) -> Attributes:
-        if one.tag not in MOTORS or self.defaults.mixed(one, MOTORS):
-            raise self.source.unsupported(one, f"an actuator <{one.tag}> of these defaults or laws")
-        said = self.defaults.of(one)
-        if said.get("gaintype", "fixed") != "fixed" or said.get("dyntype", "none") != "none":
-            raise self.source.unsupported(one, "an actuator with a state or a gain of a law")
+    def _checked_attributes(self, element: ET.Element) -> Attributes:
+        if element.tag not in MOTORS or self.defaults.mixed(element, MOTORS):
+            raise self.source.unsupported(
+                element, f"an actuator <{element.tag}> of these defaults or laws"
+            )
+        attributes = self.defaults.attributes(element)
+        if (
+            attributes.get("gaintype", "fixed") != "fixed"
+            or attributes.get("dyntype", "none") != "none"
+        ):
+            raise self.source.unsupported(element, "an actuator with a state or a gain of a law")
         for key in ("armature", "damping", "delay", "timeconst"):
-            if any(numbers_of(self.source, one, said, key, "0")):
-                raise self.source.unsupported(one, f"an actuator with {key} is not added here")
-        return said
+            if any(numbers_of(self.source, element, attributes, key, "0")):
+                raise self.source.unsupported(element, f"an actuator with {key} is not added here")
+        return attributes
 
-    def _length(self, one: ET.Element, said: Attributes) -> tuple[Mapping[str, float], float]:
-        """Combination of joints that it pulls along, and its gear."""
-        gear = numbers_of(self.source, one, said, "gear", "1")[0]
-        joint, tendon = said.get("joint", said.get("jointinparent", "")), said.get("tendon", "")
+    def _length(
+        self, element: ET.Element, attributes: Attributes
+    ) -> tuple[Mapping[str, float], float]:
+        """Return the combination of joints that it acts on, and its gear."""
+        gear = numbers_of(self.source, element, attributes, "gear", "1")[0]
+        joint, tendon = (
+            attributes.get("joint", attributes.get("jointinparent", "")),
+            attributes.get("tendon", ""),
+        )
         if joint in self.refs or (
             joint in self.joints and self.joints[joint].kind in (SLIDE, HINGE)
         ):
@@ -161,27 +173,29 @@ class Pulls:
         for fixed in self.source.root.findall("tendon/fixed") if tendon else ():
             if fixed.get("name") == tendon:
                 return self.shares(fixed), gear
-        raise self.source.unsupported(one, "an actuator on no slide, hinge or fixed tendon")
+        raise self.source.unsupported(element, "an actuator on no slide, hinge or fixed tendon")
 
-    def _law(self, one: ET.Element, said: Attributes) -> tuple[float, tuple[float, float, float]]:
-        """Gain, and bias by nothing, by length and by its rate."""
+    def _law(
+        self, element: ET.Element, attributes: Attributes
+    ) -> tuple[float, tuple[float, float, float]]:
+        """Return the gain, and the bias coefficients (constant, length, rate)."""
 
-        def at(key: str, otherwise: str) -> float:
-            return numbers_of(self.source, one, said, key, otherwise)[0]
+        def parameter(key: str, otherwise: str) -> float:
+            return numbers_of(self.source, element, attributes, key, otherwise)[0]
 
-        if one.tag == "motor":
+        if element.tag == "motor":
             return 1.0, (0.0, 0.0, 0.0)
-        if one.tag == "position" and not at("dampratio", "0"):
-            return at("kp", "1"), (0.0, -at("kp", "1"), -at("kv", "0"))
-        if one.tag == "velocity":
-            return at("kv", "1"), (0.0, 0.0, -at("kv", "1"))
-        affine = said.get("biastype", "none") in ("none", "affine")
-        if one.tag != "general" or not affine:
+        if element.tag == "position" and not parameter("dampratio", "0"):
+            return parameter("kp", "1"), (0.0, -parameter("kp", "1"), -parameter("kv", "0"))
+        if element.tag == "velocity":
+            return parameter("kv", "1"), (0.0, 0.0, -parameter("kv", "1"))
+        affine = attributes.get("biastype", "none") in ("none", "affine")
+        if element.tag != "general" or not affine:
             raise self.source.unsupported(
-                one, f"an actuator <{one.tag}> of this law is not added here"
+                element, f"an actuator <{element.tag}> of this law is not added here"
             )
-        if said.get("biastype", "none") == "none":
-            return at("gainprm", "1"), (0.0, 0.0, 0.0)
-        given = numbers_of(self.source, one, said, "biasprm", "0")
+        if attributes.get("biastype", "none") == "none":
+            return parameter("gainprm", "1"), (0.0, 0.0, 0.0)
+        given = numbers_of(self.source, element, attributes, "biasprm", "0")
         zero, length, rate = (*given, 0.0, 0.0, 0.0)[:3]
-        return at("gainprm", "1"), (zero, length, rate)
+        return parameter("gainprm", "1"), (zero, length, rate)

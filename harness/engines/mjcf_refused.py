@@ -1,4 +1,4 @@
-"""What of an MJCF acts or weighs something and can't be given to engines that read a part of it."""
+"""Parts of an MJCF with forces or mass that engines with a subset parser can't represent."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from physics_crosscheck.harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
 from physics_crosscheck.harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 
-MEDIUM = ("density", "viscosity", "wind")
+FLUID_OPTIONS = ("density", "viscosity", "wind")
 
 MOMENTS = ("diaginertia", "fullinertia")
 
 PARTS = ("body", "joint", "freejoint", "inertial")
-"""What moves or weighs something."""
+"""Elements that move or have mass."""
 
 MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
 
 TURNS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-"""Ways to turn an element, and how many numbers each takes."""
+"""Attributes for orientations, and how many numbers each takes."""
 
 COUNTS: Mapping[str, Mapping[str, int]] = {
     "body": {"pos": 3, **TURNS},
@@ -40,14 +40,14 @@ POSITIVE: Mapping[str, tuple[str, ...]] = {
     "inertial": ("mass",),
     "geom": ("mass", "density", "size"),
 }
-"""Attributes that are no less than zero; with others some parsers end the process."""
+"""Attributes that must not be negative; negative values end the process in some parsers."""
 
 WORDS: Mapping[str, tuple[str, ...]] = {
     "angle": ("degree", "radian"),
     "autolimits": ("true", "false"),
     "alignfree": ("true", "false"),
 }
-"""Attributes of `<compiler>` with the words that they take."""
+"""Attributes of `<compiler>` with the words that they accept."""
 
 SECTIONS = frozenset({
     "actuator", "asset", "compiler", "contact", "custom", "default", "deformable", "equality",
@@ -66,14 +66,14 @@ ATTRIBUTES: Mapping[str, frozenset[str]] = {
         "solreffriction", "solimpfriction",
     }),
 }  # fmt: skip
-"""What MuJoCo's format has, of elements that move or weigh something."""
+"""Attributes that MuJoCo's format defines for elements that move or have mass."""
 
 
 def refuse(source: MjcfSource, joints: Sequence[MjcfJoint], title: str) -> None:
     """Refuse a file, by line.
 
     Raises:
-        UnsupportedError: for the first thing that the adapter does not take.
+        UnsupportedError: for the first element that the adapter does not support.
         EngineError: for the first mistake in numbers and words that parsers read.
     """
     for element, sentence in _mistakes(source):
@@ -88,54 +88,58 @@ def refuse(source: MjcfSource, joints: Sequence[MjcfJoint], title: str) -> None:
 
 
 def unread(source: MjcfSource) -> Iterator[Reason]:
-    """Yield elements and attributes that MuJoCo's format does not have: no parser reads them."""
-    for one in source.root:
-        if one.tag not in SECTIONS:
-            yield one, f"<{one.tag}>"
+    """Yield elements and attributes that MuJoCo's format does not define: no parser reads them."""
+    for element in source.root:
+        if element.tag not in SECTIONS:
+            yield element, f"<{element.tag}>"
     for body, _ in bodies_of(source):
-        yield from ((one, f"<{one.tag}>") for one in body if one.tag not in IN_BODIES)
-        for one in (body, *body):
-            for key in sorted(set(one.attrib) - ATTRIBUTES.get(one.tag, frozenset(one.attrib))):
-                yield one, f"<{one.tag} {key}>"
+        yield from (
+            (element, f"<{element.tag}>") for element in body if element.tag not in IN_BODIES
+        )
+        for element in (body, *body):
+            for key in sorted(
+                set(element.attrib) - ATTRIBUTES.get(element.tag, frozenset(element.attrib))
+            ):
+                yield element, f"<{element.tag} {key}>"
 
 
 def _mistakes(source: MjcfSource) -> Iterator[Reason]:
-    """Yield numbers and words that engines' parsers read as something else, or crash on."""
+    """Yield numbers and words that engines' parsers misread or crash on."""
     for key, words in WORDS.items():
         compiler = source.stating("compiler", key)
         if compiler is not None and compiler.get(key) not in words:
             yield compiler, f"<compiler {key}> is {compiler.get(key)!r}, not {' or '.join(words)}"
     for default in source.root.iter("default"):
-        for one in default:
-            yield from _wrong_numbers(source, one)
+        for element in default:
+            yield from _wrong_numbers(source, element)
     for body, _ in bodies_of(source):
-        for one in (body, *body):
-            yield from _wrong_numbers(source, one)
+        for element in (body, *body):
+            yield from _wrong_numbers(source, element)
         for second in body.findall("inertial")[1:]:
             yield second, "a second <inertial> in one body"
 
 
-def _wrong_numbers(source: MjcfSource, one: ET.Element) -> Iterator[Reason]:
-    for key, count in COUNTS.get(one.tag, {}).items():
-        numbers = numbers_of(source, one, one.attrib, key, "0")
-        if key in one.attrib and len(numbers) != count:
+def _wrong_numbers(source: MjcfSource, element: ET.Element) -> Iterator[Reason]:
+    for key, count in COUNTS.get(element.tag, {}).items():
+        numbers = numbers_of(source, element, element.attrib, key, "0")
+        if key in element.attrib and len(numbers) != count:
             belongs = "1 number" if count == 1 else f"{count} numbers"
-            yield one, f"<{one.tag} {key}> is {one.get(key)!r}; expected {belongs}"
-    turns = [key for key in TURNS if key in one.attrib and one.tag in COUNTS]
+            yield element, f"<{element.tag} {key}> is {element.get(key)!r}; expected {belongs}"
+    turns = [key for key in TURNS if key in element.attrib and element.tag in COUNTS]
     if len(turns) > 1:
-        yield one, f"<{one.tag}> is turned twice, by {' and '.join(turns)}"
-    if "quat" in turns and not any(numbers_of(source, one, one.attrib, "quat", "1")):
-        yield one, f"<{one.tag} quat> is zero"
-    ends = numbers_of(source, one, one.attrib, "fromto", "0 1")
+        yield element, f"<{element.tag}> is turned twice, by {' and '.join(turns)}"
+    if "quat" in turns and not any(numbers_of(source, element, element.attrib, "quat", "1")):
+        yield element, f"<{element.tag} quat> is zero"
+    ends = numbers_of(source, element, element.attrib, "fromto", "0 1")
     if ends[: len(ends) // 2] == ends[len(ends) // 2 :]:
-        yield one, f"<{one.tag} fromto> is {one.get('fromto')!r}, which has no length"
-    for key in POSITIVE.get(one.tag, ()):
-        if min(numbers_of(source, one, one.attrib, key, "0")) < 0:
-            yield one, f"<{one.tag} {key}> is {one.get(key)!r}, which is less than 0"
+        yield element, f"<{element.tag} fromto> is {element.get('fromto')!r}, which has no length"
+    for key in POSITIVE.get(element.tag, ()):
+        if min(numbers_of(source, element, element.attrib, key, "0")) < 0:
+            yield element, f"<{element.tag} {key}> is {element.get(key)!r}, which is less than 0"
 
 
 def _acting(source: MjcfSource) -> Iterator[Reason]:
-    for key in MEDIUM:
+    for key in FLUID_OPTIONS:
         option = source.stating("option", key)
         if option is not None and any(numbers_of(source, option, option.attrib, key, "0")):
             yield option, "a medium"
@@ -159,39 +163,39 @@ def _turned(source: MjcfSource) -> Iterator[Reason]:
 
 
 def _moving(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iterator[Reason]:
-    free = [one for one in joints if one.kind == FREE]
-    for one in joints:
-        if one.kind == BALL:
-            yield one.element, "a ball joint"
-        elif one.kind not in (FREE, SLIDE, HINGE):
-            yield one.element, f"a joint of type {one.kind!r}"
-    for one in free[1:]:
-        yield one.element, "a second body that floats"
-    for one in free:
-        if one.armature:
-            yield one.element, "armature of a free joint"
-        if sum(other.body is one.body for other in joints) > 1:
-            yield one.element, "a free joint beside others"
-        if all(one.body not in world for world in source.root.findall("worldbody")):
-            yield one.element, "a free joint of a body within another"
+    free = [joint for joint in joints if joint.kind == FREE]
+    for joint in joints:
+        if joint.kind == BALL:
+            yield joint.element, "a ball joint"
+        elif joint.kind not in (FREE, SLIDE, HINGE):
+            yield joint.element, f"a joint of type {joint.kind!r}"
+    for joint in free[1:]:
+        yield joint.element, "a second body that floats"
+    for joint in free:
+        if joint.armature:
+            yield joint.element, "armature of a free joint"
+        if sum(other.body is joint.body for other in joints) > 1:
+            yield joint.element, "a free joint beside others"
+        if all(joint.body not in world for world in source.root.findall("worldbody")):
+            yield joint.element, "a free joint of a body within another"
 
 
 def _built(source: MjcfSource) -> Iterator[Reason]:
-    """Bodies, or parts of them, that are made of something else."""
+    """Yield bodies with generated content or an impossible inertia."""
     for world in source.root.findall("worldbody"):
         yield from _macros(world)
     for body, _ in bodies_of(source):
         yield from _macros(body)
-        for one in () if shaped(source, body) else body.findall("inertial"):
-            mass = number_of(source, one, one.attrib, "mass", "nan")
-            moments = (numbers_of(source, one, one.attrib, key, "0") for key in MOMENTS)
+        for inertial in () if shaped(source, body) else body.findall("inertial"):
+            mass = number_of(source, inertial, inertial.attrib, "mass", "nan")
+            moments = (numbers_of(source, inertial, inertial.attrib, key, "0") for key in MOMENTS)
             if mass < 0 or (not mass and any(map(any, moments))):
-                yield one, "an inertia without mass"
+                yield inertial, "an inertia without mass"
 
 
 def _macros(parent: ET.Element) -> Iterator[Reason]:
-    """Elements that stand for others, which move or weigh something."""
-    for one in parent:
-        inner = {part.tag for part in one.iter()}
-        if one.tag in MACROS and (one.tag not in GEOMS_ALONE or inner & set(PARTS)):
-            yield one, f"<{one.tag}> with content that moves or has mass"
+    """Yield macro elements that generate content with motion or mass."""
+    for element in parent:
+        inner = {part.tag for part in element.iter()}
+        if element.tag in MACROS and (element.tag not in GEOMS_ALONE or inner & set(PARTS)):
+            yield element, f"<{element.tag}> with content that moves or has mass"

@@ -1,4 +1,4 @@
-"""An MJCF as a whole: what it includes put in its place, and where everything stands."""
+"""An MJCF with its includes expanded, and the place of every element."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ OPTIONS: Mapping[str, tuple[str, object]] = {
     "step": ("timestep", 0.002),
     "gravity": ("gravity", [0.0, 0.0, -9.81]),
 }
-"""Settings, the attributes of `<option>` that state them, and what they are elsewhere."""
+"""Settings, the attributes of `<option>` that state them, and their defaults."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MjcfSource:
-    """A file and all that it includes.
+    """A file and all its includes.
 
     Attributes:
         path: of the file.
-        root: its `<mujoco>`, with the children of included files where they are included.
+        root: its `<mujoco>`, with the children of included files in place.
         places: file and line of every element.
     """
 
@@ -33,32 +33,32 @@ class MjcfSource:
     places: Mapping[ET.Element, tuple[Path, int]]
 
     def refused(self, element: ET.Element, sentence: str) -> EngineError:
-        """An error about an element."""
+        """Return an error about an element."""
         file, line = self.places.get(element, (self.path, None))
         return EngineError(sentence, file=file, line=line)
 
     def unsupported(self, element: ET.Element, sentence: str) -> UnsupportedError:
-        """Return an error about an element that is right, and that an adapter does not take."""
+        """Return an error about a valid element that an adapter does not support."""
         file, line = self.places.get(element, (self.path, None))
         return UnsupportedError(sentence, file=file, line=line)
 
     def stating(self, tag: str, attribute: str) -> ET.Element | None:
         """Return the last `<option>`, `<compiler>` or the like with an attribute: it counts."""
-        found = [one for one in self.root.findall(tag) if attribute in one.attrib]
-        return found[-1] if found else None
+        elements = [one for one in self.root.findall(tag) if attribute in one.attrib]
+        return elements[-1] if elements else None
 
     def stated(self, tag: str, attribute: str, otherwise: str = "") -> str:
-        """What the last `<option>`, `<compiler>` or the like says of an attribute."""
-        one = self.stating(tag, attribute)
-        return otherwise if one is None else one.attrib[attribute]
+        """Return an attribute's value from the last `<option>`, `<compiler>` or the like."""
+        element = self.stating(tag, attribute)
+        return otherwise if element is None else element.attrib[attribute]
 
     def disabled(self, *flags: str) -> bool:
-        """Whether a `<flag>` disables any of these."""
+        """Return whether a `<flag>` disables any of these."""
         return any(self.stated("option/flag", flag) == "disable" for flag in flags)
 
 
 def read_source_mjcf(path: Path) -> MjcfSource:
-    """An MJCF with what it includes, which stands beside the first.
+    """Read an MJCF with its includes, whose paths are relative to the first file.
 
     Raises:
         EngineError: naming file and line.
@@ -76,8 +76,8 @@ def read_source_mjcf(path: Path) -> MjcfSource:
 def _expanded(
     path: Path, folder: Path, above: tuple[Path, ...], places: dict[ET.Element, tuple[Path, int]]
 ) -> ET.Element:
-    source = read_xml(read_source(path, mend=True), path)
-    places.update({one: (path, line) for one, line in source.lines.items()})
+    source = read_xml(read_source(path, tolerant=True), path)
+    places.update({element: (path, line) for element, line in source.lines.items()})
     for parent in list(source.root.iter()):
         for i, child in reversed(list(enumerate(parent))):
             if child.tag == "include":
@@ -88,36 +88,36 @@ def _expanded(
                         child, f"<include file> is {name!r}, which is the file itself"
                     )
                 parent.remove(child)
-                for one in reversed(list(_expanded(file, folder, (*above, path), places))):
-                    parent.insert(i, one)
+                for element in reversed(list(_expanded(file, folder, (*above, path), places))):
+                    parent.insert(i, element)
     return source.root
 
 
 def with_options(spec: ModelSpec) -> ModelSpec:
-    """The file's step and gravity as settings, where the sidecar states none.
+    """Return the spec with the file's step and gravity, unless the sidecar states them.
 
     Raises:
-        EngineError: where they are no numbers.
+        EngineError: if they are not numbers.
     """
     source = read_source_mjcf(spec.path)
-    found: dict[str, object] = {}
+    options: dict[str, object] = {}
     for setting, (attribute, otherwise) in OPTIONS.items():
         text = source.stated("option", attribute)
         numbers = finite_numbers(text) if text else None
         if text and (numbers is None or len(numbers) != (3 if setting == "gravity" else 1)):
             raise EngineError(f"{spec.path}: <option {attribute}> is {text!r}")
-        found[setting] = otherwise if numbers is None else numbers
-    if isinstance(found["step"], list):
-        (found["step"],) = found["step"]
+        options[setting] = otherwise if numbers is None else numbers
+    if isinstance(options["step"], list):
+        (options["step"],) = options["step"]
     off = {"gravity": [0.0, 0.0, 0.0]} if source.disabled("gravity") else {}
-    given = {**found, **spec.settings, **off}
+    given = {**options, **spec.settings, **off}
     if not isinstance(given["step"], (int, float)) or not given["step"] > 0:
         raise EngineError(f"{spec.path}: the time step is {given['step']} s; expected more than 0")
     return replace(spec, settings=given)
 
 
 def option_remarks(source: MjcfSource, title: str, attributes: frozenset[str]) -> Iterator[Remark]:
-    """What `<option>` says that an engine reads over and its adapter sets."""
+    """Yield attributes of `<option>` that an engine ignores and its adapter applies."""
     for attribute, _ in OPTIONS.values():
         if attribute in attributes and source.stated("option", attribute):
             yield Remark(

@@ -10,35 +10,35 @@ from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 
 
 class Stepper(ABC):
-    """A model in one state, which goes on by steps; positions and velocities are (nz,) each."""
+    """A model in one state, advanced by steps; positions and velocities are (nz,) each."""
 
     @abstractmethod
     def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state."""
+        """Set a state."""
 
     @abstractmethod
     def position(self) -> Array:
-        """Where it is."""
+        """Return the position."""
 
     @abstractmethod
     def state(self) -> tuple[Array, Array]:
-        """Positions and velocities."""
+        """Return positions and velocities."""
 
     @abstractmethod
     def step(self, h: float, force: Array | None) -> None:
-        """Go on by h seconds, under forces on its coordinates that are held."""
+        """Advance by h seconds, under constant forces on its coordinates."""
 
     def coast(self, h: float, n: int) -> None:
-        """Go on by n steps under no such forces."""
+        """Advance by n steps without such forces."""
         for _ in range(n):
             self.step(h, None)
 
 
-@np.errstate(all="ignore")  # a motion that blows up is returned as it is
+@np.errstate(all="ignore")  # a diverging motion is returned as it is
 def rollout(
     stepper: Stepper, q: Array, v: Array, h: float, n: int, force: Force, every: int
 ) -> tuple[Array, Array]:
-    """As `Model.rollout`; once a motion is no number, the rest of it is none either."""
+    """Return a rollout as in `Model.rollout`; after a non-finite state the rest is NaN."""
     out_q = np.full((len(q), n // every, q.shape[1]), np.nan)
     out_v = np.full_like(out_q, np.nan)
     for b in range(len(q)):
@@ -58,9 +58,9 @@ def rollout(
 
 
 def held(stepper: Stepper, force: Array | StateForce, b: int, i: int) -> Array:
-    """What acts on state b over step i, (nz,)."""
+    """Return the forces on state b over step i, (nz,)."""
     if isinstance(force, StateForce):
-        at, u = stepper.position().tolist(), force.inputs[b, i].tolist()
-        return np.array(force.at(at, u), dtype=float)
+        position, u = stepper.position().tolist(), force.inputs[b, i].tolist()
+        return np.array(force.evaluate(position, u), dtype=float)
     row: Array = force[b, i]
     return row

@@ -21,7 +21,7 @@ BEGIN, END = (
     "<!-- generated: python -m physics_crosscheck.harness.engines.pages docs/engines -->",
     ("<!-- end of the generated part -->"),
 )
-"""What the generated part stands between."""
+"""The markers around the generated part."""
 
 TOPICS = (
     "joints",
@@ -98,7 +98,7 @@ _MUJOCO: Mapping[str, object] = MappingProxyType({
     "exact_frames": False, "compensated": False,
 })  # fmt: skip
 
-_OWN: Mapping[str, Mapping[str, object]] = MappingProxyType({
+_ADAPTER_DEFAULTS: Mapping[str, Mapping[str, object]] = MappingProxyType({
     "mujoco": _MUJOCO,
     "mjx": {**_MUJOCO, "bits": 64},
     "pybullet": PYBULLET,
@@ -109,16 +109,16 @@ _OWN: Mapping[str, Mapping[str, object]] = MappingProxyType({
 
 def own_settings(engine: Engine) -> dict[str, object]:
     """Return the defaults of the settings that are not common to all engines."""
-    every = engine.defaults if isinstance(engine, UrdfEngine) else _OWN[engine.name]
+    every = engine.defaults if isinstance(engine, UrdfEngine) else _ADAPTER_DEFAULTS[engine.name]
     return {key: default for key, default in every.items() if key not in COMMON}
 
 
 def common_settings(engine: Engine) -> tuple[str, ...]:
     """Return the common settings that an engine takes."""
-    found = {"step", "gravity", *engine.switches}
+    names = {"step", "gravity", *engine.switches}
     if engine.switches:
-        found.add("floating")
-    return tuple(key for key in COMMON if key in found)
+        names.add("floating")
+    return tuple(key for key in COMMON if key in names)
 
 
 def phrases(engine: Engine) -> dict[str, str]:
@@ -127,10 +127,10 @@ def phrases(engine: Engine) -> dict[str, str]:
     Raises:
         ValueError: if a topic is missing.
     """
-    found = dict(phrase.split(": ", 1) for phrase in engine.capabilities)
-    if tuple(found) != TOPICS:
+    topics = dict(phrase.split(": ", 1) for phrase in engine.capabilities)
+    if tuple(topics) != TOPICS:
         raise ValueError(f"{engine.name}: its capabilities are not of {', '.join(TOPICS)}")
-    return found
+    return topics
 
 
 def matrix() -> str:
@@ -138,11 +138,11 @@ def matrix() -> str:
     heads = ("engine", "files", *TOPICS, "extra")
     rows = [heads, ("---",) * len(heads)]
     for engine in (kind() for kind in BUILT_IN):
-        said = phrases(engine)
+        by_topic = phrases(engine)
         rows.append((
             f"[{engine.title}]({engine.name}.md)",
             _formats(engine),
-            *(said[topic] for topic in TOPICS),
+            *(by_topic[topic] for topic in TOPICS),
             f"`{engine.extra or 'engines'}`",
         ))  # fmt: skip
     return _table(rows)
@@ -156,27 +156,27 @@ def facts(engine: Engine) -> str:
         ("files", _formats(engine)),
         ("installation", f"`{installs(engine)}`"),
     ]
-    if engine.bare_link:
-        rows.append(("mass of a URDF link without `<inertial>`", engine.bare_link))
+    if engine.massless_link_default:
+        rows.append(("mass of a URDF link without `<inertial>`", engine.massless_link_default))
     if engine.ignores:
         rows.append(("ignored numbers", ", ".join(f"`{one}`" for one in sorted(engine.ignores))))
     common = ", ".join(f"`{key}`" for key in common_settings(engine))
     compared = "[Engines](index.md) compares joints, springs, steps and features.\n"
     parts = [_table(rows), compared, f"## Settings\n\nCommon settings: {common}.\n"]
-    own = own_settings(engine)
-    if own:
-        told = {**HELP, **(_SPACE if engine.name == "pymunk" else {})}
-        lines = [(f"`{key}`", _value(own[key]), told[key]) for key in own]
+    defaults = own_settings(engine)
+    if defaults:
+        meanings = {**HELP, **(_SPACE if engine.name == "pymunk" else {})}
+        lines = [(f"`{key}`", _value(defaults[key]), meanings[key]) for key in defaults]
         parts.append(_table([("setting", "default", "meaning"), ("---",) * 3, *lines]))
     if engine.usual_mistakes:
-        found = [
+        mistakes = [
             (one.name, f"`{one.setting} = {_toml(one.value)}`")
             if isinstance(one, DefaultLeftOn)
             else (one.name, ", ".join(f"`{key}`" for key in one.defaults))
             for one in engine.usual_mistakes
         ]
         parts.append("## Common mistakes\n\n`crosscheck mutate` makes each of them.\n")
-        parts.append(_table([("mistake", "setting"), ("---", "---"), *found]))
+        parts.append(_table([("mistake", "setting"), ("---", "---"), *mistakes]))
     return "\n".join(parts)
 
 
@@ -194,7 +194,7 @@ def renewed(text: str, part: str) -> str:
 
 
 def pages(folder: Path) -> dict[Path, str]:
-    """Return every page with a generated part, as it has to be."""
+    """Return every page with its generated part renewed."""
     parts = {"index": matrix() + "\n" + _common_table()}
     parts |= {engine.name: facts(engine) for engine in (kind() for kind in BUILT_IN)}
     files = {folder / f"{name}.md": part for name, part in parts.items()}

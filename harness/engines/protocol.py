@@ -1,10 +1,10 @@
-"""The engine protocol: the interface of an adapter, without any equations of a system.
+"""The engine protocol: the interface of an adapter, without knowledge of a system's equations.
 
-An adapter turns a model file into a `Model` that runs steps. It contains all knowledge about its
-engine. It never receives a system's constants, never interpolates, and counts steps in integers.
-Required methods are abstract; all others have a default. Third parties register an adapter by the
-entry point `crosscheck.engines`. `harness.engines.known_answer` is an example, and
-`harness.engines.conformance` tests an adapter.
+An adapter turns a model file into a `Model` that rolls out. All engine knowledge belongs there. An
+adapter never sees a system's constants, never interpolates, and counts steps in integers. Required
+methods are abstract; everything else has a default. Third parties add an adapter through the entry
+point `crosscheck.engines`. `harness.engines.known_answer` is an example, and
+`harness.engines.conformance` checks an adapter.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ Array = NDArray[np.float64]
 
 
 class FileError(Exception):
-    """A problem of a file; its text is `FILE:LINE: sentence`.
+    """A problem with a file; as text, `FILE:LINE: sentence`.
 
     Attributes:
-        sentence: the problem; it names the file if `file` is None.
-        file: path; None if the sentence names it.
-        line: number, from 1; None without a line.
-        kind: type of the failure that a case reports (`harness.records.case.FailureKind`).
+        sentence: the problem; it names the file itself without `file`.
+        file: the file, or None if the sentence names it.
+        line: of the file, counted from 1, or None.
+        kind: the kind of failure that a case reports (`harness.records.case.FailureKind`).
     """
 
     kind = "file"
@@ -47,14 +47,14 @@ class FileError(Exception):
 class EngineError(FileError, RuntimeError):
     """A model file that an engine cannot load or run; the message names file, place and remedy.
 
-    If memory runs out, an adapter raises MemoryError instead, which is not a fault of the file.
+    If memory runs out, an adapter raises MemoryError instead, since the file is not the cause.
     """
 
 
 class UnsupportedError(EngineError):
-    """A model file that this engine or adapter does not support, but another engine may.
+    """A valid model file that this engine or its adapter does not support.
 
-    A mistake in the file or its sidecar is an `EngineError`.
+    A mistake in the file or in its sidecar is a plain `EngineError`.
     """
 
     kind = "unsupported"
@@ -75,7 +75,7 @@ class Spring:
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """A model file with the sidecar's springs and the engine's own settings."""
+    """A model file with its sidecar's additions for one engine; `settings` are the engine's own."""
 
     path: Path
     springs: tuple[Spring, ...] = ()
@@ -86,11 +86,11 @@ class ModelSpec:
 class Sample:
     """A small mechanism as a file that an adapter runs, for the conformance suite.
 
-    No constraint may couple its coordinates near `Model.home`.
+    Its coordinates must be independent of each other near `Model.home`.
 
     Attributes:
-        file: name of the file, with its ending.
-        text: content of the file.
+        file: name of the file, with its suffix.
+        text: its content.
         springs, settings: as in `ModelSpec`.
     """
 
@@ -106,26 +106,28 @@ class StateForce:
 
     Attributes:
         inputs: u at the start of each step, (B, n, inputs).
-        at: force on the engine's coordinates at one state, (z, u) -> nz numbers. It takes plain
-            sequences, because small arrays would take most of the time of a step.
+        evaluate: force on the engine's coordinates at one state, (z, u) -> nz numbers. It takes
+            plain sequences: small arrays would take most of the time of one call per step.
     """
 
     inputs: Array
-    at: Callable[[Sequence[float], Sequence[float]], Sequence[float]]
+    evaluate: Callable[[Sequence[float], Sequence[float]], Sequence[float]]
 
 
 Force = Array | StateForce | None
-"""Forces on the engine's coordinates, held over each step: (B, n, nz), by state, or none."""
+"""Forces on the engine's coordinates, held over each step: (B, n, nz), by state, or None."""
 
 
 def within(free: Array, limits: Array) -> Array:
-    """Return ranges (nz, 2) clipped to limits; an empty range is replaced by its limits."""
-    cut = np.stack([np.maximum(free[:, 0], limits[:, 0]), np.minimum(free[:, 1], limits[:, 1])], 1)
-    return np.where((cut[:, 0] < cut[:, 1])[:, None], cut, limits)
+    """Restrict ranges (nz, 2) to limits; if nothing remains, return the limits."""
+    bounded = np.stack(
+        [np.maximum(free[:, 0], limits[:, 0]), np.minimum(free[:, 1], limits[:, 1])], 1
+    )
+    return np.where((bounded[:, 0] < bounded[:, 1])[:, None], bounded, limits)
 
 
 def held_joints(spec: ModelSpec) -> tuple[str, ...]:
-    """Return the setting `held`: names of joints to fix where the file draws them.
+    """Return the setting `held`: joints to fix at their drawn positions.
 
     Raises:
         EngineError: if it is not a list of names.
@@ -133,18 +135,18 @@ def held_joints(spec: ModelSpec) -> tuple[str, ...]:
     held = spec.settings.get("held", [])
     if isinstance(held, list) and all(isinstance(name, str) for name in held):
         return tuple(held)
-    told = f"[settings] held is {held!r}; expected a list of joints"
-    raise EngineError(f"{spec.path}.toml: {told}")
+    problem = f"[settings] held is {held!r}; expected a list of joints"
+    raise EngineError(f"{spec.path}.toml: {problem}")
 
 
 class Model(ABC):
     """A model file, loaded by an engine.
 
     Attributes:
-        coordinates: names of the nz engine coordinates, in the order of the states.
-        step: time step of the file or its sidecar, s.
+        coordinates: names of the engine's coordinates, in the order of its states: nz of them.
+        step: the time step of the file or its sidecar, seconds.
         integrator: name of the time-stepping method.
-        gravity: components, m/s^2, two in a planar engine; empty if unknown.
+        gravity: its components, m/s^2, two in a planar engine; empty if unknown.
         epsilon: relative rounding of the engine's numbers.
     """
 
@@ -158,25 +160,25 @@ class Model(ABC):
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Return the leading exponent of h in the error of a motion, and the increment to the next.
 
-        `varying_input` is True if an input changes over time and is constant over each step.
+        `varying_input` is true if an input changes over time and is held over each step.
         """
 
     @abstractmethod
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Run n steps of h seconds from B states (q, v), each (B, nz).
+        """Take n steps of h seconds from B states (q, v), each (B, nz).
 
-        Return positions and velocities after each `every` steps, each (B, n // every, nz).
-        The result must not depend on earlier calls. Values that are not finite are returned too.
+        Return positions and velocities after every `every` steps, each (B, n // every, nz). The
+        result must not depend on earlier calls. Return values that are not finite unchanged.
         """
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """Return the accelerations at B states without a step, (B, nz); None if unsupported.
+        """Return accelerations at B states without a step, (B, nz), or None if not available.
 
-        For slides and hinges they are second derivatives. For ball joints and a floating root they
-        are derivatives of the velocities: angular about body axes, linear along world axes. They
-        are nan in a state in which a soft constraint acts, such as a contact.
+        For slides and hinges they are second derivatives. For balls and a floating root they are
+        the derivatives of the velocities: angular about the body's axes, linear along the world's.
+        They are NaN in a state where a soft constraint acts, such as a contact.
 
         Args:
             z: positions, (B, nz).
@@ -186,10 +188,11 @@ class Model(ABC):
         return None
 
     def equality_errors(self, z: Array) -> Array | None:
-        """Return the violation of equalities at B positions, (B, nz).
+        """Return the distance of B positions from those that equalities require, (B, nz).
 
-        This covers equalities that the engine treats as soft and `accelerations` as exact.
-        The violation is zero without an equality; None if the model has none.
+        The equalities are those that the engine makes soft and that `accelerations` holds exactly:
+        this tests their own numbers. Zero for unconstrained coordinates; None without such
+        equalities.
 
         Args:
             z: positions, (B, nz).
@@ -198,97 +201,101 @@ class Model(ABC):
 
     @property
     def home(self) -> Array:
-        """Positions as the file draws the mechanism, (nz,)."""
+        """Positions of the drawn configuration, (nz,)."""
         return np.zeros(len(self.coordinates))
 
     @property
-    def reach(self) -> Array:
-        """Range of random positions, (nz, 2)."""
+    def sampling_range(self) -> Array:
+        """Range in which positions are sampled at random, (nz, 2)."""
         return np.tile([-1.0, 1.0], (len(self.coordinates), 1))
 
     @property
     def limits(self) -> Array:
-        """Joint limits, (nz, 2); infinite without one."""
+        """Positions between which no joint limit acts, (nz, 2); infinite without a limit."""
         return np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
 
     @property
-    def remedies(self) -> Mapping[str, Mapping[str, object]]:
-        """Defaults of the engine that change the motion: cause -> settings that switch it off."""
+    def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
+        """The engine's own assumptions that the settings leave active: cause -> correcting
+        settings.
+        """
         return {}
 
     @property
     def integrators(self) -> Mapping[str, Mapping[str, object]]:
-        """Other valid integrators of this model: name -> settings that select it."""
+        """Other valid integrators of this model: name -> settings that choose it."""
         return {}
 
     @property
     def step_rule(self) -> StepRule | None:
-        """The rule for the next state under given forces; None if unknown."""
+        """The rule by which the next state follows from the forces, or None if unknown."""
         return None
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the engine so far, one sentence each; one may explain why a motion ends."""
+        """The engine's warnings so far, one sentence each; they may explain why a motion ends."""
         return ()
 
     @property
     def reservations(self) -> tuple[str, ...]:
-        """Numbers that the engine did not derive from the file, one sentence each."""
+        """Numbers that the engine did not compute from the file itself, one sentence each."""
         return ()
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Names of poses, as `kind:name`, such as `body:rod`; empty if unsupported."""
+        """Bodies and frames with a pose, as `kind:name`, such as `body:rod`; empty if unknown."""
         return ()
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """Return poses of some `places` in the engine's world, at positions z, (K, nz).
+        """Return the poses of some `places` in the engine's world, at positions z, (K, nz).
 
-        Return origins, (K, F, 3), m, and rotations, (K, F, 3, 3), with the axes as columns.
-        Planar engines use x and y.
+        Origins are (K, F, 3), m. Rotations are (K, F, 3, 3); their columns are the axes. A planar
+        engine uses the plane of x and y.
         """
         raise NotImplementedError(f"{type(self).__name__} has places and no poses")
 
     def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
-        """Return what the engine or the format adds or drops, according to the loaded model.
+        """Yield changes that the engine or the format makes, read from the model without a motion.
 
         Args:
-            z: positions on the motions, (K, nz).
+            z: positions along the motions, (K, nz).
             w: velocities there, (K, nz).
         """
         return ()
 
 
 class Engine(ABC):
-    """An adapter: loads model files into an engine and describes what the engine does.
+    """An adapter: its names, formats and capabilities, and how to load a model file.
 
     Attributes:
         name: short name, as in sidecars and results.
-        title: name for sentences.
-        formats: file endings that it reads, such as ".urdf".
-        extra: extra of this package that installs the engine; empty for default engines. Sidecars
-            that name a missing optional engine run without it.
-        distribution: name of the engine in a package index, if it differs.
-        written_like: for a new format, the ending of a format with the same syntax: ".xml", ".py"
-            or ".toml". Its numbers then have addresses for bindings and causes.
-        capabilities: one short phrase per topic, for `crosscheck engines`.
-        preferred: formats for which it comes before other engines.
-        on_request: True if it runs robot files only when named, because compiling takes minutes.
-        unstated: default step and gravity, if neither the file nor its sidecar states them.
-        stated_settings: settings that a new sidecar states although they have a default.
-        bare_link: mass of a fixed URDF link without `<inertial>`; empty: none.
-        takes_springs: formats in which it supports the springs of a sidecar. In others they are an
-            error.
-        ignores: numbers that the engine ignores, such as "dynamics@friction".
-        idle: purpose of numbers that affect no motion, by a regular expression of their tags, such
-            as `robot/link/visual/.*`.
-        choices: regular expression of integers that select something; empty: none.
-        compiles: formats that `compiled` supports.
-        switches: supported settings of `smooth`, `couplings`, `held`, `actuators`, `controls` and
-            `activations`.
-        usual_mistakes: common mistakes of its users that no format causes.
-        compilers: engines whose `compiled` supports a format, by its ending; set by the registry.
-            An adapter that edits a file may use the inertias that one of them compiles.
+        title: the name in sentences.
+        formats: suffixes of the files that it reads, such as ".urdf".
+        extra: the extra of this package that installs its engine, if it is not in the extra
+            `engines`; if it is missing, sidecars that name it run without it.
+        distribution: the engine's name in a package index, if it differs from `name`.
+        syntax: for an own format, the suffix of a format with the same syntax: ".xml", ".py" or
+            ".toml". Its numbers then have addresses, for bindings and causes.
+        capabilities: short phrases for `crosscheck engines`.
+        preferred: the formats for which it precedes other engines.
+        on_request: whether robot files without a reference run in it only if the user names it,
+            since it compiles each for minutes.
+        default_settings_note: its default step and gravity, for files and sidecars without them.
+        stated_settings: settings that a new sidecar states although they have defaults.
+        massless_link_default: its mass for a fixed URDF link without one; empty for no mass.
+        takes_springs: the formats in which it applies a sidecar's springs; in others they are
+            refused before a file is loaded.
+        ignores: numbers of its formats that it ignores, such as "dynamics@friction".
+        non_physical: the purpose of numbers that need not affect a motion, by a regular expression
+            of the tags that lead to them, as in `robot/link/visual/.*`.
+        choices: a regular expression of whole numbers that select options and measure nothing.
+        compiles: the formats that `compiled` reads.
+        switches: the settings that it supports, among `smooth`, `couplings`, `held` (joints fixed
+            at their drawn positions), `actuators` (whether they act), `controls` (held inputs) and
+            `activations` (initial states of actuators, which then move).
+        usual_mistakes: typical mistakes of its users that are not caused by a format.
+        compilers: engines whose `compiled` reads a format, by suffix; set by the registry. An
+            adapter that edits a file may use inertias that one of them compiles.
     """
 
     name: str
@@ -296,16 +303,16 @@ class Engine(ABC):
     formats: tuple[str, ...]
     extra: str = ""
     distribution: str = ""
-    written_like: Mapping[str, str] = MappingProxyType({})
+    syntax: Mapping[str, str] = MappingProxyType({})
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()
     on_request: bool = False
-    unstated: str = ""
+    default_settings_note: str = ""
     stated_settings: Mapping[str, object] = MappingProxyType({})
-    bare_link: str = ""
+    massless_link_default: str = ""
     takes_springs: tuple[str, ...] = ()
     ignores: frozenset[str] = frozenset()
-    idle: Mapping[str, str] = MappingProxyType({})
+    non_physical: Mapping[str, str] = MappingProxyType({})
     choices: str = ""
     compiles: tuple[str, ...] = ()
     switches: frozenset[str] = frozenset()
@@ -325,15 +332,17 @@ class Engine(ABC):
         """
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Return typical values of required settings that files of a format cannot state."""
+        """Return settings that files of a format can't state and a run needs, at ordinary
+        values.
+        """
         return {}
 
     def caveats(self, path: Path) -> tuple[str, ...]:
-        """Return known losses of digits when the engine reads a file, one sentence each."""
+        """Return known losses of the file's precision in the engine, one sentence each."""
         return ()
 
     def parts(self, path: Path) -> tuple[Path, ...]:
-        """Return a file of a format in `compiles`, and the files that it includes.
+        """Return a file of the formats in `compiles`, and its includes.
 
         Raises:
             EngineError: with file and reason.
@@ -341,7 +350,8 @@ class Engine(ABC):
         return (path,)
 
     def file_remarks(self, path: Path) -> Iterable[Remark]:
-        """Return how the engine changes a file's numbers while reading, without settings.
+        """Yield changes that the engine makes to a file's numbers, independent of a model's
+        settings.
 
         Raises:
             EngineError: with file and reason.
@@ -349,11 +359,11 @@ class Engine(ABC):
         return ()
 
     def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
-        """Return the numbers that the engine compiles from a file of a format in `compiles`.
+        """Return a file of the formats in `compiles` as the numbers that the engine compiles it to.
 
         Args:
-            path: model file.
-            texts: contents that replace some of its `parts`, by path.
+            path: of the file.
+            texts: replacements of some of its `parts`, by their paths.
 
         Raises:
             EngineError: with file and reason.

@@ -27,11 +27,11 @@ BUILT_IN = (
 
 
 def engines() -> dict[str, Engine]:
-    """Return every known adapter by name; an entry point may not take a built-in name.
+    """Return every available adapter by name; an entry point may not use a built-in name.
 
-    One that can't be loaded is left out with a warning: the others still run.
+    An adapter that can't be loaded is left out with a warning: the others still run.
     """
-    known: dict[str, Engine] = {kind.name: kind() for kind in BUILT_IN}
+    by_name: dict[str, Engine] = {kind.name: kind() for kind in BUILT_IN}
     for point in _points(python_path(), tuple(map(id, sys.meta_path))):
         try:
             engine: Engine = point.load()()
@@ -44,40 +44,44 @@ def engines() -> dict[str, Engine]:
                 f"the engine {point.name!r} of {point.value} can't be loaded: {error}", stacklevel=2
             )
             continue
-        known.setdefault(engine.name, engine)
-    able = {suffix: one for one in reversed(known.values()) for suffix in one.compiles}
-    for one in known.values():
-        one.compilers = able
-    return known
+        by_name.setdefault(engine.name, engine)
+    able = {
+        suffix: adapter for adapter in reversed(by_name.values()) for suffix in adapter.compiles
+    }
+    for adapter in by_name.values():
+        adapter.compilers = able
+    return by_name
 
 
 @lru_cache(maxsize=8)
 def _points(*_: object) -> tuple[EntryPoint, ...]:
-    """What registers adapters; every distribution is asked, which takes longer than to load one."""
+    """Return the entry points of adapters; scanning all distributions takes longer than loading
+    one.
+    """
     return tuple(entry_points(group="crosscheck.engines"))
 
 
 def installs(engine: Engine) -> str:
-    """The command that installs an engine."""
+    """Return the command that installs an engine."""
     if not isinstance(engine, BUILT_IN):
         return f"pip install {distribution(engine)}"
     return f"pip install 'physics-crosscheck[{engine.extra or 'engines'}]'"
 
 
 def distribution(engine: Engine) -> str:
-    """What a package index calls an engine."""
+    """Return an engine's name in a package index."""
     return engine.distribution or engine.name
 
 
 def missing(engine: Engine) -> str:
-    """What installs an engine that is not there."""
+    """Return the message for a missing engine, with the command that installs it."""
     return f"{engine.name}: not installed; {installs(engine)}"
 
 
 def absent_extras() -> dict[str, str]:
-    """Engines of extras that are not installed, each with what installs it.
+    """Return engines of extras that are not installed, each with the message for it.
 
-    What names them beside others runs without them: nobody need install them all.
+    Files that name them and other engines run without them: no user needs all extras.
     """
     return {
         name: missing(engine)
@@ -86,31 +90,32 @@ def absent_extras() -> dict[str, str]:
     }
 
 
-def runners(suffix: str) -> tuple[Engine, ...]:
-    """The readers of a format that a file alone is run in: the standing ones, and extras there.
+def engines_to_run(suffix: str) -> tuple[Engine, ...]:
+    """Return the engines that run a file of this format: the default ones, and installed extras.
 
-    Without those that run it on request only. Where none is there, all: it is told of each.
+    Engines that run only on request are left out. If no engine is installed, return all, so that
+    each is reported.
     """
     absent = absent_extras()
-    known = tuple(engine for engine in readers(suffix) if not engine.on_request)
-    return tuple(engine for engine in known if engine.name not in absent) or known
+    candidates = tuple(engine for engine in engines_reading(suffix) if not engine.on_request)
+    return tuple(engine for engine in candidates if engine.name not in absent) or candidates
 
 
-def standing(suffix: str) -> tuple[Engine, ...]:
-    """The readers of a format that everybody installs, for a new sidecar; all where there is none.
+def default_engines(suffix: str) -> tuple[Engine, ...]:
+    """Return the default engines of a format, for a new sidecar; all without one.
 
-    Without those that run it on request only.
+    Engines that run only on request are left out.
     """
-    known = tuple(engine for engine in readers(suffix) if not engine.on_request)
-    return tuple(engine for engine in known if not engine.extra) or known
+    candidates = tuple(engine for engine in engines_reading(suffix) if not engine.on_request)
+    return tuple(engine for engine in candidates if not engine.extra) or candidates
 
 
-def readers(suffix: str) -> tuple[Engine, ...]:
-    """The engines that read a format, first those that are preferred for it."""
-    found = [engine for engine in engines().values() if suffix in engine.formats]
-    return tuple(sorted(found, key=lambda engine: suffix not in engine.preferred))
+def engines_reading(suffix: str) -> tuple[Engine, ...]:
+    """Return the engines that read a format, starting with those that prefer it."""
+    result = [engine for engine in engines().values() if suffix in engine.formats]
+    return tuple(sorted(result, key=lambda engine: suffix not in engine.preferred))
 
 
 def model_formats() -> frozenset[str]:
-    """Endings by which a file is known for a model; a Python file may be anything."""
+    """Return the suffixes that identify a model file; a Python file may be anything."""
     return frozenset(s for engine in engines().values() for s in engine.formats) - {".py"}

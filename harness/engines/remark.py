@@ -1,4 +1,4 @@
-"""What an engine or a format does on its own, one thing at a time."""
+"""Remarks: single effects of an engine or a format on a model."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ RemarkKind = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """Something an engine or a format adds to a model, or drops from it, on its own.
+    """A change that an engine or a format makes to a model.
 
     Attributes:
         message: a sentence.
-        kind: what it is about; `default` is a value that the engine assumes, or a force it adds.
-        subject: what it is about, where its message has numbers that are computed rather than of
-            the file: two remarks of one subject are the same; empty where the message says it all.
-        fault: whether it is wrong in itself.
-        address: the number or element, as `harness.modelfiles.locations` spells them:
+        kind: the topic; `default` is a value that the engine assumes, or a force that it adds.
+        subject: the topic in detail, for messages with computed numbers: two remarks of one subject
+            are equal; empty if the message identifies the remark.
+        fault: whether it is an error in itself.
+        address: the number or element, in the syntax of `harness.modelfiles.locations`:
             `body/joint[x]@damping`, `option@gravity`, `robot/link[rod]`, in Python `MASS`,
-            `PinJoint()` for a call, `Space().damping` for an attribute of what it makes. With
-            `sidecar:settings.` before it, a setting of the sidecar. Where nothing in the file is
-            so called, the file is meant; empty: the file as a whole; None: nothing in it.
-        beside: another such number, whose line is told in the message.
-        value: the number, where it is about one.
-        cause: what a diagnosis calls it, as in `Model.remedies` and `CompiledTree.taken`.
-        shows_in: kinds of compiled terms that it enters; where one of these differs from the
-            equations it is to blame, otherwise it is as it should be.
-        undone_by: settings that undo it, where it is a loss of digits that no number of the file
-            can mend: what of `shows_in` is right with these is the engine's own, and no fault.
+            `PinJoint()` for a call, `Space().damping` for an attribute of its result. The prefix
+            `sidecar:settings.` marks a setting of the sidecar. An unknown or empty address stands
+            for the whole file; None for no place in it.
+        related_address: another such number, whose line the message reports.
+        value: the number, if there is one.
+        cause: the name that a diagnosis reports, as in `Model.corrective_settings` and
+            `CompiledTree.engine_variants`.
+        shows_in: kinds of compiled terms that it affects; if one of these differs from the
+            equations, this remark explains it, otherwise it is correct.
+        undone_by: settings that undo a loss of precision which no number of the file can fix. A
+            difference in `shows_in` that they remove is the engine's and not a fault of the file.
     """
 
     message: str
@@ -42,15 +43,15 @@ class Remark:
     subject: tuple[str, ...] = ()
     fault: bool = False
     address: str | None = None
-    beside: str = ""
+    related_address: str = ""
     value: float | None = None
     shows_in: tuple[str, ...] = ()
     undone_by: Mapping[str, object] = field(default_factory=dict)
     cause: str = ""
 
 
-PULL = ("rest", "stiffness")
-"""What a force that depends on positions alone shows in."""
+POSITION_FORCE_TERMS = ("rest", "stiffness")
+"""Compiled terms of a force that depends on positions only."""
 
 
 def limit_remarks(
@@ -60,7 +61,9 @@ def limit_remarks(
     reached: tuple[float, float],
     address: str,
 ) -> tuple[Remark, ...]:
-    """A joint's limits that the motions reach, below, above; and those that they don't."""
+    """Return remarks for a joint's limits that the motions reach, and for those that they do
+    not.
+    """
     (lower, upper), (low, high) = bounds, reached
     if lower < low and high < upper:
         return (

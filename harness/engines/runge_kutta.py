@@ -1,11 +1,12 @@
-"""The classical rule of order four on an engine's accelerations, and of Munthe-Kaas on a free root.
+"""The classical Runge-Kutta method of order 4 on an engine's accelerations, Munthe-Kaas's for a
+free root.
 
-Munthe-Kaas (1999), Appl. Numer. Math. 29, 115-127: what is summed are moves from the step's start.
-The rotation of a root is a quaternion here, its velocity along the world's axes at its origin, and
-angular about its own axes (`harness.engines.attitude` has the coordinates that the harness sees).
+Munthe-Kaas (1999), Appl. Numer. Math. 29, 115-127: the stages add displacements from the step's
+start. A root's rotation is a quaternion here. Its velocity is along the world's axes at its origin,
+and angular about its own axes (`harness.engines.attitude` defines the harness's coordinates).
 
-All states of a batch take each step together: of few numbers, Python and numpy cost more a call
-than an engine's accelerations do.
+All states of a batch step together, because for few numbers a call of Python and numpy takes longer
+than an engine's accelerations.
 """
 
 from __future__ import annotations
@@ -27,16 +28,18 @@ from physics_crosscheck.harness.engines.attitude import (
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 
 Accelerations = Callable[[Array, Array, Array], Array]
-"""dm/dt, (B, n), of positions x, velocities m and forces of B states; of a free root x begins with
-its place and its quaternion, real part first, m and forces with three numbers each along the
-world's axes and three about its own. No state's depend on those beside it."""
+"""dm/dt, (B, n), of positions x, velocities m and forces of B states.
 
-Alone = Callable[[Array, Array, Array], Array]
-"""The same of one state: x, m, f and dm/dt are (n,) each; to the last digit what it is of many."""
+For a free root, x begins with its position and its quaternion, real part first; m and the forces
+begin with three numbers along the world's axes and three about its own. The rows are independent.
+"""
+
+SingleAccelerations = Callable[[Array, Array, Array], Array]
+"""The same for one state: x, m, f and dm/dt are (n,) each, bitwise equal to a batch's row."""
 
 
-def each_alone(accelerations: Alone) -> Accelerations:
-    """Of all states, by a function of one: x, m and f are (n,) each."""
+def each_alone(accelerations: SingleAccelerations) -> Accelerations:
+    """Return a function of all states, from a function of one whose x, m and f are (n,) each."""
 
     def of_all(x: Array, m: Array, f: Array) -> Array:
         return np.array([accelerations(*row) for row in zip(x, m, f, strict=True)])
@@ -45,31 +48,31 @@ def each_alone(accelerations: Alone) -> Accelerations:
 
 
 class RungeKutta:
-    """A model whose engine tells accelerations.
+    """An integrator of a model whose engine provides accelerations.
 
     Args:
         accelerations: of the engine.
         floats: whether the first six coordinates are those of a free root.
-        alone: of one state, where that is quicker; not of a free root's.
+        single: a faster function for one state; not for a free root.
     """
 
     def __init__(
-        self, accelerations: Accelerations, floats: bool, alone: Alone | None = None
+        self, accelerations: Accelerations, floats: bool, single: SingleAccelerations | None = None
     ) -> None:
-        self._accelerations, self._floats, self._alone = accelerations, floats, alone
+        self._accelerations, self._floats, self._single_state = accelerations, floats, single
 
-    @np.errstate(all="ignore")  # a motion that blows up is returned as it is
+    @np.errstate(all="ignore")  # a diverging motion is returned as it is
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """As `Model.rollout`; once a motion is no number, the rest of it is none either."""
+        """Return a rollout as in `Model.rollout`; after a non-finite state the rest is NaN."""
         out_q = np.full((len(q), n // every, q.shape[1]), np.nan)
         out_v = np.full_like(out_q, np.nan)
         rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1))
-        if len(rows) == 1 and self._alone is not None and not isinstance(force, StateForce):
+        if len(rows) == 1 and self._single_state is not None and not isinstance(force, StateForce):
             row = int(rows[0])
             pushed = None if force is None else force[row]
-            self._one(q[row], v[row], h, n, pushed, every, out_q[row], out_v[row])
+            self._single_rollout(q[row], v[row], h, n, pushed, every, out_q[row], out_v[row])
             return out_q, out_v
         x, m = to_state(q[rows], v[rows]) if self._floats else (q[rows], v[rows])
         for row in range(n // every):
@@ -85,7 +88,7 @@ class RungeKutta:
                 rows, x, m = rows[fine], x[fine], m[fine]
         return out_q, out_v
 
-    def _one(
+    def _single_rollout(
         self,
         x: Array,
         m: Array,
@@ -96,51 +99,55 @@ class RungeKutta:
         out_q: Array,
         out_v: Array,
     ) -> None:
-        """A single state's motion, into (rows, n) arrays."""
-        assert self._alone is not None
+        """Write a single state's motion into (rows, n) arrays."""
+        assert self._single_state is not None
         f = np.zeros_like(x)
         for row in range(n // every):
             for i in range(row * every, (row + 1) * every):
-                x, m = _straight(self._alone, x, m, f if force is None else force[i], h)
+                x, m = _straight(self._single_state, x, m, f if force is None else force[i], h)
             out_q[row], out_v[row] = x, m
             if not (np.isfinite(x).all() and np.isfinite(m).all()):
                 break
 
     def _held(self, force: Force, rows: NDArray[np.intp], i: int, x: Array) -> Array:
-        """What acts on states over step i, (B, n)."""
+        """Return the forces on states over step i, (B, n)."""
         if force is None:
             return np.zeros((len(x), x.shape[1] - self._floats))
         if isinstance(force, StateForce):
-            at = (place(x) if self._floats else x).tolist()
+            positions = (place(x) if self._floats else x).tolist()
             inputs = force.inputs[rows, i].tolist()
-            return np.array([force.at(z, u) for z, u in zip(at, inputs, strict=True)], dtype=float)
+            return np.array(
+                [force.evaluate(z, u) for z, u in zip(positions, inputs, strict=True)], dtype=float
+            )
         held: Array = force[rows, i]
         return held
 
     def stepped(self, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
-        """The next positions and velocities, by four accelerations."""
-        at = self._accelerations
+        """Return the next positions and velocities, by four accelerations."""
+        acceleration = self._accelerations
         if not self._floats:
-            return _straight(at, x, m, f, h)
+            return _straight(acceleration, x, m, f, h)
         half, sixth = 0.5 * h, h / 6
-        speeds, gains = [m], [at(x, m, f)]
+        speeds, gains = [m], [acceleration(x, m, f)]
         for share in (half, half, h):
             moved, now = share * speeds[-1], m + share * gains[-1]
             speeds.append(unturned(moved, now))
-            gains.append(at(advanced(x, moved), now, f))
+            gains.append(acceleration(advanced(x, moved), now, f))
         return advanced(x, sixth * _weighed(speeds)), m + sixth * _weighed(gains)
 
 
-def _straight(at: Accelerations, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
-    """Where coordinates are numbers of their own, and velocities their rates."""
+def _straight(
+    acceleration: Accelerations, x: Array, m: Array, f: Array, h: float
+) -> tuple[Array, Array]:
+    """Step coordinates whose rates are the velocities."""
     half, sixth = 0.5 * h, h / 6
-    a1 = at(x, m, f)
+    a1 = acceleration(x, m, f)
     m2 = m + half * a1
-    a2 = at(x + half * m, m2, f)
+    a2 = acceleration(x + half * m, m2, f)
     m3 = m + half * a2
-    a3 = at(x + half * m2, m3, f)
+    a3 = acceleration(x + half * m2, m3, f)
     m4 = m + h * a3
-    a4 = at(x + h * m3, m4, f)
+    a4 = acceleration(x + h * m3, m4, f)
     return (
         x + sixth * (m + m4 + 2 * (m2 + m3)),
         m + sixth * (a1 + a4 + 2 * (a2 + a3)),
@@ -148,45 +155,47 @@ def _straight(at: Accelerations, x: Array, m: Array, f: Array, h: float) -> tupl
 
 
 def _weighed(stages: list[Array]) -> Array:
-    one, two, three, four = stages
-    return one + four + 2 * (two + three)
+    first, second, third, fourth = stages
+    return first + fourth + 2 * (second + third)
 
 
 def to_state(q: Array, v: Array) -> tuple[Array, Array]:
-    """Positions x and velocities m of coordinates and their rates, (..., nz)."""
+    """Return positions x and velocities m of coordinates and their rates, (..., nz)."""
     turn, spin = quaternion(q[..., 3:6]), angular_velocity(q[..., 3:6], v[..., 3:6])
-    return _put(q[..., :3], turn, q[..., 6:]), _put(v[..., :3], spin, v[..., 6:])
+    return _joined(q[..., :3], turn, q[..., 6:]), _joined(v[..., :3], spin, v[..., 6:])
 
 
 def place(x: Array) -> Array:
-    """Coordinates of positions x: of a rotation's two those nearer to its quaternion."""
-    return _put(x[..., :3], coordinates(x[..., 3:7], x[..., 3:7]), x[..., 7:])
+    """Return the coordinates of positions x, near to their quaternions."""
+    return _joined(x[..., :3], coordinates(x[..., 3:7], x[..., 3:7]), x[..., 7:])
 
 
 def rates(z: Array, m: Array) -> Array:
-    """Of coordinates z, by velocities m."""
-    return _put(m[..., :3], rate(z[..., 3:6], m[..., 3:6]), m[..., 6:])
+    """Return the rates of coordinates z, by velocities m."""
+    return _joined(m[..., :3], rate(z[..., 3:6], m[..., 3:6]), m[..., 6:])
 
 
 def advanced(x: Array, moved: Array) -> Array:
-    """Positions after a move: the root turns on about one of its axes."""
+    """Return positions after a displacement; the root rotates about its own axes."""
     turned = product(x[..., 3:7], exponential(moved[..., 3:6]))
-    return _put(x[..., :3] + moved[..., :3], turned, x[..., 7:] + moved[..., 6:])
+    return _joined(x[..., :3] + moved[..., :3], turned, x[..., 7:] + moved[..., 6:])
 
 
 def unturned(moved: Array, m: Array) -> Array:
-    """Velocities m as the rate of the move: the inverse of the exponential's differential."""
+    """Return velocities m as rates of the displacement: the inverse of the exponential's
+    differential.
+    """
     by, spin = moved[..., 3:6], m[..., 3:6]
     square = np.sum(by * by, axis=-1, keepdims=True)
     small = square < 1e-4
     safe = np.where(small, 1.0, square)
     half = np.sqrt(safe) / 2
-    # 1/12 + square/720 is the series, whose next term is below the last digit there.
+    # 1/12 + square/720 is the series; its next term is below the last digit here.
     share = np.where(small, 1 / 12 + square / 720, (1 - half / np.tan(half)) / safe)
     once = cross(by, spin)
-    return _put(m[..., :3], spin + once / 2 + share * cross(by, once), m[..., 6:])
+    return _joined(m[..., :3], spin + once / 2 + share * cross(by, once), m[..., 6:])
 
 
-def _put(*parts: Array) -> Array:
-    found: Array = np.concatenate(parts, axis=-1)
-    return found
+def _joined(*parts: Array) -> Array:
+    joined: Array = np.concatenate(parts, axis=-1)
+    return joined

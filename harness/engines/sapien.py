@@ -1,8 +1,8 @@
-"""SAPIEN, on URDF: reduced coordinates in PhysX, semi-implicit Euler in numbers of 32 bits.
+"""SAPIEN, on URDF: reduced coordinates in PhysX, semi-implicit Euler in 32-bit numbers.
 
-SAPIEN adds friction to every joint and drag to every link, bounds their speeds, and takes an
-inertial whose mass or moments are zero for none; settings say whether that stands. Shapes are left
-out, but those that give a link its mass, and these touch nothing; looks want a display.
+SAPIEN adds friction to every joint and damping to every link, bounds their speeds, and ignores an
+inertial with zero mass or moments. Settings control these effects. Shapes are left out, except
+those that give a link its mass, without contacts. Visual shapes would require a display.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ from physics_crosscheck.harness.engines.urdf_copy import Change, rewritten, with
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
-OWN: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
+SAPIEN_EFFECTS: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
     "link_damping": (0.05, "SAPIEN's damping of links"),
     "joint_friction": (0.05, "SAPIEN's friction of joints"),
     "bounded_speeds": (True, "SAPIEN's bounds of speeds"),
     "dropped_inertials": (True, "SAPIEN's dropping of inertials without mass or moments"),
 })  # fmt: skip
-"""What SAPIEN itself has for settings, and what a diagnosis calls it."""
+"""SAPIEN's own value of each setting, and the cause that a diagnosis reports."""
 
 SHOWS: Mapping[str, tuple[str, ...]] = MappingProxyType({"dropped_inertials": ("inertia",)})
-"""In what terms; the others in damping."""
+"""The compiled terms that each effect enters; damping for the others."""
 
 SERVO = "<mimic> of {} is a spring of 1e5 N/m or N m/rad in SAPIEN, or nothing"
 
 DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
     **ROBOTS,
-    # Of the linear and the angular velocity of each link, 1/s; SAPIEN's own is 0.05.
+    # Damping of the linear and angular velocity of each link, 1/s; SAPIEN's default is 0.05.
     "link_damping": 0.0,
-    # A coefficient, of each joint; SAPIEN's own is 0.05, whatever the file says.
+    # A friction coefficient of each joint; SAPIEN uses 0.05, whatever the file states.
     "joint_friction": 0.0,
-    # Whether speeds end at 10 m/s and 50 rad/s of a link, and at 100 of a joint.
+    # Whether speeds are limited to 10 m/s and 50 rad/s for a link, and to 100 for a joint.
     "bounded_speeds": False,
-    # Whether an inertial without mass, or without any moment, counts as none, as SAPIEN has it.
+    # Whether an inertial without mass or without moments is ignored (SAPIEN's behaviour).
     "dropped_inertials": True,
-    # What PhysX solves by; SAPIEN's own is "TGS", which takes a step in ten parts.
+    # The PhysX solver; SAPIEN's default is "TGS", which divides a step into ten.
     "solver": "PGS",
 })  # fmt: skip
 
@@ -69,10 +69,10 @@ READER = UrdfReader(
 )
 
 FASTEST = 1e6
-"""Speeds that nothing comes to."""
+"""A speed bound that no motion reaches."""
 
 FAINT = 1e-9
-"""Of 1 kg or 1 kg m^2: what 32 bits don't show, of an inertial that is to be kept."""
+"""In kg or kg m^2: too small to be visible in 32 bits, but enough to keep an inertial."""
 
 
 class SapienEngine(UrdfEngine):
@@ -91,21 +91,21 @@ class SapienEngine(UrdfEngine):
         "linearization: from steps, 32 bits",
         "steps: semi-implicit Euler, order 1, 32 bits",
     )
-    unstated = "10 ms and -9.81 m/s^2"
+    default_settings_note = "10 ms and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = tuple(
         DefaultLeftOn(name=f"{cause} left on", setting=key, value=value, cause=cause)
-        for key, (value, cause) in OWN.items()
+        for key, (value, cause) in SAPIEN_EFFECTS.items()
         if DEFAULTS[key] != value
     )
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A file whose settings are in order."""
+        """Load a file whose settings are valid."""
         return SapienModel(spec)
 
 
 class SapienModel(UrdfModel):
-    """An articulation of slides and hinges, fixed or not."""
+    """An articulation of slides and hinges, fixed or floating."""
 
     epsilon = float(np.finfo(np.float32).eps)
 
@@ -115,9 +115,9 @@ class SapienModel(UrdfModel):
         self.integrator = f"semi-implicit euler ({self.settings['solver']})"
         sapien = quietly("sapien")
         physx = sapien.physx
-        own = self.settings["solver"] == "TGS"
-        physx.set_scene_config(gravity=list(self.gravity), enable_tgs=own)
-        self._scene = sapien.Scene([physx.PhysxCpuSystem()])  # what is in it goes with it
+        uses_tgs = self.settings["solver"] == "TGS"
+        physx.set_scene_config(gravity=list(self.gravity), enable_tgs=uses_tgs)
+        self._scene = sapien.Scene([physx.PhysxCpuSystem()])  # owns its content
         loader = self._scene.create_urdf_loader()
         loader.fix_root_link = not self.floats
         with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
@@ -131,14 +131,14 @@ class SapienModel(UrdfModel):
         self.stepper = self._steps = _Steps(self._scene, self._body, self.floats, springs)
 
     def _let_go(self) -> None:
-        """Switch off what SAPIEN adds on its own, unless it is asked for."""
+        """Disable SAPIEN's own effects, unless the settings keep them."""
         drag, friction = (self.settings[key] for key in ("link_damping", "joint_friction"))
         bounded = self.settings["bounded_speeds"]
         self._body.sleep_threshold = 0.0
         for link in self._links.values():
             link.linear_damping = link.angular_damping = drag
             for shape in link.collision_shapes:
-                shape.set_collision_groups([0, 0, 0, 0])  # nothing is touched
+                shape.set_collision_groups([0, 0, 0, 0])  # no contacts
             if not bounded:
                 link.max_linear_velocity = link.max_angular_velocity = FASTEST
         for joint in self._body.active_joints:
@@ -147,12 +147,12 @@ class SapienModel(UrdfModel):
                 joint.max_velocity = FASTEST
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 1 throughout."""
+        """Return order 1 for every input."""
         return 1, 1
 
     @property
     def step_rule(self) -> StepRule | None:
-        """Its drives, which are dampers, at the step's end; TGS has no rule that is told."""
+        """The rule: drives, which are dampers, at the step's end; TGS has no rule."""
         if self.floats or self.settings["solver"] != "PGS":
             return None
         damping = np.diag(self._damping) if self._damping.any() else None
@@ -161,24 +161,24 @@ class SapienModel(UrdfModel):
 
     @property
     def limits(self) -> Array:
-        """Of joints that have some, (nz, 2)."""
+        """Joint limits, (nz, 2)."""
         return super().limits if self.settings["smooth"] else self.stated_limits
 
     @property
     def _acts(self) -> dict[str, str]:
-        """What SAPIEN does on its own and the settings let stand: setting -> cause."""
-        on = {key: cause for key, (_, cause) in OWN.items() if self.settings[key]}
+        """SAPIEN's own effects that the settings leave active: setting -> cause."""
+        on = {key: cause for key, (_, cause) in SAPIEN_EFFECTS.items() if self.settings[key]}
         if not self._dropped:
             on.pop("dropped_inertials", None)
         return on
 
     @property
-    def remedies(self) -> Mapping[str, Mapping[str, object]]:
-        """That, with what undoes it."""
-        return {cause: {key: type(OWN[key][0])(0)} for key, cause in self._acts.items()}
+    def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
+        """These effects, with the settings that disable them."""
+        return {cause: {key: type(SAPIEN_EFFECTS[key][0])(0)} for key, cause in self._acts.items()}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the file says in vain, what acts besides, and what joints that follow are."""
+        """Yield ignored parts of the file, active effects, and mimic joints that are springs."""
         yield from super().remarks(z, w)
         for key, cause in self._acts.items():
             named = f" ({', '.join(self._dropped)})" if key == "dropped_inertials" else ""
@@ -189,8 +189,8 @@ class SapienModel(UrdfModel):
                 shows_in=SHOWS.get(key, ("damping",)),
             )
         for mimic in self.declared.mimics:
-            told, address = SERVO.format(mimic.joint), f"robot/joint[{mimic.joint}]"
-            yield Remark(kind="constraint", message=told, fault=True, address=address)
+            message, address = SERVO.format(mimic.joint), f"robot/joint[{mimic.joint}]"
+            yield Remark(kind="constraint", message=message, fault=True, address=address)
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -198,7 +198,7 @@ class SapienModel(UrdfModel):
         return tuple(f"{kind}:{name}" for kind in ("link", "centre") for name in self._links)
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics."""
+        """Return poses by SAPIEN's forward kinematics."""
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         for k, row in enumerate(z):
             self._steps.reset(row, 0 * row)
@@ -210,7 +210,7 @@ class SapienModel(UrdfModel):
 
 
 class _Steps(Stepper):
-    """An articulation in its scene; a free root's velocities are its centre of mass's."""
+    """An articulation in its scene; a free root's velocities are those of its centre of mass."""
 
     def __init__(self, scene: Any, body: Any, floats: bool, springs: SpringForces) -> None:
         self._system, self._body, self._springs = scene.physx_system, body, springs
@@ -220,7 +220,7 @@ class _Steps(Stepper):
         self._pose = type(body.root_pose)
 
     def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state."""
+        """Set a state."""
         body, first = self._body, self._first
         if first:
             self._near = quaternion(q[3:FREE])
@@ -232,7 +232,7 @@ class _Steps(Stepper):
         body.qpos, body.qvel, body.qf = q[first:], v[first:], np.zeros(len(q) - first)
 
     def position(self) -> Array:
-        """Where it is; of a rotation's two, those nearer to the last."""
+        """Return the position, with rotation coordinates near to the last ones."""
         q: Array = self._body.qpos.astype(float)
         if not self._first:
             return q
@@ -242,7 +242,7 @@ class _Steps(Stepper):
         return np.concatenate([pose.p, turned, q])
 
     def state(self) -> tuple[Array, Array]:
-        """Positions and velocities."""
+        """Return positions and velocities."""
         z, v = self.position(), self._body.qvel.astype(float)
         if not self._first:
             return z, v
@@ -256,22 +256,22 @@ class _Steps(Stepper):
         return centre
 
     def step(self, h: float, force: Array | None) -> None:
-        """By its system, under what is held and the springs."""
-        pull = np.zeros(self._first + self._body.dof) if force is None else force
+        """Step the system, under inputs and springs."""
+        applied = np.zeros(self._first + self._body.dof) if force is None else force
         if self._first:
             placed = self._root.entity_pose
             turn = matrix(np.array(placed.q, dtype=float))
-            self._root.add_force_at_point(pull[:3], placed.p)
-            self._root.add_force_torque(np.zeros(3), turn @ pull[3:FREE])
-        pull = pull[self._first :]
+            self._root.add_force_at_point(applied[:3], placed.p)
+            self._root.add_force_torque(np.zeros(3), turn @ applied[3:FREE])
+        applied = applied[self._first :]
         if not self._springs.empty:
-            pull = pull + self._springs.at(self._body.qpos.astype(float), self._body.qvel)
-        self._body.qf = pull
+            applied = applied + self._springs.forces(self._body.qpos.astype(float), self._body.qvel)
+        self._body.qf = applied
         self._system.timestep = h
         self._system.step()
 
     def coast(self, h: float, n: int) -> None:
-        """Its system alone, where no spring has to be asked."""
+        """Step the system alone if no spring acts."""
         if not self._springs.empty:
             super().coast(h, n)
             return
@@ -281,17 +281,18 @@ class _Steps(Stepper):
 
 
 def _changes(spec: ModelSpec) -> tuple[Change, ...]:
-    """Of the file, before SAPIEN reads it."""
+    """Return the changes to the file before SAPIEN reads it."""
     free = bool(spec.settings.get("smooth"))
     keeps = not spec.settings.get("dropped_inertials", DEFAULTS["dropped_inertials"])
-    mended = (_with_inertials,) if keeps else ()
-    return (partial(_completed, free=free), *mended, _without_idle_shapes)
+    with_inertials = (_with_inertials,) if keeps else ()
+    return (partial(_completed, free=free), *with_inertials, _without_idle_shapes)
 
 
 def _completed(robot: ET.Element, free: bool) -> None:
-    """What it wants of every joint: limits, dampers; a continuous one is turned back at 2 pi.
+    """Add the limits and dampers that SAPIEN requires; make continuous joints unbounded revolute
+    joints.
 
-    Of what moves nothing, sensors want a display, and words in a transmission end its reading.
+    Also remove sensors, which require a display, and transmissions, whose text SAPIEN can't parse.
     """
     for tag in ("gazebo", "sensor", "transmission"):
         for element in robot.findall(tag):
@@ -310,20 +311,24 @@ def _completed(robot: ET.Element, free: bool) -> None:
         limit.attrib.update(effort="0", velocity="0")
 
 
-def _said(link: ET.Element) -> tuple[bool, bool]:
-    """Whether its inertial has a mass, and any moment."""
+def _has_mass_and_moments(link: ET.Element) -> tuple[bool, bool]:
+    """Return whether a link's inertial has a mass, and any moment of inertia."""
     numbers = (link.findall("inertial/mass"), link.findall("inertial/inertia"))
     mass, moments = (any(float(v) for e in one for v in e.attrib.values()) for one in numbers)
     return mass, moments
 
 
 def _lost(robot: ET.Element) -> list[ET.Element]:
-    """Links whose inertial has one of both alone: it counts as none."""
-    return [link for link in robot.findall("link") if any(_said(link)) and not all(_said(link))]
+    """Return links whose inertial has only one of both: SAPIEN ignores it."""
+    return [
+        link
+        for link in robot.findall("link")
+        if any(_has_mass_and_moments(link)) and not all(_has_mass_and_moments(link))
+    ]
 
 
 def _with_inertials(robot: ET.Element) -> None:
-    """Give those that SAPIEN drops what it lacks, as little as no digit shows."""
+    """Add the missing part to inertials that SAPIEN ignores, below the visible precision."""
     for link in _lost(robot):
         for tag, keys in (("mass", ("value",)), ("inertia", ("ixx", "iyy", "izz"))):
             for element in link.findall(f"inertial/{tag}"):
@@ -332,8 +337,8 @@ def _with_inertials(robot: ET.Element) -> None:
 
 
 def _without_idle_shapes(robot: ET.Element) -> None:
-    """Leave shapes out, but those of which SAPIEN makes a mass."""
+    """Remove shapes, except those from which SAPIEN computes a mass."""
     without_looks(robot)
     for link in robot.findall("link"):
-        for shape in link.findall("collision") if all(_said(link)) else ():
+        for shape in link.findall("collision") if all(_has_mass_and_moments(link)) else ():
             link.remove(shape)

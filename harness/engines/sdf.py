@@ -1,4 +1,4 @@
-"""What an SDFormat file means to engines: one model, its links and joints, and what holds it."""
+"""An SDFormat file for engines: one model, its links and joints, and its couplings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.sdf_check import WORLD, SdfJoint, checked
+from physics_crosscheck.harness.engines.sdf_check import WORLD, CheckedJoint, checked
 from physics_crosscheck.harness.engines.source import (
     XmlSource,
     finite_numbers,
@@ -21,61 +21,61 @@ from physics_crosscheck.harness.engines.source import (
 from physics_crosscheck.harness.engines.urdf import Mimic, UrdfReader
 
 ENDLESS = 1e16
-"""A bound that is none: the format's own, rad or m."""
+"""The format's value for a missing bound, rad or m."""
 
 Bounds = Mapping[str, tuple[float, float]]
-"""Of joints, by their names."""
+"""Bounds of joints, by name."""
 
 
 @dataclass(frozen=True)
 class SdfFile:
-    """An SDFormat file that has one model with one meaning.
+    """An SDFormat file with one unambiguous model.
 
     Attributes:
         source: its elements with lines.
-        model: the one.
-        world: in which it stands, or None.
-        joints: by their names; parents and children are links.
+        model: the model.
+        world: the world that contains it, or None.
+        joints: by name; parents and children are links.
     """
 
     source: XmlSource
     model: ET.Element
     world: ET.Element | None
-    joints: Mapping[str, SdfJoint]
+    joints: Mapping[str, CheckedJoint]
 
     @cached_property
     def links(self) -> tuple[str, ...]:
-        """Names, in the file's order."""
+        """Names of links, in the file's order."""
         return tuple(link.get("name", "") for link in self.model.findall("link"))
 
     @property
     def root(self) -> str:
-        """The link that hangs from no other, or `world` where all hang from it."""
+        """The root link, or `world` if every link has a parent."""
         children = {joint.child for joint in self.joints.values()}
         return next((name for name in self.links if name not in children), WORLD)
 
     @property
     def settings(self) -> dict[str, object]:
-        """What the file says of step, gravity, and whether its root moves freely."""
-        found: dict[str, object] = {"floating": self.root != WORLD}
+        """The file's step and gravity, and whether its root moves freely."""
+        result: dict[str, object] = {"floating": self.root != WORLD}
         if self.world is None:
-            return found
+            return result
         for key, tag in (("step", "physics/max_step_size"), ("gravity", "gravity")):
             numbers = finite_numbers(self.world.findtext(tag) or "")
             if numbers:
-                found[key] = numbers if key == "gravity" else numbers[0]
-        return found
+                result[key] = numbers if key == "gravity" else numbers[0]
+        return result
 
     @property
     def mimics(self) -> tuple[Mimic, ...]:
         """Joints that follow others: multiplier * (leader - reference) + offset."""
-        found = (mimic_of(joint.element) for joint in self.joints.values())
-        return tuple(one for one in found if one is not None)
+        parsed = (mimic_of(joint.element) for joint in self.joints.values())
+        return tuple(one for one in parsed if one is not None)
 
     @property
     def bounds(self) -> Bounds:
-        """Between which the file says that positions are."""
-        found = {}
+        """Position limits of the file."""
+        result = {}
         for joint in self.joints.values():
             limit = joint.element.find("axis/limit")
             if limit is None or joint.kind == "continuous":
@@ -84,28 +84,28 @@ class SdfFile:
             if lower < upper and (lower > -ENDLESS or upper < ENDLESS):
                 ends = (lower, -ENDLESS, -float("inf")), (upper, ENDLESS, float("inf"))
                 low, high = (end if one in (none, end) else one for one, none, end in ends)
-                found[joint.name] = (low, high)
-        return found
+                result[joint.name] = (low, high)
+        return result
 
 
 def read_sdf(path: Path, model: object = "") -> SdfFile:
-    """Parse an SDFormat file, entity expansion off.
+    """Parse an SDFormat file, with entity expansion off.
 
     Args:
         path: of the file.
-        model: which of several models that move, as the setting states it; empty: the only one.
+        model: the setting that selects one of several moving models; empty for a single one.
 
     Raises:
         EngineError: naming file and line.
     """
     if not isinstance(model, str):
         raise EngineError(f"{path}.toml: [settings] model is {model!r}; expected a name")
-    source = read_xml(read_source(path, mend=True), path)
+    source = read_xml(read_source(path, tolerant=True), path)
     return SdfFile(source, *checked(source, model))
 
 
 def mimic_of(joint: ET.Element) -> Mimic | None:
-    """How a joint follows another, if it does."""
+    """Return the mimic of a joint, or None."""
     mimic = joint.find("axis/mimic")
     if mimic is None:
         return None
@@ -115,7 +115,7 @@ def mimic_of(joint: ET.Element) -> Mimic | None:
 
 
 def number(element: ET.Element, tag: str, default: float) -> float:
-    """The number of a child, which is checked."""
+    """Return the number of a child that has been checked."""
     text = element.findtext(tag)
     return default if text is None or not text.strip() else float(text)
 
@@ -123,7 +123,7 @@ def number(element: ET.Element, tag: str, default: float) -> float:
 def sdf_remarks(
     file: SdfFile, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
 ) -> Iterator[Remark]:
-    """What is to be said of an SDFormat file along the states (z, w) of its joints."""
+    """Yield remarks about an SDFormat file along the states (z, w) of its joints."""
     for link in file.model.findall("link"):
         name = link.get("name", "")
         if link.find("inertial") is None:
@@ -159,7 +159,7 @@ def sdf_remarks(
             )
 
 
-SDF_IDLE: Mapping[str, str] = MappingProxyType(
+SDF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(
     {
         r".*/(visual|material|light|scene|gui)/.*": "visual geometry",
         r".*/collision/(.*/)?surface/.*": "contact parameters",
@@ -176,7 +176,7 @@ SDF_IDLE: Mapping[str, str] = MappingProxyType(
         r".*/physics/.*": "solver settings",
     }
 )
-"""Numbers of an SDFormat file on which no smooth motion needs to depend, by what they are for."""
+"""Numbers of an SDFormat file that need not affect a smooth motion, by purpose."""
 
 _INERTIA = "<inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia>"
 _SAMPLE = f"""<sdf version="1.6"><world name="here"><gravity>0 0 -9.81</gravity>
@@ -195,5 +195,5 @@ _SAMPLE = f"""<sdf version="1.6"><world name="here"><gravity>0 0 -9.81</gravity>
 
 
 def sample_sdf() -> Sample:
-    """A pendulum on a damped slide, with step and gravity of its own."""
+    """Return a pendulum on a damped slide, with its own step and gravity."""
     return Sample(file="sample.sdf", text=_SAMPLE)

@@ -1,7 +1,7 @@
-"""What no SDFormat file may have here, refused by line: what is not covered, or means two things.
+"""Refusal, by line, of SDFormat elements that are not supported or ambiguous.
 
-Names are resolved as SDFormat 1.7 has them: a joint's parent and child may be frames, which are
-attached to links, joints or other frames (http://sdformat.org/tutorials?tut=pose_frame_semantics).
+Names are resolved as in SDFormat 1.7: a joint's parent and child may be frames, which are attached
+to links, joints or other frames (http://sdformat.org/tutorials?tut=pose_frame_semantics).
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.engines.source import XmlSource, finite_numbers
 
 WORLD = "world"
-"""What joints may hang from and no file declares."""
+"""The parent of root joints, which no file declares."""
 
 OPAQUE = ("plugin", "sensor", "gripper", "visual", "light", "projector")
-"""Parts that an engine is not given: what is seen, senses, or would be loaded by a simulator."""
+"""Elements that are removed for engines: visuals, sensors, and content that a simulator would
+load.
+"""
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
@@ -37,7 +39,7 @@ _ONCE = {
     "world": ("gravity",),
     "model": ("pose", "static"),
 }
-"""What an element may have once."""
+"""Elements that may occur once."""
 
 _NOT_COVERED = {
     "include": "write the model that it includes into the file (gz sdf -p FILE)",
@@ -49,8 +51,8 @@ _NOT_COVERED = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SdfJoint:
-    """A joint: its type, and the links that it is between, where `world` may be the parent."""
+class CheckedJoint:
+    """A joint: its type, and its parent and child links; the parent may be `world`."""
 
     name: str
     element: ET.Element
@@ -60,18 +62,18 @@ class SdfJoint:
 
     @property
     def moves(self) -> bool:
-        """Whether it is no weld."""
+        """True unless it is fixed."""
         return self.kind != "fixed"
 
 
 def checked(
     source: XmlSource, chosen: str = ""
-) -> tuple[ET.Element, ET.Element | None, dict[str, SdfJoint]]:
+) -> tuple[ET.Element, ET.Element | None, dict[str, CheckedJoint]]:
     """Return the model, its world, and its joints.
 
     Args:
         source: the file.
-        chosen: which of several models that move; empty: the only one.
+        chosen: name of one of several moving models; empty for a single one.
 
     Raises:
         EngineError: naming file and line.
@@ -91,18 +93,18 @@ def checked(
 
 
 def _only_model(source: XmlSource, chosen: str, holders: Sequence[ET.Element]) -> ET.Element:
-    """Return the one model that moves, or that is chosen by its name."""
+    """Return the single moving model, or the one with the chosen name."""
     models = [one for holder in holders for one in holder.findall("model")]
     moving = [one for one in models if not _is_static(one)]
-    found = [one for one in moving if not chosen or one.get("name") == chosen]
-    if len(found) == 1:
-        return found[0]
-    if found:
+    candidates = [one for one in moving if not chosen or one.get("name") == chosen]
+    if len(candidates) == 1:
+        return candidates[0]
+    if candidates:
         raise source.refused(
-            found[1],
-            f"it has {len(found)} models that move: choose one, by the setting model"
+            candidates[1],
+            f"it has {len(candidates)} models that move: choose one, by the setting model"
             if not chosen
-            else f"it has {len(found)} models {chosen!r}",
+            else f"it has {len(candidates)} models {chosen!r}",
         )
     if moving:
         raise source.refused(source.root, f"it has no model {chosen!r} that moves")
@@ -118,7 +120,7 @@ def _is_static(model: ET.Element) -> bool:
 
 
 def _within(element: ET.Element) -> Iterator[ET.Element]:
-    """Yield an element and what is in it, without parts that an engine is not given."""
+    """Yield an element and its descendants, without those that are removed for engines."""
     yield element
     for child in element:
         if child.tag not in OPAQUE and not (
@@ -128,7 +130,7 @@ def _within(element: ET.Element) -> Iterator[ET.Element]:
 
 
 def has_automatic(link: ET.Element) -> bool:
-    """Return whether a link's collision shapes are read, since its inertia follows from them."""
+    """Return whether a link's inertia follows from its collision shapes, which are then read."""
     return any(is_automatic(one.get("auto")) for one in link.findall("inertial"))
 
 
@@ -168,23 +170,23 @@ def _check_once(source: XmlSource, element: ET.Element) -> None:
 
 
 def _named(source: XmlSource, model: ET.Element) -> dict[str, ET.Element]:
-    """Links, joints and frames by their names, which they share."""
-    found: dict[str, ET.Element] = {}
+    """Return links, joints and frames by name; names must be unique among them."""
+    by_name: dict[str, ET.Element] = {}
     for element in model:
         if element.tag not in ("link", "joint", "frame"):
             continue
         name = element.get("name", "")
         if not name:
             raise source.refused(element, f"a <{element.tag}> has no name")
-        if name in found:
+        if name in by_name:
             raise source.refused(element, f"a second link, joint or frame is called {name!r}")
-        found[name] = element
-    return found
+        by_name[name] = element
+    return by_name
 
 
-def _joints(source: XmlSource, model: ET.Element) -> dict[str, SdfJoint]:
+def _joints(source: XmlSource, model: ET.Element) -> dict[str, CheckedJoint]:
     named = _named(source, model)
-    found: dict[str, SdfJoint] = {}
+    joints: dict[str, CheckedJoint] = {}
     above: dict[str, str] = {}
     for name, element in named.items():
         if element.tag != "joint":
@@ -199,9 +201,11 @@ def _joints(source: XmlSource, model: ET.Element) -> dict[str, SdfJoint]:
             raise source.refused(element, f"link {child!r} has a second parent, by joint {name!r}")
         above[child] = parent
         _check_axis(source, element, name)
-        found[name] = SdfJoint(name=name, element=element, kind=kind, parent=parent, child=child)
+        joints[name] = CheckedJoint(
+            name=name, element=element, kind=kind, parent=parent, child=child
+        )
     _check_tree(source, named, above)
-    return found
+    return joints
 
 
 def _check_axis(source: XmlSource, joint: ET.Element, name: str) -> None:
@@ -214,17 +218,19 @@ def _check_axis(source: XmlSource, joint: ET.Element, name: str) -> None:
 
 
 def _end(source: XmlSource, joint: ET.Element, tag: str, named: Mapping[str, ET.Element]) -> str:
-    """The link that a joint's parent or child is, or is attached to."""
-    told = (joint.findtext(tag) or "").strip()
-    link = attached(told, named)
+    """Return the link of a joint's parent or child, directly or through a frame."""
+    stated = (joint.findtext(tag) or "").strip()
+    link = attached(stated, named)
     if not link or (link == WORLD and tag == "child"):
         name = joint.get("name", "")
-        raise source.refused(joint, f"the {tag} of joint {name!r} is {told!r}, which is not a link")
+        raise source.refused(
+            joint, f"the {tag} of joint {name!r} is {stated!r}, which is not a link"
+        )
     return link
 
 
 def attached(name: str, named: Mapping[str, ET.Element]) -> str:
-    """The link that a link, a frame or a joint moves with; empty where there is none."""
+    """Return the link that a link, frame or joint is attached to, or an empty text."""
     passed: set[str] = set()
     while name and name not in passed and name != WORLD:
         passed.add(name)

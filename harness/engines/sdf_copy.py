@@ -1,4 +1,4 @@
-"""An SDFormat model rewritten for an engine to load: the user's own file stays as it is."""
+"""Copies of an SDFormat model that engines load; the user's file does not change."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from physics_crosscheck.harness.engines.sdf_check import OPAQUE, has_automatic
 from physics_crosscheck.harness.engines.urdf_copy import Change, changed
 
 VERSION = "1.6"
-"""The last version before frames, which older parsers read."""
+"""The last version without frames, which older parsers read."""
 
 
 def sdf_text(file: SdfFile, changes: Sequence[Change]) -> str:
-    """The model alone, without its world, with changes of the `<model>`."""
+    """Return the model as text, without its world, after changes of the `<model>`."""
     root = ET.Element("sdf", {"version": file.source.root.get("version", VERSION)})
     root.append(changed(file.model, changes))
     return ET.tostring(root, encoding="unicode")
 
 
 def sdf_without_shapes(model: ET.Element) -> None:
-    """Leave out what is seen, touches, senses, is lit or loaded: no mesh and no code is looked for.
+    """Remove visuals, contacts, sensors, lights and plugins, so that no mesh or code is loaded.
 
-    Shapes of which an automatic inertia is made stay.
+    Shapes that define an automatic inertia stay.
     """
     for holder in (model, *model.findall("link"), *model.findall("joint")):
         for part in list(holder):
@@ -32,13 +32,13 @@ def sdf_without_shapes(model: ET.Element) -> None:
 
 
 def sdf_without_bounds(model: ET.Element) -> None:
-    """No limits of positions at all."""
+    """Remove all position limits."""
     for joint in model.findall("joint"):
         sdf_without_bounds_of(joint)
 
 
 def sdf_without_bounds_of(joint: ET.Element) -> None:
-    """None of one joint."""
+    """Remove the position limits of one joint."""
     for limit in joint.findall("axis/limit"):
         for part in list(limit):
             if part.tag in ("lower", "upper"):
@@ -46,14 +46,14 @@ def sdf_without_bounds_of(joint: ET.Element) -> None:
 
 
 def sdf_without_friction(model: ET.Element) -> None:
-    """No dry friction of joints."""
+    """Remove the dry friction of joints."""
     for dynamics in model.findall("joint/axis/dynamics"):
         for part in dynamics.findall("friction"):
             dynamics.remove(part)
 
 
 def sdf_with_held(names: Sequence[str]) -> Change:
-    """Make joints stand still where they are drawn."""
+    """Return a change that fixes joints at their drawn positions."""
 
     def hold(model: ET.Element) -> None:
         for joint in model.findall("joint"):
@@ -66,7 +66,7 @@ def sdf_with_held(names: Sequence[str]) -> Change:
 
 
 def sdf_mimics_of(followers: Collection[str]) -> Change:
-    """Let all joints that follow others move on their own, but for these."""
+    """Return a change that releases all mimic joints except these."""
 
     def change(model: ET.Element) -> None:
         for joint in model.findall("joint"):

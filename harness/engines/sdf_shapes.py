@@ -1,7 +1,7 @@
-"""Solid shapes of SDFormat: volumes and moments, of which `<inertial auto="true">` is made.
+"""Solid shapes of SDFormat: volumes and moments of inertia, for `<inertial auto="true">`.
 
-The format has a link's mass, center and moments follow from its collision shapes and their
-densities (http://sdformat.org/tutorials?tut=auto_inertial_params_proposal).
+The format computes a link's mass, center and moments from its collision shapes and their densities
+(http://sdformat.org/tutorials?tut=auto_inertial_params_proposal).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 WATER = 1000.0
-"""The density of a shape that states none, kg/m^3."""
+"""The default density of a shape, kg/m^3."""
 
 SIZES: Mapping[str, Mapping[str, tuple[float, ...]]] = MappingProxyType({
     "box": {"size": (1.0, 1.0, 1.0)},
@@ -21,14 +21,14 @@ SIZES: Mapping[str, Mapping[str, tuple[float, ...]]] = MappingProxyType({
     "capsule": {"radius": (0.5,), "length": (1.0,)},
     "cone": {"radius": (0.5,), "length": (1.0,)},
 })  # fmt: skip
-"""The sizes of each shape that has moments, m, and what they are where the file states none."""
+"""The sizes of each shape that has moments, m, with their defaults."""
 
 Solid = tuple[float, float, tuple[float, float, float]]
 """Volume, m^3; height of the center along z, m; moments about it per kg, m^2."""
 
 
 def is_automatic(auto: str | None) -> bool:
-    """Return whether the attribute `auto` of an `<inertial>` asks for the shapes' inertia."""
+    """Return whether the attribute `auto` of an `<inertial>` selects the shapes' inertia."""
     return (auto or "").strip().lower() in ("1", "true")
 
 
@@ -37,7 +37,7 @@ def solid(shape: str, sizes: Sequence[float]) -> Solid:
 
     Args:
         shape: one of `SIZES`.
-        sizes: its sizes, in the order that `SIZES` has, m.
+        sizes: its sizes, in the order of `SIZES`, m.
     """
     if shape == "box":
         return _box(*sizes)
@@ -66,9 +66,9 @@ def _cone(radius: float, length: float) -> Solid:
 
 def _round(radius: float, length: float, cap: float) -> Solid:
     """Return those of a cylinder with half a ball of radius `cap` on each end."""
-    side, ball = math.pi * radius**2 * length, 4 / 3 * math.pi * cap**3
-    across = side * (length**2 / 12 + radius**2 / 4)
+    cylinder, ball = math.pi * radius**2 * length, 4 / 3 * math.pi * cap**3
+    across = cylinder * (length**2 / 12 + radius**2 / 4)
     across += ball * (0.4 * cap**2 + length**2 / 4 + 3 / 8 * length * cap)
-    along = side * radius**2 / 2 + ball * 0.4 * cap**2
-    volume = side + ball
+    along = cylinder * radius**2 / 2 + ball * 0.4 * cap**2
+    volume = cylinder + ball
     return volume, 0.0, (across / volume, across / volume, along / volume)

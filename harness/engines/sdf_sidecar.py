@@ -1,4 +1,4 @@
-"""An SDFormat model with what its sidecar adds, as `urdf_sidecar` has it of a URDF."""
+"""An SDFormat model with its sidecar's additions, like `urdf_sidecar` for a URDF."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from physics_crosscheck.harness.engines.urdf_copy import Change, followers_of
 from physics_crosscheck.harness.engines.urdf_sidecar import DeclaredUrdf
 
 MODEL = "model"
-"""The setting that chooses one of several models of an SDFormat file."""
+"""The setting that selects one of several models of an SDFormat file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeclaredSdf(DeclaredUrdf):
-    """The same of an SDFormat file, whose `<model>` is the `robot`.
+    """Declarations of an SDFormat file, whose `<model>` is the `robot`.
 
-    Its springs are the sidecar's: those of the file are the engine's own.
+    The springs are the sidecar's; engines read those of the file themselves.
 
     Attributes:
-        file: the whole.
+        file: the whole file.
     """
 
     file: SdfFile
 
     @property
     def root(self) -> str:
-        """The link that carries all others, or `world`."""
+        """The root link, or `world`."""
         return self.file.root
 
     @property
     def base(self) -> str:
-        """What the free joint of a root that floats is called."""
+        """The name of a floating root's free joint."""
         name = self.file.root
         while name in self.file.joints:
             name += "_free"
@@ -50,48 +50,52 @@ class DeclaredSdf(DeclaredUrdf):
 
     @property
     def moments(self) -> Mapping[str, float]:
-        """What links state for ixx, kg m^2, but those whose inertia follows from their shapes."""
+        """The stated ixx of links, kg m^2, except those computed from shapes."""
         links = [link for link in self._links if not has_automatic(link)]
-        found = {link.get("name", ""): link.find("inertial/inertia") for link in links}
-        return {n: 1.0 if i is None else number(i, "ixx", 1.0) for n, i in found.items()}
+        inertias = {link.get("name", ""): link.find("inertial/inertia") for link in links}
+        return {n: 1.0 if i is None else number(i, "ixx", 1.0) for n, i in inertias.items()}
 
     @property
     def text(self) -> str:
-        """The model alone, as an engine loads it."""
+        """The model as an engine loads it."""
         return sdf_text(self.file, self.changes)
 
     @property
     def bounds(self) -> Bounds:
-        """Between which the file says that positions are."""
+        """Position limits of the file."""
         return self.file.bounds
 
     def remarks(
         self, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
     ) -> Iterator[Remark]:
-        """What is to be said of the file along the states (z, w)."""
+        """Return remarks about the file along the states (z, w)."""
         return sdf_remarks(self.file, reader, joints, z, w)
 
 
 def stated(spec: ModelSpec) -> ModelSpec:
-    """An SDFormat file with settings that it states itself; those of its sidecar count.
+    """Return an SDFormat file with the settings that it states; the sidecar overrides them.
 
     Raises:
         EngineError: naming file, line and setting.
     """
-    own = read_sdf(spec.path, spec.settings.get(MODEL, "")).settings
-    if spec.settings.get("floating", own["floating"]) != own["floating"]:
-        said = "no joint holds the model" if own["floating"] else "a joint to world holds the model"
+    file_settings = read_sdf(spec.path, spec.settings.get(MODEL, "")).settings
+    if spec.settings.get("floating", file_settings["floating"]) != file_settings["floating"]:
+        fact = (
+            "no joint holds the model"
+            if file_settings["floating"]
+            else "a joint to world holds the model"
+        )
         raise EngineError(
             f"{spec.path}.toml: [settings] floating contradicts the file, where "
-            f"{said}; remove it, or change the joints to world"
+            f"{fact}; remove it, or change the joints to world"
         )
-    return replace(spec, settings={**own, **spec.settings})
+    return replace(spec, settings={**file_settings, **spec.settings})
 
 
 def declared_sdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredSdf:
-    """Read an SDFormat file and what is declared beside it; `further` changes are the engine's.
+    """Read an SDFormat file and its sidecar; `further` changes are the engine's.
 
-    Shapes are left out, and what a simulator would load besides.
+    Shapes and content for simulators are left out.
 
     Raises:
         EngineError: naming file, line and setting.

@@ -1,4 +1,6 @@
-"""A model file before its engine sees it: what makes it hang or crash is refused here, by line."""
+"""Model files before an engine reads them: files that would hang or crash it are refused, by
+line.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +16,20 @@ from xml.parsers import expat
 
 import defusedxml.ElementTree
 
-from physics_crosscheck.harness.engines.mending import UTF_16, mended
 from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.xml_repair import UTF_16, repaired_xml
 
 LARGEST = 64_000_000
-"""Bytes of a model file: what is larger is none."""
+"""The largest size of a model file, bytes."""
 
 DEEPEST = 200
-"""Nested elements: engines' parsers call themselves for each, and crash on thousands."""
+"""The deepest nesting of elements: engines' parsers are recursive, and crash on thousands."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 class NoXmlError(EngineError):
-    """A file that is no XML; `second_root`: but for what follows its root."""
+    """A file that is not XML; `second_root` is true if only content after its root is wrong."""
 
     def __init__(self, sentence: str, *, file: Path, line: int, second_root: bool) -> None:
         super().__init__(sentence, file=file, line=line)
@@ -36,26 +38,26 @@ class NoXmlError(EngineError):
 
 @dataclass(frozen=True)
 class XmlSource:
-    """A file of XML, with the line of every element."""
+    """An XML file, with the line of every element."""
 
     path: Path
     root: ET.Element
     lines: dict[ET.Element, int]
 
     def refused(self, element: ET.Element, sentence: str) -> EngineError:
-        """An error about an element."""
+        """Return an error about an element."""
         return EngineError(sentence, file=self.path, line=self.lines[element])
 
 
-def read_source(path: Path, *, mend: bool = False) -> str:
-    """The text of a model file.
+def read_source(path: Path, *, tolerant: bool = False) -> str:
+    """Return the text of a model file.
 
     Args:
         path: of the file.
-        mend: whether what engines read over in XML is taken out.
+        tolerant: whether XML errors that engines ignore are removed.
 
     Raises:
-        EngineError: for what is no regular file of text, such as a pipe, which would be waited for.
+        EngineError: for anything but a regular text file, such as a pipe, which would block.
     """
     try:
         if path.exists() and not path.is_file():
@@ -63,21 +65,23 @@ def read_source(path: Path, *, mend: bool = False) -> str:
         if path.stat().st_size > LARGEST:
             raise EngineError(f"can't be read: it has more than {LARGEST:,} bytes", file=path)
         data = path.read_bytes()
-        return (mended(data) if mend and not data.startswith(UTF_16) else data).decode("utf-8")
+        return (repaired_xml(data) if tolerant and not data.startswith(UTF_16) else data).decode(
+            "utf-8"
+        )
     except (OSError, UnicodeDecodeError) as error:
         raise EngineError(f"can't be read: {error}", file=path) from None
 
 
 @contextmanager
 def written(root: ET.Element, path: Path) -> Iterator[Path]:
-    """A file of an element, by the name of another; gone afterwards."""
+    """Yield a temporary file of an element, with the name of another file."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         file = Path(folder) / path.name
         file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
         try:
             yield file
         except Exception as error:
-            # What an engine says is about the user's file: the copy is gone when it is read.
+            # The engine's message names the copy, which is removed; name the user's file instead.
             error.args = tuple(
                 one.replace(str(file), str(path)) if isinstance(one, str) else one
                 for one in error.args
@@ -86,7 +90,7 @@ def written(root: ET.Element, path: Path) -> Iterator[Path]:
 
 
 def read_xml(text: str, path: Path) -> XmlSource:
-    """Parse XML, entity expansion off.
+    """Parse XML, with entity expansion off.
 
     Raises:
         NoXmlError, EngineError: naming file and line.
@@ -94,7 +98,7 @@ def read_xml(text: str, path: Path) -> XmlSource:
     lines = _lines(text, path)
     try:
         root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
-    except ET.ParseError as error:  # a prefix without a namespace, which expat alone reads over
+    except ET.ParseError as error:  # a prefix without a namespace, which only expat ignores
         raise NoXmlError(
             f"not XML: {error}", file=path, line=error.position[0], second_root=False
         ) from None
@@ -102,26 +106,26 @@ def read_xml(text: str, path: Path) -> XmlSource:
 
 
 def _lines(text: str, path: Path) -> list[int]:
-    """Where each element begins, in their order; no entity is expanded, since none is declared."""
-    found: list[int] = []
+    """Return the line of each element, in order; declared entities are refused, not expanded."""
+    line_numbers: list[int] = []
     depth = 0
     parser = expat.ParserCreate()
 
     def start(_name: str, _attributes: object) -> None:
         nonlocal depth
         depth += 1
-        found.append(parser.CurrentLineNumber)
+        line_numbers.append(parser.CurrentLineNumber)
         if depth > DEEPEST:
-            told = f"elements are nested more than {DEEPEST} deep"
-            raise EngineError(told, file=path, line=found[-1])
+            problem = f"elements are nested more than {DEEPEST} deep"
+            raise EngineError(problem, file=path, line=line_numbers[-1])
 
     def end(_name: str) -> None:
         nonlocal depth
         depth -= 1
 
     def declared(*_: object) -> None:
-        told = "refused: it declares entities or a DTD"
-        raise EngineError(told, file=path, line=parser.CurrentLineNumber)
+        problem = "refused: it declares entities or a DTD"
+        raise EngineError(problem, file=path, line=parser.CurrentLineNumber)
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = declared
@@ -135,14 +139,14 @@ def _lines(text: str, path: Path) -> list[int]:
             line=error.lineno,
             second_root=reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
         ) from None
-    return found
+    return line_numbers
 
 
 def finite_numbers(words: str) -> list[float] | None:
-    """The numbers that an attribute lists; None where one is no number, or not a finite one.
+    """Return the numbers that an attribute lists, or None if one is not a finite number.
 
-    A comma may follow a number before a blank: PyBullet takes "1, 2, 3" as it is meant, and
-    MuJoCo refuses it. Of "1,2,3" PyBullet makes 0 0 0, of "1 ,2 ,3" 1 0 0: they are no numbers.
+    A comma may follow a number before a blank: PyBullet reads "1, 2, 3" as expected, and MuJoCo
+    refuses it. PyBullet reads "1,2,3" as 0 0 0 and "1 ,2 ,3" as 1 0 0, so these are not numbers.
     """
     *before, last = words.split() or [""]
     parts = [*(word.removesuffix(",") for word in before), last] if last else []
@@ -151,36 +155,36 @@ def finite_numbers(words: str) -> list[float] | None:
 
 
 def folded(error: object) -> str:
-    """What an engine says, on one line."""
+    """Return an engine's message on one line."""
     return " ".join(str(error).split())
 
 
 _NO_MEMORY = ("could not allocate memory", "cannot allocate memory", "out of memory", "bad_alloc")
-"""What engines say where memory ran out, in lower case."""
+"""Messages of engines after a failed allocation, in lower case."""
 
 
 def check_memory(error: Exception) -> None:
-    """Raise MemoryError where an engine's own error means that memory ran out.
+    """Raise MemoryError if an engine's own error reports that memory ran out.
 
-    An EngineError is about a file: those who try other numbers take it for an answer, and a
-    shortage of memory is none.
+    An EngineError is about a file, and callers that vary numbers treat it as an answer. A lack of
+    memory is not an answer.
 
     Raises:
-        MemoryError: with what the engine said.
+        MemoryError: with the engine's message.
     """
-    said = folded(error)
-    if isinstance(error, MemoryError) or any(words in said.lower() for words in _NO_MEMORY):
-        raise MemoryError(said) from error
+    message = folded(error)
+    if isinstance(error, MemoryError) or any(words in message.lower() for words in _NO_MEMORY):
+        raise MemoryError(message) from error
 
 
 @contextmanager
 def engine_errors(path: Path | str, title: str) -> Iterator[None]:
-    """Whatever an engine raises names the file."""
+    """Convert any exception of an engine into an error that names the file."""
     try:
         yield
     except EngineError:
         raise
     except Exception as error:
         check_memory(error)
-        told = f"{title} raises {type(error).__name__}: {folded(error)}"
-        raise EngineError(told, file=Path(path)) from error
+        problem = f"{title} raises {type(error).__name__}: {folded(error)}"
+        raise EngineError(problem, file=Path(path)) from error

@@ -10,20 +10,20 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineError, Spri
 
 
 class SpringForces:
-    """Of the springs of a sidecar and of joints, along all joints.
+    """Forces of springs of a sidecar and of joints, along all joints.
 
     Args:
-        springs: those declared.
-        joints: names of the joints, in the engine's order: n of them.
+        springs: the declared springs.
+        joints: names of the n joints, in the engine's order.
         place: the file, for messages.
-        damping: of each joint, (n,), where the engine itself leaves it out.
-        pushed: what is held on each joint, (n,), N or N m.
+        damping: of each joint, (n,), for engines that ignore it.
+        pushed: constant forces on the joints, (n,), N or N m.
 
     Attributes:
-        empty: whether nothing pulls.
+        empty: whether there are no forces.
 
     Raises:
-        EngineError: where a spring names what is no moving joint.
+        EngineError: if a spring names something other than a moving joint.
     """
 
     def __init__(
@@ -45,26 +45,26 @@ class SpringForces:
         k = np.array([one.stiffness for one in springs], dtype=float)
         c = np.array([one.damping for one in springs], dtype=float)
         rest = np.array([one.rest for one in springs], dtype=float)
-        own = np.zeros(len(joints)) if damping is None else damping
+        joint_damping = np.zeros(len(joints)) if damping is None else damping
         self._stiffness = along.T @ (k[:, None] * along)
-        self._damping = along.T @ (c[:, None] * along) + np.diag(own)
+        self._damping = along.T @ (c[:, None] * along) + np.diag(joint_damping)
         self._k, self._c = self._stiffness.diagonal(), self._damping.diagonal()
         self._apart = all(
             np.array_equal(np.diag(a.diagonal()), a) for a in (self._stiffness, self._damping)
         )
         push = np.zeros(len(joints)) if pushed is None else pushed
         self._at_zero = along.T @ (k * rest) + push
-        self._own = None if springs or push.any() else own
-        self.empty = self._own is not None and not own.any()
+        self._joint_damping = None if springs or push.any() else joint_damping
+        self.empty = self._joint_damping is not None and not joint_damping.any()
 
-    def at(self, q: Array, v: Array) -> Array:
-        """Forces along joints at positions and velocities, (..., n) each."""
-        if self._own is not None:
-            return -self._own * v
+    def forces(self, q: Array, v: Array) -> Array:
+        """Return forces along joints at positions and velocities, (..., n) each."""
+        if self._joint_damping is not None:
+            return -self._joint_damping * v
         if self._apart:
             apart: Array = self._at_zero - (self._k * q + self._c * v)
             return apart
-        # Sums along a last axis: the last digits of a product depend on how many rows there are.
-        pull = self._stiffness * q[..., None, :] + self._damping * v[..., None, :]
-        force: Array = self._at_zero - pull.sum(axis=-1)
+        # Sum along the last axis: the last digits of a matrix product depend on the number of rows.
+        contributions = self._stiffness * q[..., None, :] + self._damping * v[..., None, :]
+        force: Array = self._at_zero - contributions.sum(axis=-1)
         return force

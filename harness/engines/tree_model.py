@@ -1,4 +1,4 @@
-"""A tree of slides and hinges whose engine has one state at a time, whatever its file's format."""
+"""A tree of slides and hinges in an engine with one state at a time, from any format."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from physics_crosscheck.harness.engines.springs import SpringForces
 from physics_crosscheck.harness.engines.urdf import Mimic
 
 FREE = 6
-"""Coordinates of a root that floats; they come first."""
+"""Number of coordinates of a floating root; they come first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weight:
-    """A weight that is taken from a body of an engine's.
+    """A weight that gravity compensation cancels on an engine's body.
 
     Attributes:
-        body: its name there.
-        centre: where it acts, m in the body's frame.
-        mass: kg; negative where the body weighs more.
+        body: its name in the engine.
+        centre: point of application, m in the body's frame.
+        mass: kg; negative to add weight.
     """
 
     body: str
@@ -42,25 +42,25 @@ class Weight:
 
 
 class TreeModel(Model):
-    """A tree, fixed or on a root that floats; a subclass reads it, and makes the `stepper`.
+    """A tree, fixed or floating; a subclass reads it and creates the `stepper`.
 
     Args:
         spec: the file, with step and gravity among its settings.
         title: of the engine.
-        settings: all of them, with those that are unsaid.
+        settings: all of them, including defaults.
 
     Attributes:
         floats: whether the first six coordinates are those of a free root.
-        root: what its joint is called.
-        springs: that act, of the file and of its sidecar.
+        root: the name of its joint.
+        springs: of the file and of its sidecar.
         mimics: joints that follow others.
-        pushes: what is held on joints, by their names, N or N m.
-        lifts: weights that are taken from bodies.
+        pushes: constant forces on joints, by name, N or N m.
+        lifts: weights that gravity compensation cancels.
     """
 
     stepper: Stepper | RungeKutta
     forward: Accelerations | None = None
-    """The engine's accelerations, where nothing soft holds joints."""
+    """The engine's accelerations, if no soft constraint acts on joints."""
     floats: bool = False
     root: str = ""
     springs: tuple[Spring, ...] = ()
@@ -74,14 +74,14 @@ class TreeModel(Model):
         self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
 
     def name(self, joints: Sequence[str], damping: Array | None = None) -> SpringForces:
-        """Take the names of slides and hinges, in the engine's order.
+        """Set the names of slides and hinges, in the engine's order.
 
         Args:
             joints: their names.
-            damping: of each, where springs are to take it along.
+            damping: of each, if the spring forces include it.
 
         Returns:
-            The forces along them of springs, and of what is held.
+            The forces of springs and constant inputs along them.
         """
         free = (*place_names(self.root), *rotation_names(self.root)) if self.floats else ()
         self.coordinates = (*free, *joints)
@@ -92,11 +92,11 @@ class TreeModel(Model):
 
     @property
     def stated_limits(self) -> Array:
-        """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
+        """Position limits of the file, (nz, 2); infinite for joints without one."""
         raise NotImplementedError
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """By the engine's forward dynamics."""
+        """Return accelerations by the engine's forward dynamics."""
         if self.forward is None:
             return None
         with engine_errors(self.path, self.title), np.errstate(all="ignore"):
@@ -105,7 +105,7 @@ class TreeModel(Model):
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step by step; state by state, but where the engine's accelerations are stepped here."""
+        """Step through a rollout: one state after the other, or all together with RK4."""
         with engine_errors(self.path, self.title):
             if isinstance(self.stepper, RungeKutta):
                 return self.stepper.rollout(q, v, h, n, force, every)

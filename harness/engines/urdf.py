@@ -1,4 +1,4 @@
-"""What a URDF means to engines: Gazebo's joint springs, mimic joints, and what is read over."""
+"""A URDF for engines: Gazebo's joint springs, mimic joints, and ignored elements."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from physics_crosscheck.harness.engines.source import (
 from physics_crosscheck.harness.engines.urdf_check import check_urdf
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
-"""What a URDF without a sidecar runs with: it can say neither."""
+"""Settings of a URDF without a sidecar, which the format can't state."""
 
 
-ROUNDED, FELT = 1e-15, 1e-9
-"""By how much an axis may miss the length 1: for the last digits, and for those of the file."""
+ROUNDED, VISIBLE_LENGTH_ERROR = 1e-15, 1e-9
+"""Tolerances of an axis' length: for rounding of numbers, and for the digits of the file."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Mimic:
 
 
 def read_urdf(path: Path) -> ET.Element:
-    """Return the `<robot>` of a URDF that has one meaning.
+    """Return the `<robot>` of an unambiguous URDF.
 
     Raises:
         EngineError: naming file and line.
@@ -47,23 +47,23 @@ def read_urdf(path: Path) -> ET.Element:
 
 
 def read_urdf_source(path: Path) -> XmlSource:
-    """Parse a URDF that has one meaning, entity expansion off, as forgivingly as engines do.
+    """Parse an unambiguous URDF, with entity expansion off, as tolerantly as engines do.
 
     Raises:
         EngineError: naming file and line.
     """
-    source = read_xml(read_source(path, mend=True), path)
+    source = read_xml(read_source(path, tolerant=True), path)
     check_urdf(source)
     return source
 
 
 def refuse_negative_masses(source: XmlSource, title: str, *, floats: bool) -> None:
-    """Refuse links of negative mass, of which some engines make no numbers, or other ones.
+    """Refuse links of negative mass, which some engines can't represent.
 
     Args:
         source: of a URDF.
         title: of the engine.
-        floats: whether its root link moves; the mass of one that stands still has no effect.
+        floats: whether its root link moves; the mass of a fixed root has no effect.
 
     Raises:
         EngineError: naming file, line and link.
@@ -83,7 +83,7 @@ def refuse_negative_masses(source: XmlSource, title: str, *, floats: bool) -> No
 
 
 def joint_springs(robot: ET.Element, path: Path) -> dict[str, tuple[float, float]]:
-    """Stiffness and rest position of each joint with a spring, in Gazebo's convention.
+    """Return the stiffness and rest position of each joint with a spring, in Gazebo's convention.
 
     `<gazebo reference="joint"><springStiffness>k</springStiffness>
     <springReference>rest</springReference></gazebo>` (SDFormat 1.x, URDF extensions).
@@ -105,15 +105,15 @@ def joint_springs(robot: ET.Element, path: Path) -> dict[str, tuple[float, float
 
 
 def mimics(robot: ET.Element, path: Path) -> list[Mimic]:
-    """Every `<mimic>` of the file."""
-    found = []
+    """Return every `<mimic>` of the file."""
+    result = []
     for joint in robot.findall("joint"):
         mimic = joint.find("mimic")
         if mimic is None:
             continue
         name = joint.get("name", "")
         place = f"{path}: <mimic> of joint {name!r}"
-        found.append(
+        result.append(
             Mimic(
                 name,
                 mimic.get("joint", ""),
@@ -121,7 +121,7 @@ def mimics(robot: ET.Element, path: Path) -> list[Mimic]:
                 _number(mimic.get("offset", "0"), f"{place}, offset"),
             )
         )
-    return found
+    return result
 
 
 def _number(text: str | None, place: str) -> float:
@@ -133,15 +133,15 @@ def _number(text: str | None, place: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class UrdfReader:
-    """How an engine reads a URDF.
+    """The behaviour of an engine that reads a URDF.
 
     Attributes:
         name: the engine's, as in sidecars.
-        no_inertial: what it takes for a link that moves and has none.
-        equal_bounds: whether a joint whose bounds are equal is held there, not free.
-        no_friction: its title, if it reads over the friction of joints.
-        long_axes: its title, if it takes axes of joints as they are, not for their direction alone.
-        no_stops: its title, if no limit of a position stops anything.
+        no_inertial: its inertia of a moving link without `<inertial>`.
+        equal_bounds: whether a joint with equal bounds is fixed there, not free.
+        no_friction: its title, if it ignores joint friction.
+        long_axes: its title, if it does not normalize joint axes.
+        no_stops: its title, if it ignores position limits.
     """
 
     name: str
@@ -155,7 +155,7 @@ class UrdfReader:
 def urdf_remarks(
     reader: UrdfReader, file: Path, joints: Sequence[str], z: Array, w: Array
 ) -> Iterator[Remark]:
-    """What is to be said of a URDF in an engine along the states (z, w) of its joints."""
+    """Yield remarks about a URDF in an engine along the states (z, w) of its joints."""
     robot = read_urdf(file)
     moved = {
         child.get("link")
@@ -197,7 +197,7 @@ def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterat
     limit, name = joint.find("limit"), joint.get("name", "")
     if limit is None:
         return
-    # Without bounds no engine holds it, though each takes others for them.
+    # Without both bounds no engine enforces the limit, though their defaults differ.
     if "lower" in limit.attrib and "upper" in limit.attrib:
         bounds = float(limit.attrib["lower"]), float(limit.attrib["upper"])
         yield from _bounds(reader, joint, bounds, (float(z.min()), float(z.max())))
@@ -221,7 +221,7 @@ def _bounds(
     (lower, upper), name = bounds, joint.get("name", "")
     if reader.no_stops:
         return
-    why = _read_over(reader, joint.get("type") == "continuous", lower, upper)
+    why = _why_ignored(reader, joint.get("type") == "continuous", lower, upper)
     if why:
         yield Remark(
             kind="empty limit",
@@ -234,8 +234,8 @@ def _bounds(
         )
 
 
-def _read_over(reader: UrdfReader, continuous: bool, lower: float, upper: float) -> str:
-    """Why limits hold nothing; empty where they do, or were never meant."""
+def _why_ignored(reader: UrdfReader, continuous: bool, lower: float, upper: float) -> str:
+    """Return why limits have no effect; empty if they have one, or state nothing."""
     if continuous:
         return "it is continuous" if lower or upper else ""
     if lower > upper:
@@ -255,7 +255,7 @@ def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
                 "does not normalize it, and accelerates a hinge by so much less"
             ),
             subject=(name, reader.name, "axis length"),
-            fault=abs(length - 1) > FELT,
+            fault=abs(length - 1) > VISIBLE_LENGTH_ERROR,
             address=f"robot/joint[{name}]/axis@xyz",
             value=length,
         )
@@ -277,14 +277,14 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
 
 
 def root_link(robot: ET.Element) -> str:
-    """The name of the link that hangs from no other."""
+    """Return the name of the root link."""
     children = {child.get("link") for child in robot.findall("joint/child")}
     links = [link.get("name", "") for link in robot.findall("link")]
     return next((link for link in links if link not in children), "")
 
 
 def base_name(robot: ET.Element) -> str:
-    """What the free joint of a floating root is called: as the root link, unless a joint is."""
+    """Return the name of a floating root's free joint: the root link's, unless a joint has it."""
     name = root_link(robot)
     joints = {joint.get("name") for joint in robot.findall("joint")}
     while name in joints:
@@ -292,7 +292,7 @@ def base_name(robot: ET.Element) -> str:
     return name
 
 
-IDLE: Mapping[str, str] = MappingProxyType(
+URDF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(
     {
         r".*/(visual|material)/.*": "visual geometry",
         r".*/collision/.*": "collision shapes",
@@ -310,7 +310,7 @@ IDLE: Mapping[str, str] = MappingProxyType(
         r"robot/(?!link/inertial/|joint/(origin|axis|dynamics)@|gazebo/).*": "elements not read",
     }
 )
-"""Numbers of a URDF on which no smooth motion needs to depend, by what they are for."""
+"""Numbers of a URDF that need not affect a smooth motion, by purpose."""
 
 _SAMPLE = """<robot name="sample">
 <link name="ground"><inertial><mass value="1"/>{inertia}</inertial></link>
@@ -325,7 +325,7 @@ _SAMPLE = """<robot name="sample">
 
 
 def sample_urdf() -> Sample:
-    """A pendulum on a sprung and damped slide."""
+    """Return a pendulum on a slide with a spring and a damper."""
     inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     settings = {**SETTINGS, "step": 0.004}
     return Sample(file="sample.urdf", text=_SAMPLE.format(inertia=inertia), settings=settings)

@@ -1,9 +1,9 @@
-"""What no URDF may have, refused by line: engines read it each in another way, or crash on it.
+"""Refusal, by line, of URDFs that engines read differently or crash on.
 
-PyBullet ends its process by a segmentation fault on two root links, on a link with two parents, on
-a cycle and on a joint's name used twice; it takes "abc" for 0, "1,5" for 1, and the first of two
-elements, which MuJoCo refuses though they say the same. MuJoCo takes two root links, and a joint's
-name used twice for none.
+PyBullet ends its process with a segmentation fault on two root links, on a link with two parents,
+on a cycle and on a duplicate joint name. It reads "abc" as 0, "1,5" as 1, and the first of two
+elements, which MuJoCo refuses even if they are equal. MuJoCo accepts two root links, and treats a
+duplicate joint name as no name.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _ONCE = {
     "inertial": ("origin", "mass", "inertia"),
     "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
 }
-"""What an element may have once."""
+"""Elements that may occur once."""
 
 
 def check_urdf(source: XmlSource) -> None:
-    """Refuse what is no URDF, or none that has one meaning.
+    """Refuse a file that is not an unambiguous URDF.
 
     Raises:
         EngineError: naming file and line.
@@ -81,29 +81,29 @@ def _check_numbers(source: XmlSource, element: ET.Element) -> None:
 
 def _check_once(source: XmlSource, element: ET.Element) -> None:
     for tag in _ONCE.get(element.tag, ()):
-        found = element.findall(tag)
-        for other in found[1:]:
-            if _said(other) != _said(found[0]):
+        elements = element.findall(tag)
+        for other in elements[1:]:
+            if _content(other) != _content(elements[0]):
                 raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
 
 
-def _said(element: ET.Element) -> object:
-    """What an element says, blanks apart."""
+def _content(element: ET.Element) -> object:
+    """Return the content of an element, without blanks."""
     attributes = sorted((key, value.split()) for key, value in element.attrib.items())
-    return element.tag, attributes, (element.text or "").split(), [_said(one) for one in element]
+    return element.tag, attributes, (element.text or "").split(), [_content(one) for one in element]
 
 
 def _named(source: XmlSource, tag: str) -> dict[str, ET.Element]:
-    """Elements by their names, which must be there and their own."""
-    found: dict[str, ET.Element] = {}
+    """Return elements by name; names must exist and be unique."""
+    by_name: dict[str, ET.Element] = {}
     for element in source.root.findall(tag):
         name = element.get("name", "")
         if not name:
             raise source.refused(element, f"a <{tag}> has no name")
-        if name in found:
+        if name in by_name:
             raise source.refused(element, f"a second {tag} is called {name!r}")
-        found[name] = element
-    return found
+        by_name[name] = element
+    return by_name
 
 
 def _end(
@@ -126,7 +126,7 @@ def _check_joint(source: XmlSource, joint: ET.Element, name: str) -> None:
 
 
 def _hangs(name: str, parents: dict[str, str]) -> bool:
-    """Whether the way up from a link ends."""
+    """Return whether the chain of parents from a link ends."""
     for _ in range(len(parents) + 1):
         if name not in parents:
             return True

@@ -1,4 +1,4 @@
-"""A URDF rewritten for an engine to load: the user's own file stays as it is."""
+"""Copies of a URDF that engines load; the user's file does not change."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.source import XmlSource, written
 
 Change = Callable[[ET.Element], None]
-"""Of a `<robot>`, in place."""
+"""A change of a `<robot>`, in place."""
 
 
 @contextmanager
 def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -> Iterator[Path]:
-    """A copy of a URDF with changes, gone afterwards; without any, the file itself.
+    """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
-    Relative names of files are made absolute.
+    Relative file names become absolute.
     """
     if robot is None or not changes:
         yield path
@@ -35,7 +35,7 @@ def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -
 
 
 def changed(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
-    """A copy of a `<robot>` with changes."""
+    """Return a copy of a `<robot>` with changes."""
     robot = copy.deepcopy(robot)
     for change in changes:
         change(robot)
@@ -43,13 +43,13 @@ def changed(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
 
 
 def without_shapes(robot: ET.Element) -> None:
-    """Leave out what is seen and what touches: neither they nor their meshes are looked for."""
+    """Remove visual and collision shapes, so that no meshes are loaded."""
     without_looks(robot)
     _without(robot, "collision")
 
 
 def without_looks(robot: ET.Element) -> None:
-    """Leave out what is seen."""
+    """Remove visual shapes."""
     _without(robot, "visual")
     for material in robot.findall("material"):
         robot.remove(material)
@@ -62,7 +62,7 @@ def _without(robot: ET.Element, tag: str) -> None:
 
 
 def with_masses(robot: ET.Element) -> None:
-    """Give links whose mass is 0 one that no digit of a motion shows."""
+    """Give links with zero mass a mass that is too small to be visible in a motion."""
     for inertial in robot.findall("link/inertial"):
         mass = inertial.find("mass")
         if mass is not None and float(mass.get("value", "0")) == 0:
@@ -70,7 +70,7 @@ def with_masses(robot: ET.Element) -> None:
 
 
 def without_limits(robot: ET.Element) -> None:
-    """Limits that PyBullet takes for none: the lower one above the upper."""
+    """Give joints limits that PyBullet ignores: the lower above the upper."""
     for joint in robot.findall("joint"):
         if joint.get("type") in ("revolute", "prismatic", "spherical"):
             limit = joint.find("limit")
@@ -81,27 +81,27 @@ def without_limits(robot: ET.Element) -> None:
 
 
 def without_bounds(robot: ET.Element) -> None:
-    """No limits of positions at all."""
+    """Remove all position limits."""
     for limit in robot.findall("joint/limit"):
         for key in ("lower", "upper"):
             limit.attrib.pop(key, None)
 
 
 def without_friction(robot: ET.Element) -> None:
-    """No dry friction of joints."""
+    """Remove the dry friction of joints."""
     for dynamics in robot.findall("joint/dynamics"):
         dynamics.set("friction", "0")
 
 
 def without_crossed_bounds(robot: ET.Element) -> None:
-    """No limits whose lower is above their upper, which most engines take for none."""
+    """Remove limits with lower above upper, which most engines ignore."""
     for limit in robot.findall("joint/limit"):
         if float(limit.get("lower", "-inf")) > float(limit.get("upper", "inf")):
             del limit.attrib["lower"], limit.attrib["upper"]
 
 
 def with_held(names: Sequence[str]) -> Change:
-    """Make joints stand still at zero, and forget what pulls at them."""
+    """Return a change that fixes joints at zero and removes their springs."""
 
     def hold(robot: ET.Element) -> None:
         for joint in robot.findall("joint"):
@@ -115,7 +115,7 @@ def with_held(names: Sequence[str]) -> Change:
 
 
 def mimics_of(followers: Collection[str]) -> Change:
-    """Let all joints that follow others move on their own, but for these."""
+    """Return a change that releases all mimic joints except these."""
 
     def change(robot: ET.Element) -> None:
         for joint in robot.findall("joint"):
@@ -126,10 +126,10 @@ def mimics_of(followers: Collection[str]) -> Change:
 
 
 def followers_of(settings: Mapping[str, object], place: str) -> Collection[str] | None:
-    """Of the setting `couplings`: the joints that follow others; None for all that the file says.
+    """Return the joints that the setting `couplings` keeps following others; None for all.
 
     Raises:
-        EngineError: where it is neither true, nor false, nor a list of names.
+        EngineError: if it is neither true, nor false, nor a list of names.
     """
     given = settings.get("couplings", True)
     if isinstance(given, bool):
@@ -151,14 +151,14 @@ SCALARS: Mapping[str, tuple[str, ...]] = MappingProxyType({
     "calibration": ("rising", "falling"),
     "safety_controller": ("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"),
 })  # fmt: skip
-"""Attributes of one number: urdfdom takes such a one for none where a blank follows the number."""
+"""Attributes with one number: urdfdom rejects the number if a blank follows it."""
 
 TRIMMED: Mapping[str, object] = MappingProxyType({"trimmed_numbers": True})
-"""The setting with which engines that read by urdfdom are given such numbers without the blank."""
+"""The setting that removes these blanks for engines that use urdfdom."""
 
 
 def trim_numbers(robot: ET.Element) -> None:
-    """Take away blanks that stand around single numbers."""
+    """Remove blanks around single numbers."""
     for element in robot.iter():
         for key in SCALARS.get(element.tag, ()):
             if key in element.attrib:
@@ -175,7 +175,7 @@ def _blanks(source: XmlSource, parts: Iterable[ET.Element]) -> Iterator[str]:
 
 
 def refuse_blanks(source: XmlSource, title: str) -> None:
-    """Refuse joints in which a blank follows a number: urdfdom reads none of the file then.
+    """Refuse joints with a number that a blank follows: urdfdom then rejects the file.
 
     Args:
         source: of a URDF.
@@ -193,9 +193,9 @@ def refuse_blanks(source: XmlSource, title: str) -> None:
 
 
 def dropped_cause(source: XmlSource, title: str) -> str:
-    """Return what a diagnosis calls inertials that urdfdom drops; empty where there are none.
+    """Return the cause for inertials that urdfdom drops; empty without any.
 
-    It drops the whole `<inertial>` where a blank follows its mass or one of its moments.
+    It drops the whole `<inertial>` if a blank follows its mass or one of its moments.
     """
     places = [
         place

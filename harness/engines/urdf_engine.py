@@ -1,4 +1,4 @@
-"""What adapters of engines that take a URDF, and have one state at a time, have in common."""
+"""The shared base of adapters that read URDFs and have one state at a time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
 from physics_crosscheck.harness.engines.source import engine_errors
 from physics_crosscheck.harness.engines.tree_model import TreeModel
-from physics_crosscheck.harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf import (
+    SETTINGS,
+    URDF_NON_PHYSICAL,
+    UrdfReader,
+    sample_urdf,
+)
 from physics_crosscheck.harness.engines.urdf_copy import Change
 from physics_crosscheck.harness.engines.urdf_sidecar import (
     DeclaredUrdf,
@@ -34,71 +39,73 @@ from physics_crosscheck.harness.engines.urdf_sidecar import (
 SDF = ".sdf"
 MJCF = ".xml"
 CONTROLS = "controls"
-"""At which actuators are held."""
+"""The setting for held actuator inputs."""
 
 _STATED: Mapping[str, Callable[[ModelSpec], ModelSpec]] = MappingProxyType(
     {SDF: stated, MJCF: with_options}
 )
-"""What formats say themselves of what is a setting elsewhere."""
+"""Readers of values that these formats state and others need as settings."""
 
 
 class UrdfEngine(Engine):
     """An engine for URDFs.
 
     Attributes:
-        package: what is imported.
+        package: the module that is imported.
         defaults: of its settings.
-        words: which of those that are words may be.
+        words: the accepted words of text settings.
     """
 
     formats: tuple[str, ...] = (".urdf",)
     takes_springs: tuple[str, ...] = (".urdf",)
     switches = frozenset({"smooth", "couplings", "held"})
-    idle: Mapping[str, str] = IDLE
+    non_physical: Mapping[str, str] = URDF_NON_PHYSICAL
     package: str
     defaults: Mapping[str, float | bool | str]
     words: Mapping[str, Sequence[str]] = MappingProxyType({})
 
     def version(self) -> str | None:
-        """Version of the installed package, or None."""
+        """Return the version of the installed package, or None."""
         return version_of(self.package, self.distribution)
 
     def load(self, spec: ModelSpec) -> Model:
         """Load a file, with the settings that it states itself."""
-        if own := _STATED.get(spec.path.suffix):
-            spec = own(spec)
+        if with_stated := _STATED.get(spec.path.suffix):
+            spec = with_stated(spec)
         others = self.switches & {CONTROLS} | ({MODEL} if spec.path.suffix == SDF else set())
-        check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
+        check_settings(
+            spec, self.title, self.default_settings_note, self.defaults, self.words, others
+        )
         if spec.path.suffix != MJCF and spec.settings.get(CONTROLS):
-            told = f"[settings] controls is {spec.settings[CONTROLS]!r}"
+            problem = f"[settings] controls is {spec.settings[CONTROLS]!r}"
             raise EngineError(
-                f"{spec.path}.toml: {told}, but the adapter reads no actuators from it"
+                f"{spec.path}.toml: {problem}, but the adapter reads no actuators from it"
             )
         with engine_errors(spec.path, self.title):
             return self.loaded(spec)
 
     @abstractmethod
     def loaded(self, spec: ModelSpec) -> Model:
-        """The model of a file whose settings are in order."""
+        """Return the model of a file whose settings are valid."""
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity, which an MJCF states."""
+        """Return step and gravity, except for an MJCF, which states them."""
         return {} if suffix == MJCF else SETTINGS
 
     def samples(self) -> tuple[Sample, ...]:
-        """A URDF."""
+        """Return a URDF."""
         return (sample_urdf(),)
 
 
 class UrdfModel(TreeModel):
-    """A URDF or an SDFormat file in an engine; a subclass loads it, and makes the `stepper`.
+    """A URDF or an SDFormat file in an engine; a subclass loads it and creates the `stepper`.
 
     Args:
         spec: the file.
         title: of the engine.
-        reader: how the engine reads URDFs.
+        reader: the engine's behaviour as a URDF reader.
         defaults: of the engine's settings.
-        further: what is changed in the file besides.
+        further: the engine's own changes to the file.
     """
 
     def __init__(
@@ -119,18 +126,18 @@ class UrdfModel(TreeModel):
 
     @property
     def stated_limits(self) -> Array:
-        """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
-        found = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+        """Position limits of the file, (nz, 2); infinite for joints without one."""
+        result = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
         for name, bounds in self.declared.bounds.items():
             if name in self.coordinates:
-                found[self.coordinates.index(name)] = bounds
-        return found
+                result[self.coordinates.index(name)] = bounds
+        return result
 
     @property
-    def reach(self) -> Array:
-        """Within the limits that the file states, whether or not anything holds joints there."""
-        return within(super().reach, self.stated_limits)
+    def sampling_range(self) -> Array:
+        """Sampling range within the file's limits, whether or not they are enforced."""
+        return within(super().sampling_range, self.stated_limits)
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the file says in vain."""
+        """Yield remarks about the file."""
         yield from self.declared.remarks(self._reader, self.coordinates, z, w)

@@ -1,4 +1,4 @@
-"""A URDF with what its sidecar adds, for the engines that take it as a whole."""
+"""A URDF with its sidecar's additions, for engines that read the whole file."""
 
 from __future__ import annotations
 
@@ -37,25 +37,26 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 )
 
 REQUIRED = ("step", "gravity")
-"""What no URDF says, and a sidecar must."""
+"""Settings that a sidecar must state, since no URDF does."""
 
 ROBOTS: Mapping[str, bool] = MappingProxyType({"smooth": False, "floating": False})
-"""Whether contacts and limits are left out, and whether the root link moves freely."""
+"""Defaults: contacts and limits are kept, and the root link is fixed."""
 
 HELD = "held"
-"""Names of joints that stand still."""
+"""The setting that names fixed joints."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeclaredUrdf:
-    """What a file and its sidecar declare.
+    """Declarations of a file and its sidecar.
 
     Attributes:
         path, robot: the file.
         source: its elements with their lines.
-        springs: of joints, in Gazebo's convention, and of the sidecar; none of what is held.
-        mimics: joints that follow others, of those that the setting `couplings` lets.
-        changes: what settings change in the file before an engine loads it.
+        springs: of joints, in Gazebo's convention, and of the sidecar; without those of held
+            joints.
+        mimics: joints that follow others, limited by the setting `couplings`.
+        changes: the changes that settings make to the file before an engine loads it.
     """
 
     path: Path
@@ -67,24 +68,24 @@ class DeclaredUrdf:
 
     @property
     def root(self) -> str:
-        """The link that carries all others."""
+        """The root link."""
         return root_link(self.robot)
 
     @property
     def base(self) -> str:
-        """What the free joint of a root that floats is called."""
+        """The name of a floating root's free joint."""
         return base_name(self.robot)
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names, in the file's order."""
+        """Names of links, in the file's order."""
         return tuple(link.get("name", "") for link in self._links)
 
     @property
     def moments(self) -> Mapping[str, float]:
-        """What links state for ixx, kg m^2; zero where they state none."""
-        found = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
-        return {n: 0.0 if i is None else float(i.get("ixx", "0")) for n, i in found.items()}
+        """The stated ixx of links, kg m^2; zero by default."""
+        inertias = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
+        return {n: 0.0 if i is None else float(i.get("ixx", "0")) for n, i in inertias.items()}
 
     @property
     def _links(self) -> list[ET.Element]:
@@ -92,30 +93,30 @@ class DeclaredUrdf:
 
     @property
     def text(self) -> str:
-        """What an engine loads."""
+        """The text that an engine loads."""
         return ET.tostring(changed(self.robot, self.changes), encoding="unicode")
 
     @property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
-        """Between which the file says that positions are, where that leaves something."""
-        found = {}
+        """Position limits of the file, if lower is below upper."""
+        result = {}
         for joint in self.robot.findall("joint"):
             limit = joint.find("limit")
             if limit is not None and joint.get("type") != "continuous":
                 lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
                 if lower < upper:
-                    found[joint.get("name", "")] = (lower, upper)
-        return found
+                    result[joint.get("name", "")] = (lower, upper)
+        return result
 
     def remarks(
         self, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
     ) -> Iterator[Remark]:
-        """What is to be said of the file along the states (z, w)."""
+        """Return remarks about the file along the states (z, w)."""
         return urdf_remarks(reader, self.path, joints, z, w)
 
 
 def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUrdf:
-    """Read a URDF and what is declared beside it; `further` changes are the engine's own.
+    """Read a URDF and its sidecar; `further` changes are the engine's own.
 
     Raises:
         EngineError: naming file, line and setting.
@@ -150,20 +151,20 @@ def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUr
 def check_settings(
     spec: ModelSpec,
     title: str,
-    unstated: str,
+    default_settings_note: str,
     defaults: Mapping[str, float | bool | str],
     choices: Mapping[str, Sequence[str]] = MappingProxyType({}),
     besides: Collection[str] = (),
 ) -> None:
-    """Refuse settings that are unknown, of another type, or missing.
+    """Refuse settings that are unknown, of a wrong type, or missing.
 
     Args:
         spec: the file with its settings.
         title: of the engine.
-        unstated: what it takes for a step and gravity that nothing states.
-        defaults: of its own settings, whose types count.
-        choices: of those that are words.
-        besides: settings that are looked at elsewhere.
+        default_settings_note: its default step and gravity.
+        defaults: of its own settings; their types are required.
+        choices: the accepted words of text settings.
+        besides: settings that are checked elsewhere.
 
     Raises:
         EngineError: naming the sidecar and the setting.
@@ -182,7 +183,7 @@ def check_settings(
         if key not in spec.settings:
             raise EngineError(
                 f"{spec.path}.toml: [settings] must set {key}: the file does not, "
-                f"and {title}'s defaults are {unstated}"
+                f"and {title}'s defaults are {default_settings_note}"
             )
 
 

@@ -1,4 +1,6 @@
-"""What links hang from, by their joints: what is no tree is noted in the document."""
+"""The parent of each link, by its joints; a structure that is not a tree is noted in the
+document.
+"""
 
 from __future__ import annotations
 
@@ -6,33 +8,33 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 
 
-def hang(
+def attach_child(
     document: Document, above: dict[str, str], joint: RawElement, name: str, ends: tuple[str, str]
 ) -> None:
-    """Hang a joint's child from its parent, in `above`, unless it hangs from another already.
+    """Record a joint's parent and child in `above`, unless the child has a parent already.
 
     Args:
         document: the file.
         above: parents by their children.
-        joint: where it stands.
+        joint: its element.
         name: of the joint.
-        ends: names of its parent and child; of no child nothing hangs.
+        ends: names of its parent and child; an empty child is ignored.
     """
     parent, child = ends
     if child in above:
-        document.hinder(
+        document.add_problem(
             joint,
-            f"link {brief(child)} has a second parent, by joint {brief(name)}",
+            f"link {quote(child)} has a second parent, by joint {quote(name)}",
             "closed loops are not supported: remove the joint",
         )
     elif child:
         above[child] = parent
 
 
-def hinder_loops(
+def add_loop_problems(
     document: Document,
     names: Iterable[str],
     above: Mapping[str, str],
@@ -40,15 +42,15 @@ def hinder_loops(
 ) -> None:
     """Note each loop of links, at one of them."""
     for name in _looped(names, above):
-        document.hinder(
+        document.add_problem(
             links.get(name, document.root),
-            f"link {brief(name)} is its own ancestor through its joints",
+            f"link {quote(name)} is its own ancestor through its joints",
             "closed loops are not supported: remove a joint",
         )
 
 
 def _looped(names: Iterable[str], above: Mapping[str, str]) -> Iterator[str]:
-    """One link of every loop."""
+    """Yield one link of every loop."""
     passed: set[str] = set()
     for name in names:
         way: set[str] = set()

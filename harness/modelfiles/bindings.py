@@ -1,8 +1,8 @@
-"""What each number of a model file stands for: its literals as expressions of the constants.
+"""The meaning of each number of a model file: literals as expressions of the constants.
 
-Bindings serve the audit (does every literal say what the constants say?), sweeps, random draws and
+Bindings serve the audit (do all literals agree with the constants?), sweeps, random draws and
 mutation (copies of a model with other literals), and corrections in place. A copy differs from the
-user's files in the digits of the literals alone.
+user's files in the digits of the literals only.
 """
 
 from __future__ import annotations
@@ -18,33 +18,36 @@ from pathlib import Path
 
 import sympy as sp
 
-from physics_crosscheck.harness.modelfiles.edits import spliced
+from physics_crosscheck.harness.modelfiles.edits import apply_edits
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find, find_in
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.system import System
 
 SIDECAR = "sidecar:"
-"""What an address begins with that leads into the sidecar itself."""
+"""The prefix of addresses in the sidecar itself."""
 
 ENOUGH_DIGITS = 6
-"""From so many significant digits on, a literal may be a rounded value: what `%g` writes and a
-single-precision number holds. With fewer, 0.02 would pass for 0.024."""
+"""A literal with this many significant digits or more may be a rounded value.
+
+`%g` writes six digits, and a single-precision number holds them. With fewer, 0.02 would pass for
+0.024.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Binding:
-    """A literal of a model file, and what it stands for.
+    """A literal of a model file, and its meaning.
 
     Attributes:
-        address: where it is, see `harness.modelfiles.locations`.
-        expression: what it stands for, of the system's constants.
+        address: of the literal, see `harness.modelfiles.locations`.
+        expression: its meaning, in the system's constants.
         place: its bytes.
         expected: the expression's value for the constants' doubles, correctly rounded.
-        rounding: how far the roundings of the constants and of the literal to doubles may bring
-            its value from `expected`.
+        rounding: the largest difference from `expected` by rounding of the constants and of the
+            literal to doubles.
     """
 
     address: str
@@ -55,22 +58,22 @@ class Binding:
 
     @property
     def value(self) -> float:
-        """What the file says."""
+        """The file's value."""
         return self.place.value
 
     @property
     def error(self) -> float:
-        """(value - expected) / |expected|; the mere difference where 0 is expected."""
+        """(value - expected) / |expected|, or the plain difference if 0 is expected."""
         return (self.value - self.expected) / (abs(self.expected) or 1.0)
 
     @property
     def exact(self) -> bool:
-        """Whether the literal is the expression's value, to the roundings of doubles."""
+        """True if the literal equals the expression's value, up to rounding of doubles."""
         return abs(self.value - self.expected) <= self.rounding
 
     @property
     def rounded(self) -> bool:
-        """Whether it is not exact but correctly rounded, to the six digits or more it has."""
+        """True if it is not exact but correctly rounded to its digits, six or more."""
         _, digits, exponent = Decimal(self.place.text.replace("_", "")).as_tuple()
         assert isinstance(exponent, int)  # a literal is finite
         half = float(Decimal(5).scaleb(exponent - 1))
@@ -88,24 +91,24 @@ class Binding:
 
 
 def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
-    """Resolve and evaluate every binding that a sidecar declares, in its order.
+    """Resolve and evaluate every binding of a sidecar, in its order.
 
     Raises:
         SidecarError, LocationError: naming file, address and remedy.
     """
     places = locate(sidecar, sidecar.bindings)
-    taken: dict[tuple[Path, int], str] = {}
-    found = []
+    used: dict[tuple[Path, int], str] = {}
+    result = []
     for address, expression in sidecar.bindings.items():
         where = sidecar.entry("bindings", address)
         place = places[address]
-        other = taken.setdefault((place.file, place.start), address)
+        other = used.setdefault((place.file, place.start), address)
         if other != address:
             raise SidecarError(
-                f"{where} is the same number as {brief(other)} ({place}); keep one of them"
+                f"{where} is the same number as {quote(other)} ({place}); keep one of them"
             )
         expected, rounding = _evaluate(system, expression, where)
-        found.append(
+        result.append(
             Binding(
                 address=address,
                 expression=expression,
@@ -114,41 +117,44 @@ def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
                 rounding=rounding,
             )
         )
-    return tuple(found)
+    return tuple(result)
 
 
-def mismatches(found: Iterable[Binding]) -> tuple[Binding, ...]:
-    """Those whose literal is not what its expression says, nor that correctly rounded."""
-    return tuple(b for b in found if not b.exact and not b.rounded)
+def mismatches(bound: Iterable[Binding]) -> tuple[Binding, ...]:
+    """Return the bindings whose literal is neither the expression's value nor a correct
+    rounding.
+    """
+    return tuple(b for b in bound if not b.exact and not b.rounded)
 
 
 def locate(sidecar: Sidecar, addresses: Iterable[str]) -> dict[str, Location]:
-    """Where the literals are, in the model file or its sidecar, that addresses mean.
+    """Return the literals in the model file or its sidecar at these addresses.
 
     Raises:
         LocationError: naming file, line and remedy.
     """
     places: dict[str, Location] = {}
     for file, within in _by_file(sidecar, addresses).items():
-        found = find(file, within.values())
-        places |= {address: found[own] for address, own in within.items()}
+        located = find(file, within.values())
+        places |= {address: located[inner] for address, inner in within.items()}
     return places
 
 
 def at_constants(system: System, constants: Mapping[str, float]) -> System:
-    """The system with some constants changed, by name: the reference of a model changed alike.
+    """Return the system with some constants changed: the reference of a model with the same
+    changes.
 
     Raises:
-        DeclarationError: for a name that is no constant, or a value that is not positive where the
-            declared one is, or the other way round: the equations were simplified with that.
+        DeclarationError: for an unknown constant, or a change between positive and not positive:
+            the equations were simplified with the declared sign.
     """
-    known = {c.name: c for c in system.constants}
+    by_name = {c.name: c for c in system.constants}
     for name, value in constants.items():
-        if name not in known:
-            names = ", ".join(known) or "none"
+        if name not in by_name:
+            names = ", ".join(by_name) or "none"
             raise DeclarationError(f"{system.name} has no constant {name!r}; it has {names}")
-        if not math.isfinite(value) or (value > 0) != (known[name].value > 0):
-            sign = "positive" if known[name].value > 0 else "not positive"
+        if not math.isfinite(value) or (value > 0) != (by_name[name].value > 0):
+            sign = "positive" if by_name[name].value > 0 else "not positive"
             raise DeclarationError(
                 f"{system.name}: {name} is declared {sign} and can't be varied to "
                 f"{value!r}; declare it with the sign of that value"
@@ -163,22 +169,22 @@ def with_constants(
 ) -> Sidecar:
     """Copy a model into another folder with every bound literal at changed constants.
 
-    The constants not named keep their values. A literal that says what it should is left as it is
-    written; one that doesn't is set right. Its reference is that of `at_constants`.
+    Other constants keep their values. A correct literal stays as written; a wrong one is corrected.
+    The copy's reference is that of `at_constants`.
 
     Raises:
-        DeclarationError, SidecarError, LocationError: naming what is wrong and where.
+        DeclarationError, SidecarError, LocationError: naming the problem and its place.
     """
-    found = bindings(at_constants(system, constants), sidecar)
-    return with_literals(sidecar, {b.address: b.expected for b in found if not b.exact}, into)
+    bound = bindings(at_constants(system, constants), sidecar)
+    return with_literals(sidecar, {b.address: b.expected for b in bound if not b.exact}, into)
 
 
 def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -> Sidecar:
     """Copy a model file and its sidecar into another folder with literals replaced, by address.
 
-    Any number with an address will do, bound or not. All else stays, byte for byte, and so do
-    settings that the sidecar was given since it was read. What lies beside the model file (meshes,
-    included files) is linked to, so that its relative paths hold.
+    Any number with an address is accepted, bound or not. All other bytes stay, and so do settings
+    that were added to the sidecar since it was read. Links to the other files of the folder
+    (meshes, included files) keep relative paths valid.
 
     Raises:
         LocationError: naming file, line and remedy.
@@ -192,9 +198,9 @@ def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -
 
 
 def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sidecar:
-    """Copy a model file and its sidecar into another folder with other texts, by their paths.
+    """Copy a model file and its sidecar into another folder with other texts, by path.
 
-    Files that the model includes stand in its folder, or below it.
+    Included files must be in the model's folder, or below it.
     """
     into.mkdir(parents=True, exist_ok=True)
     _link_neighbours(sidecar, into)
@@ -202,36 +208,36 @@ def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sid
         below = file.relative_to(sidecar.model.parent)
         _unlink_folders(into, below)
         _write_copy(into / below, data)
-    own = _file(sidecar)
-    if texts.get(own) == own.read_bytes():
+    sidecar_file = _file(sidecar)
+    if texts.get(sidecar_file) == sidecar_file.read_bytes():
         return replace(sidecar, model=into / sidecar.model.name)
-    return _as_set(read_sidecar(into / own.name), sidecar)
+    return _as_set(read_sidecar(into / sidecar_file.name), sidecar)
 
 
 def _as_set(copy: Sidecar, sidecar: Sidecar) -> Sidecar:
-    """A copy with the engines' settings that were changed since the sidecar was read."""
+    """Return a copy with the engines' settings that have changed since the sidecar was read."""
     read = read_sidecar(_file(sidecar)).engine_settings
-    settings = {engine: dict(own) for engine, own in copy.engine_settings.items()}
-    for engine, own in sidecar.engine_settings.items():
+    settings = {engine: dict(given) for engine, given in copy.engine_settings.items()}
+    for engine, given in sidecar.engine_settings.items():
         before = read.get(engine, {})
-        changed = {k: v for k, v in own.items() if k not in before or before[k] != v}
+        changed = {k: v for k, v in given.items() if k not in before or before[k] != v}
         if changed:
             settings[engine] = {**settings.get(engine, {}), **changed}
     return replace(copy, engine_settings=settings)
 
 
 def rewrite(sidecar: Sidecar, literals: Mapping[str, float]) -> None:
-    """Replace literals in the user's own files, by address; on demand alone.
+    """Replace literals in the user's own files, by address; only on explicit request.
 
-    Each file is written whole or not at all, after all were found sound. To set right what
-    disagrees: `rewrite(sidecar, {b.address: b.correction for b in mismatches(found)})`.
+    Each file is written atomically, after all were checked. To correct mismatches:
+    `rewrite(sidecar, {b.address: b.correction for b in mismatches(bound)})`.
 
     Raises:
         LocationError, ValueError: as `with_literals`.
     """
     for file, data in _replaced(sidecar, literals).items():
         if data != file.read_bytes():
-            # Through a link, the file that it leads to.
+            # For a link, write the file that it points to.
             _write_whole(file.resolve(), data)
 
 
@@ -240,44 +246,44 @@ def _file(sidecar: Sidecar) -> Path:
 
 
 def _by_file(sidecar: Sidecar, addresses: Iterable[str]) -> dict[Path, dict[str, str]]:
-    """Addresses by the file they lead into, each with what it is called there."""
+    """Return addresses by their file, each with its form in that file."""
     files: dict[Path, dict[str, str]] = {}
     for address in addresses:
-        own = address.startswith(SIDECAR)
-        file = _file(sidecar) if own else sidecar.model
+        in_sidecar = address.startswith(SIDECAR)
+        file = _file(sidecar) if in_sidecar else sidecar.model
         files.setdefault(file, {})[address] = address.removeprefix(SIDECAR)
     return files
 
 
 def _replaced(sidecar: Sidecar, literals: Mapping[str, float]) -> dict[Path, bytes]:
-    """Both files with literals replaced, checked to say what they should."""
+    """Return both files with literals replaced, after checking the result."""
     texts = {file: file.read_bytes() for file in (sidecar.model, _file(sidecar))}
     for file, within in _by_file(sidecar, literals).items():
-        data, wanted = texts[file], {own: float(literals[a]) for a, own in within.items()}
-        for own, value in wanted.items():
+        data, wanted = texts[file], {inner: float(literals[a]) for a, inner in within.items()}
+        for inner, value in wanted.items():
             if not math.isfinite(value):
-                raise ValueError(f"{file}: {own!r} can't be {value!r}")
+                raise ValueError(f"{file}: {inner!r} can't be {value!r}")
         places = find_in(data, file, wanted)
-        data = spliced(
+        data = apply_edits(
             data,
             (
                 # The shortest decimal that reads back as the same double.
-                (place.start, place.end, repr(wanted[own]).encode())
-                for own, place in places.items()
-                if wanted[own] != place.value
+                (place.start, place.end, repr(wanted[inner]).encode())
+                for inner, place in places.items()
+                if wanted[inner] != place.value
             ),
         )
-        for own, place in find_in(data, file, wanted).items():
-            if place.value != wanted[own]:
+        for inner, place in find_in(data, file, wanted).items():
+            if place.value != wanted[inner]:
                 raise LocationError(
-                    f"{place}: {brief(own)} is the same number as one that is set already"
+                    f"{place}: {quote(inner)} is the same number as one that is set already"
                 )
         texts[file] = data
     return texts
 
 
 def _evaluate(system: System, text: str, where: object) -> tuple[float, float]:
-    """The value of an expression of the constants, and how far roundings may move it."""
+    """Return the value of an expression of the constants, and its largest change by rounding."""
     symbols = {c.name: c.symbol for c in system.constants}
     expression = parse(text, symbols, where)
     values = system.values
@@ -289,7 +295,7 @@ def _evaluate(system: System, text: str, where: object) -> tuple[float, float]:
             for c in system.constants
         )
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise SidecarError(f"{where}: {brief(text)} is not a finite real number") from None
+        raise SidecarError(f"{where}: {quote(text)} is not a finite real number") from None
     # Half a unit for the literal's own rounding, half for that of the expected value.
     return expected, moved + math.ulp(expected)
 
@@ -304,21 +310,23 @@ def _number(expression: sp.Expr) -> float:
 
 
 def _link_neighbours(sidecar: Sidecar, into: Path) -> None:
-    """Links to what a model file may refer to: all beside it but its physics and its sidecar."""
+    """Link to all files of the folder that a model file may refer to, except its physics and
+    sidecar.
+    """
     folder = sidecar.model.parent.resolve()
-    own = {sidecar.model.name, _file(sidecar).name, "system.py", "__pycache__"}
+    excluded = {sidecar.model.name, _file(sidecar).name, "system.py", "__pycache__"}
     for entry in folder.iterdir():
         link = into / entry.name
-        if entry.name in own or entry.name.startswith(".") or os.path.lexists(link):
+        if entry.name in excluded or entry.name.startswith(".") or os.path.lexists(link):
             continue
         if not into.resolve().is_relative_to(entry):
             link.symlink_to(entry)
 
 
 def _unlink_folders(into: Path, below: Path) -> None:
-    """Make the folders that lead to a copy the copy's own, with links to what is in each.
+    """Replace linked folders on the path of a copy by real ones, with links to their content.
 
-    What is written through a link would be the user's.
+    Writing through a link would change the user's files.
     """
     for folder in (into / parent for parent in reversed(below.parents[:-1])):
         if folder.is_symlink():
@@ -330,7 +338,7 @@ def _unlink_folders(into: Path, below: Path) -> None:
 
 
 def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all: a temporary file beside it, then a rename."""
+    """Write a file atomically: a temporary file in its folder, then a rename."""
     mode = path.stat().st_mode & 0o7777 if path.is_file() else 0o644
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
@@ -345,7 +353,7 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 def _write_copy(path: Path, data: bytes) -> None:
-    """Write a copy that nobody else knows of; what is there already is left as it is."""
+    """Write a copy that no other process reads yet; identical content stays untouched."""
     try:
         if path.read_bytes() == data:
             return
@@ -358,6 +366,8 @@ def _write_copy(path: Path, data: bytes) -> None:
 
 
 def _forget_bytecode(path: Path) -> None:
-    """Bytecode is told stale by second and size; a literal changes within both."""
+    """Delete bytecode: Python detects stale bytecode by second and size, which a new literal may
+    keep.
+    """
     if path.suffix == ".py":
         Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)

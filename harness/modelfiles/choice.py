@@ -1,4 +1,4 @@
-"""Which cases of a run are wanted: by the names of a command line, by words, or by what failed."""
+"""The selection of cases to run: by names on the command line, by words, or by earlier failures."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Match = Callable[[str], bool]
 
 @dataclass(frozen=True, kw_only=True)
 class NamedModel:
-    """A model file that a name means, and of its cases those of a scenario and an engine, if any.
+    """A model file that a name refers to, optionally with one scenario and engine.
 
-    `my_arm/robot.urdf/free [engine]` is the name of a case, as it is printed.
+    `my_arm/robot.urdf/free [engine]` is the printed name of a case.
     """
 
     folder: Path
@@ -32,22 +32,24 @@ class NamedModel:
     engine: str = ""
 
     def includes(self, case: CaseId) -> bool:
-        """Whether a case of its folder is meant."""
+        """Return whether a case of its folder is selected."""
         return self.includes_model(case.model, case.engine) and self.scenario in ("", case.scenario)
 
     def includes_model(self, model: str, engine: str = "") -> bool:
-        """Whether a model of its folder is meant, be it in one scenario; in an engine or in any."""
+        """Return whether a model of its folder is selected, in any scenario; in one engine or in
+        any.
+        """
         return model == self.model and (not engine or self.engine in ("", engine))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """Which cases are wanted; as it is, all.
+    """The selected cases; by default all.
 
     Attributes:
-        models: by folder, those of which one is to be meant; folders that aren't here are whole.
-        words: what a case's name is to match, as `matching` reads it; empty: anything.
-        only: folders and cases; None: all.
+        models: selected models by folder; all models of other folders are selected.
+        words: an expression that a case's name must match, as in `matching`; empty selects all.
+        only: folders and cases, or None for all.
     """
 
     models: Mapping[str, tuple[NamedModel, ...]] = field(default_factory=dict)
@@ -56,16 +58,16 @@ class Choice:
 
     @property
     def everything(self) -> bool:
-        """Whether nothing is left out."""
+        """True if all cases are selected."""
         return not (self.models or self.words) and self.only is None
 
     def includes_model(self, folder: str, model: str, engine: str = "") -> bool:
-        """Whether a model is among those that are meant, in an engine or in any."""
+        """Return whether a model is selected, in one engine or in any."""
         named = self.models.get(folder)
         return named is None or any(one.includes_model(model, engine) for one in named)
 
     def includes(self, folder: str, case: CaseId) -> bool:
-        """Whether a case is wanted."""
+        """Return whether a case is selected."""
         named = self.models.get(folder)
         return (
             (named is None or any(one.includes(case) for one in named))
@@ -75,51 +77,51 @@ class Choice:
 
 
 def named_model(name: str) -> NamedModel | None:
-    """The model file of a system folder that a name means, or None for any other name.
+    """Return the model file of a system folder that a name refers to, or None.
 
-    Such a file stands beside a `system.py` and has a sidecar. Where nothing has the name, it is
-    looked for among the built-in systems.
+    Such a file is in the folder of a `system.py` and has a sidecar. If no file has the name, search
+    the built-in systems.
     """
-    found = _NAME.fullmatch(name)
-    if found is None:
+    match = _NAME.fullmatch(name)
+    if match is None:
         return None
-    path = Path(found["model"])
+    path = Path(match["model"])
     for place in (path, builtin() / path):
         declared = (place.parent / "system.py").is_file()
         if declared and place.is_file() and Path(f"{place}.toml").is_file():
             return NamedModel(
                 folder=place.parent,
                 model=place.name,
-                scenario=found["scenario"] or "",
-                engine=found["engine"] or "",
+                scenario=match["scenario"] or "",
+                engine=match["engine"] or "",
             )
     return None
 
 
 def chosen_models(names: Sequence[str]) -> tuple[list[str], dict[str, tuple[NamedModel, ...]]]:
-    """Names with each model's replaced by its folder's, and the models by folder.
+    """Return the names with each model's replaced by its folder's, and the models by folder.
 
-    A folder that is named itself is wanted whole.
+    A folder that is named itself is selected as a whole.
     """
     whole, models = list[str](), dict[str, tuple[NamedModel, ...]]()
     for name in names:
-        one = named_model(name)
-        if one is None:
+        named = named_model(name)
+        if named is None:
             whole.append(name)
         else:
-            models[str(one.folder)] = (*models.get(str(one.folder), ()), one)
+            models[str(named.folder)] = (*models.get(str(named.folder), ()), named)
     partly = {folder: found for folder, found in models.items() if folder not in whole}
     return [*whole, *partly], partly
 
 
 @cache
 def matching(words: str) -> Match:
-    """Whether a name has words in it, whatever their case: `driven and not (robot or free)`.
+    """Return a function that matches a name, ignoring case: `driven and not (robot or free)`.
 
-    As pytest's `-k` has it. A word is anything without a space or a parenthesis.
+    The syntax is that of pytest's `-k`. A word is text without spaces and parentheses.
 
     Raises:
-        FolderError: for what can't be read so.
+        FolderError: for an expression that can't be parsed.
     """
     if not words.strip():
         return lambda _: True
@@ -130,13 +132,13 @@ class _Words:
     """A parser by recursive descent: or, and, not, parentheses."""
 
     def __init__(self, text: str) -> None:
-        self._text, self._left = text, _WORD.findall(text)
+        self._text, self._remaining = text, _WORD.findall(text)
 
     def read(self) -> Match:
-        found = self._either()
-        if self._left:
+        match = self._either()
+        if self._remaining:
             raise self._error()
-        return found
+        return match
 
     def _either(self) -> Match:
         parts = [self._both()]
@@ -145,28 +147,28 @@ class _Words:
         return lambda name: any(part(name) for part in parts)
 
     def _both(self) -> Match:
-        parts = [self._one()]
+        parts = [self._term()]
         while self._next("and"):
-            parts.append(self._one())
+            parts.append(self._term())
         return lambda name: all(part(name) for part in parts)
 
-    def _one(self) -> Match:
+    def _term(self) -> Match:
         if self._next("not"):
-            inner = self._one()
+            inner = self._term()
             return lambda name: not inner(name)
         if self._next("("):
             inner = self._either()
             if not self._next(")"):
                 raise self._error()
             return inner
-        if not self._left or self._left[0].lower() in ("and", "or", ")"):
+        if not self._remaining or self._remaining[0].lower() in ("and", "or", ")"):
             raise self._error()
-        word = self._left.pop(0).lower()
+        word = self._remaining.pop(0).lower()
         return lambda name: word in name.lower()
 
     def _next(self, word: str) -> bool:
-        if self._left and self._left[0].lower() == word:
-            self._left.pop(0)
+        if self._remaining and self._remaining[0].lower() == word:
+            self._remaining.pop(0)
             return True
         return False
 

@@ -1,12 +1,12 @@
-"""What a folder's code reads and looks for beside the folder's own files: recorded as it is run.
+"""Recording of the files that a folder's code reads or searches for outside the folder.
 
-`system.py` and a Python model file may open data or import modules from anywhere. What they read is
-what the outcome depends on, and so is what they looked for and did not find, the names that they
-listed, and the sizes and times that they asked for. Each is kept as it was just before it was
-asked for (`modelfiles.path_states`). Left out is what comes with Python or was installed: its
-version is another matter. So is what programs keep for themselves in the user's cache, as engines
-that compile do, what the code made itself, and what Python does not see: the environment, a
-network, another process, a file that a library in C opens by itself.
+`system.py` and a Python model file may open data or import modules from anywhere. Their results
+depend on the files that they read, on missing files that they searched for, on folders that they
+listed, and on sizes and times that they queried. The recording keeps each state just before the
+access (`modelfiles.path_states`). It leaves out Python and installed packages, whose versions are
+recorded elsewhere. It also leaves out the user's cache, as of engines that compile, and files that
+the code created. Python can't observe the environment, the network, other processes, and files that
+a C library opens itself.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _SYSTEM = ("/proc", "/dev", "/sys", "/etc", "/usr/share")
 
 
 class Reads:
-    """Paths that were read or looked for, each with its state before that.
+    """Paths that were read or searched for, each with its state before the access.
 
     Args:
-        folder: whose code is run.
-        caller: the frame in which that is asked for; what it does itself is not the code's.
+        folder: the folder whose code runs.
+        caller: the frame that starts the recording; its own accesses are not the code's.
     """
 
     def __init__(self, folder: Path, caller: FrameType | None = None) -> None:
@@ -50,13 +50,13 @@ class Reads:
         self._path = tuple(sys.path)
         self._words: dict[str, dict[Way, str]] = {}
         self._modules: dict[str, dict[str, str]] = {}
-        self._made: set[str] = set()
+        self._created: set[str] = set()
         self._removed: set[str] = set()
 
     def is_of_code(self) -> bool:
-        """Return whether the folder's code asks for what is being asked for now.
+        """Return whether the folder's code makes the current access.
 
-        Between it and what is asked there may be installed packages, and nothing of ours.
+        Installed packages may be on the call stack in between, but not this package.
         """
         frame = _asking()
         while frame is not None and frame is not self._caller:
@@ -66,16 +66,16 @@ class Reads:
             if _whose(file) == "ours":
                 return False
             frame = frame.f_back
-        return frame is None  # a thread that is none of ours
+        return frame is None  # a foreign thread
 
     def lose(self) -> None:
-        """Something was asked for whose place can't be known: nothing may rest on this."""
+        """Mark the recording as unusable, because the path of an access is unknown."""
         self._words["(a folder that was open)"] = {states.content: UNREADABLE}
 
     def note(self, path: str, way: Way) -> None:
-        """Keep the state of a path, unless it is known or of no account."""
-        known = self._words.get(path, {})
-        if way in known or not self._counts(path):
+        """Record the state of a path, unless it is recorded or irrelevant."""
+        recorded_states = self._words.get(path, {})
+        if way in recorded_states or not self._counts(path):
             return
         try:
             word = way(path)
@@ -84,33 +84,35 @@ class Reads:
         self._words.setdefault(path, {})[way] = word
 
     def note_module(self, folder: str, name: str) -> None:
-        """Keep which file of a folder an import of a name finds."""
+        """Record which file of a folder an import of a name finds."""
         if self._counts(os.path.join(folder, "")):
-            known = self._modules.setdefault(folder, {})
-            known.setdefault(name, states.module_file(folder, name))
+            found_modules = self._modules.setdefault(folder, {})
+            found_modules.setdefault(name, states.module_file(folder, name))
 
     def note_search(self, name: str) -> None:
-        """Keep what an import of a name finds in the folders that the code put on `sys.path`."""
+        """Record the results of importing a name from folders that the code added to `sys.path`."""
         for folder in sys.path:
             here = os.path.abspath(folder)
             if folder not in self._path:
                 self.note_module(here, name)
 
     def note_link(self, path: str) -> None:
-        """Keep where a symbolic link points; one above the folder moves all with it."""
+        """Record the target of a symbolic link, except above the folder, where all paths move with
+        it.
+        """
         if not self._folder.startswith(os.path.join(path, "")):
             self.note(path, states.link)
 
     def make(self, path: str) -> None:
-        """A path that the code makes anew is no input of it, nor is what lies in it."""
+        """Note that the code creates a path, so that it and its content are not inputs."""
         if path not in self._words:
-            self._made.add(path)
+            self._created.add(path)
 
     def move(self, path: str, target: str) -> None:
-        """A path gets another name, or goes where there is no target."""
+        """Note that a path is moved, or removed if there is no target."""
         if path in self._words:
             self._removed.add(path)
-        elif target and path in self._made:
+        elif target and path in self._created:
             self.make(target)
 
     def states(self) -> dict[str, str]:
@@ -122,14 +124,18 @@ class Reads:
 
     def _kept(self) -> dict[str, str]:
         words = {path: dict.fromkeys(self._plain(path)) for path in self._words}
-        for folder, found in self._modules.items():
-            words.setdefault(folder, {})[states.modules(found)] = None
-        return {path: states.joined(found) for path, found in words.items() if found}
+        for folder, states_found in self._modules.items():
+            words.setdefault(folder, {})[states.modules(states_found)] = None
+        return {
+            path: states.joined(states_found)
+            for path, states_found in words.items()
+            if states_found
+        }
 
     def _plain(self, path: str) -> Iterator[str]:
-        """The words of a path: what is known of it by a better one is left out.
+        """Yield the states of a path, without those that a more precise one implies.
 
-        A copy that a library in C has made, and that is gone, is nothing the code depends on.
+        A temporary copy that a C library has created and removed is not an input.
         """
         words = self._words[path]
         gone = path not in self._removed and not os.path.lexists(path)
@@ -141,26 +147,28 @@ class Reads:
             yield word
 
     def _counts(self, path: str) -> bool:
-        """Whether a path is an input: neither installed nor made by the code itself."""
+        """Return whether a path is an input: neither installed nor created by the code itself."""
         if not self._is_within(path) and _installed(path):
             return False
-        return not self._made or self._made.isdisjoint((path, *map(str, Path(path).parents)))
+        return not self._created or self._created.isdisjoint((path, *map(str, Path(path).parents)))
 
     def _is_within(self, path: str) -> bool:
         return path.startswith(f"{self._folder}{os.sep}")
 
 
 _METADATA = (".dist-info", ".egg-info")
-"""Folders that say what is installed, wherever the package is; engines are looked up there."""
+"""Folders of package metadata, wherever the package is; engines are detected there."""
 
 
 def _installed(path: str) -> bool:
-    """Whether a file belongs to Python, to an installed package, to us or to the machine."""
+    """Return whether a file belongs to Python, to an installed package, to this package or the
+    machine.
+    """
     return path.startswith(_roots()) or os.path.dirname(path).endswith(_METADATA)
 
 
 def user_cache() -> Path:
-    """Where programs keep for a user what can be made again, as the platform has it."""
+    """Return the platform's folder for a user's caches."""
     if os.name == "nt":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if sys.platform == "darwin":
@@ -170,15 +178,17 @@ def user_cache() -> Path:
 
 @lru_cache(maxsize=1)
 def _roots() -> tuple[str, ...]:
-    known = sysconfig.get_paths()
-    roots = {known[name] for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")}
+    python_paths = sysconfig.get_paths()
+    roots = {
+        python_paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")
+    }
     roots |= {*site.getsitepackages(), site.getusersitepackages(), *package_folders(), *_SYSTEM}
     roots |= {str(folder) for folder in (PACKAGE, *SOURCES)}
     # A virtual environment has its packages here and its standard library elsewhere.
     roots |= {str(Path(os.__file__).parent)}
-    version = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"  # where Python may be zipped
+    version = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"  # the zipped standard library
     roots |= {str(user_cache()), str(Path(os.__file__).parents[1] / version)}
-    if sys.pycache_prefix:  # our own modules' bytecode; a folder's is not read
+    if sys.pycache_prefix:  # bytecode of this package; a folder's bytecode is not read
         roots |= {sys.pycache_prefix}
     both = {os.path.abspath(root) for root in roots} | {os.path.realpath(root) for root in roots}
     return tuple(sorted(f"{root}{os.sep}" for root in both))
@@ -186,7 +196,7 @@ def _roots() -> tuple[str, ...]:
 
 @lru_cache(maxsize=1024)
 def _whose(file: str) -> str:
-    """Return whose a source file is: `code`, as of a folder, `ours`, or else `installed`."""
+    """Return the origin of a source file: `code` for a folder's, `ours`, or else `installed`."""
     here = os.path.abspath(file)
     if is_own(here):
         return "ours"
@@ -195,7 +205,7 @@ def _whose(file: str) -> str:
 
 @lru_cache(maxsize=1024)
 def _standard_module(file: str) -> str:
-    """Return the name of the standard library's module that a file is; of another file none."""
+    """Return the standard library's module of a file; empty for another file."""
     if file.startswith("<frozen "):
         return file.removeprefix("<frozen ").rstrip(">").partition(".")[0]
     for name in ("stdlib", "platstdlib"):
@@ -207,7 +217,7 @@ def _standard_module(file: str) -> str:
 
 
 def _asking() -> FrameType | None:
-    """Return the frame that asks for what is being noted: the innermost outside this file."""
+    """Return the frame that makes the current access: the innermost outside this file."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_code.co_filename == __file__:
         frame = frame.f_back
@@ -215,11 +225,11 @@ def _asking() -> FrameType | None:
 
 
 _recordings: list[Reads] = []
-"""Those that go on, the innermost last: each is told all."""
+"""Active recordings, the innermost last; each receives all accesses."""
 
 
 class _Noting(threading.local):
-    """Whether this thread is noting something, which looks at paths itself."""
+    """A flag per thread: a recording is active, whose own accesses are ignored."""
 
     on = False
 
@@ -228,7 +238,7 @@ _noting = _Noting()
 
 
 def _quietly(function: Callable[..., None], *arguments: Any) -> None:
-    """Call what notes something; it must not raise, since that would end what is run."""
+    """Call a recording function and suppress its exceptions, which would end the user's code."""
     if not _recordings or _noting.on:
         return
     _noting.on = True
@@ -240,13 +250,13 @@ def _quietly(function: Callable[..., None], *arguments: Any) -> None:
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    """Note what is opened, listed, made and moved."""
+    """Record an audit event of opening, listing, creating or moving."""
     if _recordings and event in _EVENTS:
         _quietly(_EVENTS[event], *arguments)
 
 
 def _note(path: Any, way: Way) -> None:
-    """Note what the folder's code asks of a path."""
+    """Record that the folder's code accesses a path."""
     here = os.path.abspath(os.fsdecode(path))
     for reads in _recordings:
         if reads.is_of_code():
@@ -254,11 +264,11 @@ def _note(path: Any, way: Way) -> None:
 
 
 def _opened(path: Any, mode: str | None, flags: int) -> None:
-    """A file is about to be opened: to be read, or to be made."""
-    if isinstance(path, int):  # it was opened before
+    """Record that a file is about to be opened for reading or created."""
+    if isinstance(path, int):  # opened before
         return
     here = _source_of(os.path.abspath(os.fsdecode(path)))
-    if mode is None:  # os.open tells flags alone
+    if mode is None:  # os.open passes flags only
         makes = bool(flags & os.O_TRUNC) or flags & _NEW == _NEW
         reads = flags & (os.O_WRONLY | os.O_APPEND) != os.O_WRONLY
     else:
@@ -266,7 +276,7 @@ def _opened(path: Any, mode: str | None, flags: int) -> None:
     if mode is not None and "x" in mode:
         _note(here, states.kind)
     if makes:
-        _made(here, anew="w" not in (mode or "") and not flags & os.O_TRUNC)
+        _created(here, exclusive="w" not in (mode or "") and not flags & os.O_TRUNC)
     elif reads:
         _read(here)
 
@@ -275,7 +285,9 @@ _NEW = os.O_CREAT | os.O_EXCL
 
 
 def _read(here: str) -> None:
-    """A file counts whoever reads it; what is none counts where the folder's code looks for it."""
+    """Record a file whoever reads it; record a missing one only if the folder's code searches for
+    it.
+    """
     if states.kind(here) != "file":
         _note(here, states.content)
         return
@@ -284,7 +296,7 @@ def _read(here: str) -> None:
 
 
 def _source_of(path: str) -> str:
-    """Return the source of a bytecode file that Python keeps, which it is read in place of."""
+    """Return the source of a bytecode file, which Python reads in place of the source."""
     with contextlib.suppress(ValueError):
         source = importlib.util.source_from_cache(path)
         if os.path.isfile(source):
@@ -292,18 +304,18 @@ def _source_of(path: str) -> str:
     return path
 
 
-def _made(path: Any, mode: int = 0, dir_fd: int = -1, *, anew: bool = True) -> None:
-    """A path is made; `anew`: which fails where it is there."""
-    if dir_fd != -1:  # it lies in a folder that was opened, and made, before
+def _created(path: Any, mode: int = 0, dir_fd: int = -1, *, exclusive: bool = True) -> None:
+    """Record that a path is created; with `exclusive`, creation fails if it exists."""
+    if dir_fd != -1:  # inside an opened folder, which was recorded
         return
     here = os.path.abspath(os.fsdecode(path))
-    if not (anew and os.path.lexists(here)):
+    if not (exclusive and os.path.lexists(here)):
         for reads in _recordings:
             reads.make(here)
 
 
 def _linked(_: Any, path: Any, *dir_fds: int) -> None:
-    _made(path, dir_fd=max(dir_fds))
+    _created(path, dir_fd=max(dir_fds))
 
 
 def _moved(path: Any, target: Any, *dir_fds: int) -> None:
@@ -315,18 +327,18 @@ def _moved(path: Any, target: Any, *dir_fds: int) -> None:
 
 
 def _listed(path: Any = None, *, entries: bool = False) -> None:
-    """A folder is listed; who goes through its entries may ask for their sizes and times."""
+    """Record that a folder is listed; its entries may expose sizes and times."""
     asking = _asking()
-    if isinstance(path, int) or asking is None:  # it was opened before
+    if isinstance(path, int) or asking is None:  # opened before
         return
     module = _standard_module(asking.f_code.co_filename)
-    if module != "importlib":  # what it looks for there is noted by name
+    if module != "importlib":  # names that importlib searches for are recorded separately
         way = states.entries if entries and not module else states.names
         _note("." if path is None else path, way)
 
 
 def _database(path: Any) -> None:
-    """C opens it; its name may be that of a resource, `file:PATH?mode=ro`."""
+    """Record a database that C opens; its name may be that of a resource, `file:PATH?mode=ro`."""
     name = os.fsdecode(path)
     _note(name.removeprefix("file:").partition("?")[0] if "file:" in name else name, states.content)
 
@@ -335,7 +347,7 @@ _EVENTS: Mapping[str, Callable[..., None]] = {
     "open": _opened,
     "os.listdir": _listed,
     "os.scandir": functools.partial(_listed, entries=True),
-    "os.mkdir": _made,
+    "os.mkdir": _created,
     "os.symlink": _linked,
     "os.link": _linked,
     "os.rename": _moved,
@@ -347,9 +359,9 @@ _EVENTS: Mapping[str, Callable[..., None]] = {
 
 
 def _looked_up(path: Any, dir_fd: int | None = None, follow_symlinks: bool = True) -> None:
-    """Something was asked of a path for which there is no audit event."""
-    asked = _asked()
-    if asked is None:
+    """Record a query of a path that has no audit event."""
+    way = _queried()
+    if way is None:
         return
     where = _place(path, dir_fd)
     if where is None:
@@ -358,14 +370,14 @@ def _looked_up(path: Any, dir_fd: int | None = None, follow_symlinks: bool = Tru
     elif not follow_symlinks and os.path.islink(where):
         _note(where, states.link)
     else:
-        _note(where, asked)
+        _note(where, way)
 
 
-def _asked() -> Way | None:
-    """Return what is asked of a path: its kind or its times; None where that is no matter.
+def _queried() -> Way | None:
+    """Return what is queried about a path: its kind or its times, or None if irrelevant.
 
-    `exists`, `is_file` and their like ask for the kind alone, and so do all modules of the standard
-    library that compare or copy files. Of what `realpath` finds, links alone count.
+    `exists`, `is_file` and similar functions query the kind only, and so do the modules of the
+    standard library that compare or copy files. For `realpath` only links matter.
     """
     frame = _asking()
     while frame is not None:
@@ -384,7 +396,7 @@ _ASK_TIMES = ("stat", "lstat", "getsize", "getmtime", "getatime", "getctime")
 
 
 def _place(path: Any, dir_fd: int | None) -> str | None:
-    """Return where a path is, of one relative to an open folder too; None: it can't be told."""
+    """Return the path of a query, also relative to an open folder, or None if unknown."""
     try:
         if isinstance(path, int):
             return os.readlink(f"/proc/self/fd/{path}")
@@ -399,7 +411,7 @@ def _noted_stat(path: Any, *rest: Any, dir_fd: int | None = None, **more: Any) -
 
 
 def _noted_link(path: Any, *rest: Any, dir_fd: int | None = None, **more: Any) -> None:
-    """Of a link its target counts, save above the folder: all else is relative to that."""
+    """Record a link's target, except above the folder: all other paths are relative to it."""
     where = _place(path, dir_fd)
     if where is not None:
         here = os.path.abspath(where)
@@ -418,7 +430,7 @@ def _noted_lstat(path: Any, *, dir_fd: int | None = None) -> None:
 
 
 def _noted_open(path: Any, flags: int, *rest: Any, dir_fd: int | None = None) -> None:
-    """A file in a folder that is open: of all others there is an event."""
+    """Record a file in an open folder; all others have an audit event."""
     if dir_fd is not None:
         where = _place(path, dir_fd)
         if where is None:
@@ -434,7 +446,7 @@ def _wrapped(function: Callable[..., Any], note: Callable[..., None]) -> Callabl
         _quietly(functools.partial(note, *arguments, **named))
         if named.get("dir_fd") is None or _noting.on:
             return function(*arguments, **named)
-        _noting.on = True  # its event would not say relative to which folder
+        _noting.on = True  # its audit event would not contain the folder
         try:
             return function(*arguments, **named)
         finally:
@@ -454,16 +466,16 @@ _LOOK_UPS: Mapping[str, Callable[..., Any]] = {
     "readlink": _wrapped(os.readlink, _noted_link),
     "open": _wrapped(os.open, _noted_open),
 }
-"""Functions of `os` that tell something of a path and raise no audit event, or half of one."""
+"""Functions of `os` that query a path without an audit event, or with an incomplete one."""
 
 
 @contextlib.contextmanager
 def recorded(folder: Path) -> Iterator[Reads]:
-    """Record what is read and looked for meanwhile by what is run of a folder.
+    """Record the files that a folder's code reads and searches for in this block.
 
-    Modules that an earlier folder's code has imported from where nothing is installed are
-    forgotten: each folder gets, and is seen to read, its own. Their bytecode is neither read nor
-    written, so that what counts is the source.
+    Modules that an earlier folder's code imported, except installed ones, are forgotten, so that
+    each folder reads its own. Their bytecode is neither read nor written, so that only the source
+    matters.
     """
     _hook_once()
     _forget()
@@ -487,7 +499,7 @@ def recorded(folder: Path) -> Iterator[Reads]:
 
 
 def _imports(name: str, *rest: Any, **more: Any) -> Any:
-    """What `import` calls: a module that is loaded already is looked for nowhere."""
+    """Replace `import`, which does not search for a module that is already loaded."""
     if _recordings and _whose(sys._getframe(1).f_code.co_filename) == "code":
         _quietly(_searched, name.partition(".")[0])
     return _import(name, *rest, **more)
@@ -507,7 +519,7 @@ def _hook_once() -> None:
 
 
 def _forget() -> None:
-    """Drop modules from where nothing is installed; all of ours have been imported long since."""
+    """Drop modules that are not installed; this package's modules are imported already."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if isinstance(file, str) and name != "__main__" and getattr(module, _MARK, False):
@@ -518,7 +530,7 @@ _MARK = "_crosscheck_local"
 
 
 class _SourceLoader(importlib.machinery.SourceFileLoader):
-    """Reads a module's source and never its bytecode, which may be of another source."""
+    """A loader that reads a module's source, never its bytecode, which may be of another source."""
 
     def get_code(self, fullname: str) -> Any:
         path = self.get_filename(fullname)
@@ -530,7 +542,9 @@ class _SourceLoader(importlib.machinery.SourceFileLoader):
 
 
 class _Finder(importlib.machinery.FileFinder):
-    """Notes what is looked for in a folder, found or not: what appears there may come first."""
+    """A finder that records searches in a folder, successful or not: a new file could take
+    precedence.
+    """
 
     def find_spec(self, fullname: str, target: ModuleType | None = None) -> ModuleSpec | None:
         _quietly(self._note, fullname.rpartition(".")[2])
@@ -539,13 +553,13 @@ class _Finder(importlib.machinery.FileFinder):
     def _note(self, name: str) -> None:
         for reads in filter(Reads.is_of_code, _recordings):
             reads.note_module(self.path, name)
-            found = os.path.join(self.path, states.module_file(self.path, name))
-            if found.endswith(tuple(importlib.machinery.EXTENSION_SUFFIXES)):
-                reads.note(found, states.content)  # C loads it
+            file = os.path.join(self.path, states.module_file(self.path, name))
+            if file.endswith(tuple(importlib.machinery.EXTENSION_SUFFIXES)):
+                reads.note(file, states.content)  # C loads it
 
 
 def _finder(path: str) -> PathEntryFinder:
-    """A finder for folders in which nothing is installed, be they not there yet."""
+    """Return a finder for folders without installed packages, even if they do not exist yet."""
     if os.path.isfile(path) or _installed(os.path.join(os.path.abspath(path or "."), "")):
         raise ImportError
     details: list[tuple[Any, list[str]]] = [

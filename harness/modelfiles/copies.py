@@ -1,4 +1,4 @@
-"""A robot's file with other texts, in a folder of its own."""
+"""A robot's file with other texts, in a separate folder."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 
 def copied(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
-    """A file with other texts, its own and those it includes, and links to all beside it."""
+    """Write a file and its includes with other texts, and link to the other files of the folder."""
     top = Path(os.path.commonpath([path.parent.resolve() for path in texts]))
     for path, data in texts.items():
         copy = folder / path.resolve().relative_to(top)
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_bytes(data)
-    for beside in top.iterdir():
-        if not (folder / beside.name).exists():
-            (folder / beside.name).symlink_to(beside)
+    for neighbour in top.iterdir():
+        if not (folder / neighbour.name).exists():
+            (folder / neighbour.name).symlink_to(neighbour)
     return folder / file.resolve().relative_to(top)

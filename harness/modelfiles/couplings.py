@@ -1,4 +1,4 @@
-"""Joints that follow others, as far as every engine can hold them."""
+"""Joints that follow others, if every engine can enforce the coupling."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import NamedTuple
 from physics_crosscheck.reference.mechanism.bodies import Coupling
 
 
-class Mimic(NamedTuple):
-    """A joint's leader, by its name, and its multiplier."""
+class MimicLeader(NamedTuple):
+    """A joint's leader, by name, and its multiplier."""
 
     leader: str
     multiplier: float
 
 
-def acyclic(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
-    """Those that do not follow themselves by way of others."""
+def acyclic(mimics: Mapping[str, MimicLeader]) -> dict[str, MimicLeader]:
+    """Return the mimics without cyclic ones."""
     return {name: one for name, one in mimics.items() if not _circular(name, mimics)}
 
 
-def _circular(name: str, mimics: Mapping[str, Mimic]) -> bool:
+def _circular(name: str, mimics: Mapping[str, MimicLeader]) -> bool:
     passed: set[str] = set()
     while name in mimics and name not in passed:
         passed.add(name)
@@ -28,8 +28,8 @@ def _circular(name: str, mimics: Mapping[str, Mimic]) -> bool:
     return name in passed
 
 
-def couplings(mimics: Mapping[str, Mimic]) -> tuple[Coupling, ...]:
-    """The same as couplings of joints."""
+def couplings(mimics: Mapping[str, MimicLeader]) -> tuple[Coupling, ...]:
+    """Return mimics as couplings of joints."""
     return tuple(
         Coupling(follower=name, leader=one.leader, multiplier=one.multiplier)
         for name, one in mimics.items()

@@ -1,4 +1,4 @@
-"""Where system folders are: those that the user names, or the built-in ones."""
+"""Locations of system folders: those that the user names, or the built-in ones."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
 FORMATS = (".urdf", ".sdf", ".xml")
-"""Endings of the files that are read as robots."""
+"""Suffixes of the files that are read as robots."""
 
 
 class FolderError(ValueError):
-    """A folder that is not there or is no system folder; the message says what to do."""
+    """A folder that does not exist or is not a system folder; the message states a remedy."""
 
 
 def builtin() -> Path:
-    """The folder of the built-in systems: `models/` of a checkout, or the wheel's copy."""
+    """Return the folder of the built-in systems: `models/` of a checkout, or the wheel's copy."""
     return _data("models")
 
 
 def template() -> Path:
-    """The folder that `crosscheck new` copies: `template/` of a checkout, or the wheel's copy."""
+    """Return the folder that `crosscheck new` copies: `template/` of a checkout, or the wheel's
+    copy.
+    """
     return _data("template")
 
 
@@ -36,11 +38,11 @@ def _data(name: str) -> Path:
 
 @dataclass(frozen=True)
 class NamedFolders:
-    """What names of a command line mean.
+    """The meaning of names on a command line.
 
     Attributes:
-        folders: the system folders, each once, in the order of their names.
-        faults: name -> why it means no system folder, and the remedy.
+        folders: the system folders, without duplicates, in the order of their names.
+        faults: name -> why it is not a system folder, and the remedy.
     """
 
     folders: list[Path]
@@ -48,29 +50,29 @@ class NamedFolders:
 
 
 def system_folders(named: Sequence[str]) -> list[Path]:
-    """Return the system folders that are meant: none named means every built-in one.
+    """Return the named system folders; without names all built-in ones.
 
-    A name is a path; a folder without `system.py` stands for the system folders in it; a bare name
-    such as `drum_pendulum` that is no path stands for the built-in system.
+    A name is a path. A folder without `system.py` stands for the system folders in it. A bare name
+    such as `drum_pendulum` that is not a path stands for the built-in system.
 
     Raises:
-        FolderError: naming each folder that is not there, and the remedy.
+        FolderError: naming each folder that does not exist, and the remedy.
     """
-    found = named_folders(named)
-    if found.faults:
-        raise FolderError("; ".join(found.faults.values()))
-    return found.folders
+    result = named_folders(named)
+    if result.faults:
+        raise FolderError("; ".join(result.faults.values()))
+    return result.folders
 
 
-def named_folders(named: Sequence[str], *, beside: bool = False) -> NamedFolders:
-    """Those that are there, and what is wrong with the other names.
+def named_folders(named: Sequence[str], *, allow_none: bool = False) -> NamedFolders:
+    """Return the existing folders, and the problems of the other names.
 
     Args:
         named: as in `system_folders`.
-        beside: whether there is anything else to do, so that none need be there.
+        allow_none: whether the result may be empty, because there are other targets.
 
     Raises:
-        FolderError: where none is there.
+        FolderError: if no folder exists and `allow_none` is false.
     """
     if not named:
         return NamedFolders(_inside(builtin()), {})
@@ -81,7 +83,7 @@ def named_folders(named: Sequence[str], *, beside: bool = False) -> NamedFolders
             folders += [folder for folder in _meant(name) if folder not in folders]
         except FolderError as error:
             faults[name] = str(error)
-    if not folders and not beside:
+    if not folders and not allow_none:
         raise FolderError("; ".join(faults.values()))
     return NamedFolders(folders, faults)
 
@@ -95,19 +97,21 @@ def _meant(name: str) -> list[Path]:
     if path.is_file():
         raise FolderError(_no_folder(path))
     if not path.is_dir():
-        known = ", ".join(p.name for p in _inside(builtin()))
-        raise FolderError(f"{visible(name)}: no such folder; the built-in systems are {known}")
-    found = [path] if _declares(path) else _inside(path)
-    if not found:
+        builtin_names = ", ".join(p.name for p in _inside(builtin()))
+        raise FolderError(
+            f"{visible(name)}: no such folder; the built-in systems are {builtin_names}"
+        )
+    folders = [path] if _declares(path) else _inside(path)
+    if not folders:
         raise FolderError(f"{visible(name)}: neither it nor any folder in it has a system.py")
-    for folder in found:
+    for folder in folders:
         if (why := odd_name(str(folder))) is not None:
             raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
-    return found
+    return folders
 
 
 def _no_folder(file: Path) -> str:
-    """What to do with a file where a system folder belongs."""
+    """Return the message about a file in place of a system folder."""
     name = visible(str(file))
     wanted = f"{name}: a file; expected a system folder"
     if _declares(file.parent):
@@ -126,21 +130,25 @@ def _inside(folder: Path) -> list[Path]:
 
 
 def _declares(folder: Path) -> bool:
-    """Whether it has a `system.py`, be it a link to nowhere: reading that says what is wrong."""
+    """Return whether it has a `system.py`, or a broken link of that name: reading it reports the
+    problem.
+    """
     return os.path.lexists(folder / "system.py")
 
 
 def check_engines(names: Sequence[str]) -> None:
-    """Refuse engines that nobody knows, and those of extras that aren't installed.
+    """Refuse unknown engines, and engines of extras that are not installed.
 
     Raises:
-        FolderError: naming those that are known.
+        FolderError: naming the known engines.
     """
-    # Imported here: the adapters bring numpy, which no help text needs.
+    # Imported here: the adapters import numpy, which no help text needs.
     from physics_crosscheck.harness.engines.registry import absent_extras, engines
 
     for name in names:
-        if name not in (known := engines()):
-            raise FolderError(f"unknown engine {name!r}; known engines: {', '.join(sorted(known))}")
+        if name not in (available := engines()):
+            raise FolderError(
+                f"unknown engine {name!r}; known engines: {', '.join(sorted(available))}"
+            )
         if name in (absent := absent_extras()):
             raise FolderError(absent[name])

@@ -1,4 +1,4 @@
-"""Inertias that no body can have, and joints that move none: before anything is derived."""
+"""Checks before a derivation: inertias that no body can have, and joints that move no inertia."""
 
 from __future__ import annotations
 
@@ -9,42 +9,44 @@ from typing import Literal
 
 import numpy as np
 
-from physics_crosscheck.harness.modelfiles.quote import brief
-from physics_crosscheck.harness.modelfiles.robot import Part, Robot
+from physics_crosscheck.harness.modelfiles.quote import quote
+from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import rotate
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 MARGIN = 1e-9
-"""By how much of the largest moment a tensor may miss a rule: for the digits of a file."""
+"""Tolerance of a tensor's rules, relative to the largest moment: for the digits of a file."""
 
 DIGITS = 1e-14
-"""What rounding leaves of m r^2 in a moment that was brought to the center of mass."""
+"""Rounding error of a moment moved to the center of mass, relative to m r^2."""
 
 ROUNDED = 1e-13
-"""Inertia of a joint, by what it carries, that is none."""
+"""Inertia of a joint that counts as zero, relative to its moved masses."""
 
 SEEN = 1e-6
-"""Share of a joint in a motion that is one."""
+"""Share of a joint in a motion that counts as nonzero."""
 
 STATES = 6
-"""Positions at which a mass matrix is looked at; one that is singular at a few is none to all."""
+"""Positions at which a mass matrix is evaluated; one that is singular at a few is singular at
+all.
+"""
 
 Kind = Literal["not finite", "negative mass", "moments", "triangle", "massless"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """A link whose inertia no body can have, though there are equations of it.
+    """A link whose inertia no body can have, although equations exist.
 
     Attributes:
-        kind: which rule it breaks.
+        kind: the rule that it breaks.
         link: its name.
         sentence: the rule and its numbers.
-        file: in which it stands.
-        line: where the link begins, from 1.
-        remedy: what to do about it.
+        file: that contains it.
+        line: of the link's element, from 1.
+        remedy: the correction.
     """
 
     kind: Kind
@@ -59,12 +61,12 @@ class Finding:
 
 
 def impossible(robot: Robot) -> tuple[Finding, ...]:
-    """Every rule that a link of the file breaks, also one that stands still."""
+    """Return every rule that a link of the file breaks, also for fixed links."""
     return tuple(
         Finding(
             kind=kind,
             link=part.name,
-            sentence=f"link {brief(part.name)} {sentence}",
+            sentence=f"link {quote(part.name)} {sentence}",
             file=robot.file,
             line=part.line,
             remedy=remedy,
@@ -74,7 +76,7 @@ def impossible(robot: Robot) -> tuple[Finding, ...]:
     )
 
 
-def _broken(part: Part) -> Iterator[tuple[Kind, str, str]]:
+def _broken(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
     numbers = [part.mass, *part.center, *part.inertia.ravel()]
     if not np.isfinite(numbers).all():
         yield "not finite", "has an inertia that is not finite", "write finite numbers"
@@ -84,32 +86,36 @@ def _broken(part: Part) -> Iterator[tuple[Kind, str, str]]:
     small, middle, large = np.linalg.eigvalsh(part.inertia).tolist()
     far = float(part.center @ part.center)
     allowed = MARGIN * max(abs(small), abs(large)) + DIGITS * abs(part.mass) * far
-    told = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m^2"
+    moments = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m^2"
     if small < -allowed:
         yield (
             "moments",
-            f"has the principal moments of inertia {told}",
+            f"has the principal moments of inertia {moments}",
             "they can't be negative: check its products of inertia",
         )
     elif small + middle < large - allowed:
         yield (
             "triangle",
-            f"has the principal moments of inertia {told}",
+            f"has the principal moments of inertia {moments}",
             "the largest can't exceed the sum of the other two: check its axes and its origin",
         )
     if part.mass == 0 and np.any(part.inertia):
-        yield "massless", f"has inertia, {told}, but no mass", "set its mass, or remove the inertia"
+        yield (
+            "massless",
+            f"has inertia, {moments}, but no mass",
+            "set its mass, or remove the inertia",
+        )
 
 
 def resting(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:
-    """Groups of joints, by their links, of which a motion together moves no mass at any position.
+    """Return groups of joints, by their links, whose combined motion moves no mass at any position.
 
-    A mass matrix is not positive definite then, and there are no accelerations. None where it is
-    not even finite.
+    Then the mass matrix is not positive definite, and accelerations do not exist. None if it is not
+    finite.
 
     Args:
         tree: the bodies.
-        limits: of the joints, within which is looked.
+        limits: of the joints; positions are sampled within them.
     """
     if not tree.nv:
         return ()
@@ -121,15 +127,15 @@ def resting(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], .
     diagonal = np.diagonal(mass, axis1=1, axis2=2)
     bare = (diagonal <= ROUNDED * _carried(tree, q)[:, owner]).all(axis=0)
     groups = [(i,) for i in dict.fromkeys(np.array(owner)[bare].tolist())]
-    left = np.flatnonzero(~bare & (diagonal > 0).all(axis=0))
-    together = _together(mass[:, left[:, None], left])
+    remaining = np.flatnonzero(~bare & (diagonal > 0).all(axis=0))
+    together = _together(mass[:, remaining[:, None], remaining])
     if together:
-        groups.append(tuple(dict.fromkeys(owner[left[k]] for k in together)))
+        groups.append(tuple(dict.fromkeys(owner[remaining[k]] for k in together)))
     return tuple(groups)
 
 
 def _positions(tree: Tree, limits: tuple[Array, Array]) -> Array:
-    """A few positions, (nq, `STATES`), anyhow but within limits."""
+    """Return random positions within limits, (nq, `STATES`)."""
     random = np.random.default_rng(20260101)
     q = random.normal(size=(tree.nq, STATES))
     for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True):
@@ -141,7 +147,7 @@ def _positions(tree: Tree, limits: tuple[Array, Array]) -> Array:
 
 
 def _carried(tree: Tree, q: Array) -> Array:
-    """What each joint carries: its inertia about a point, or its mass; (states, links)."""
+    """Return the inertia about a point, or the mass, that each joint carries; (states, links)."""
     poses = Recursion(tree).poses(q)
     centers = [
         pose.origin + rotate(pose.rotation, link.center[:, None])
@@ -162,7 +168,9 @@ def _carried(tree: Tree, q: Array) -> Array:
 
 
 def _together(mass: Array) -> list[int]:
-    """Indices of the velocities of a motion without mass at every position, (states, n, n)."""
+    """Return indices of the velocities of a motion without mass at every position, (states, n,
+    n).
+    """
     if not mass.shape[1]:
         return []
     scale = 1 / np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
@@ -170,5 +178,5 @@ def _together(mass: Array) -> list[int]:
     if not (values[:, 0] <= ROUNDED * mass.shape[1]).all():
         return []
     share = np.abs(vectors[-1, :, 0])
-    found: list[int] = np.flatnonzero(share > SEEN * share.max()).tolist()
-    return found
+    indices: list[int] = np.flatnonzero(share > SEEN * share.max()).tolist()
+    return indices

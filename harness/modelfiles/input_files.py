@@ -1,4 +1,4 @@
-"""The files that a run reads, for workers that have them not."""
+"""The files that a run reads, for remote workers."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from physics_crosscheck.harness.modelfiles.parts import named_files
 
 
-def luggage(places: Iterable[Path]) -> Iterator[Path]:
-    """System folders and robots' files, and what models of theirs name outside of them.
+def input_files(places: Iterable[Path]) -> Iterator[Path]:
+    """Yield system folders and robots' files, and files outside of them that their models name.
 
-    What `system.py` opens or imports from elsewhere is not known before it is run.
+    Files that `system.py` opens or imports from elsewhere are unknown before it runs.
     """
     for place in places:
         yield place
         models = [one for one in place.iterdir() if one.is_file()] if place.is_dir() else [place]
         for model in models:
-            with contextlib.suppress(OSError):  # its case says so
+            with contextlib.suppress(OSError):  # its case reports the error
                 yield from named_files(model)

@@ -1,28 +1,29 @@
-"""What robots' files say beyond bodies and joints, counted by its kind, whatever their format."""
+"""Content of robots' files beyond bodies and joints, counted by kind, for all formats."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot import Omission
 
 HELD = "joints that move nothing with inertia (held still)"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
-Told = tuple[str, str]
-"""What, and where: the name of a joint or a link."""
+Note = tuple[str, str]
+"""The kind, and the name of a joint or a link."""
 
 
-def tallied(told: Iterable[Told], followers: Collection[str]) -> tuple[LeftOut, ...]:
-    """All that is told, by its kind, without the mimics of `followers`, which are held."""
+def tallied(notes: Iterable[Note], followers: Collection[str]) -> tuple[Omission, ...]:
+    """Count notes by kind, without the mimics of `followers`, which are enforced."""
     counts: dict[str, int] = {}
     places: dict[str, dict[str, None]] = {}
-    for what, where in told:
+    for what, where in notes:
         if what == FREE_MIMIC and where in followers:
             continue
         counts[what] = counts.get(what, 0) + 1
         places.setdefault(what, {}).update({where: None} if where else {})
     return tuple(
-        LeftOut(what=what, count=count, where=tuple(places[what])) for what, count in counts.items()
+        Omission(what=what, count=count, where=tuple(places[what]))
+        for what, count in counts.items()
     )

@@ -11,11 +11,11 @@ from pathlib import Path
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import (
     absent_extras,
+    default_engines,
     engines,
     model_formats,
-    readers,
-    runners,
-    standing,
+    engines_reading,
+    engines_to_run,
 )
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.parts import included
@@ -31,10 +31,10 @@ from physics_crosscheck.harness.results.visible import odd_name, visible
 
 @dataclass(frozen=True, kw_only=True)
 class UnreadModel:
-    """A model file that can't be run for its sidecar.
+    """A model file that can't run because of its sidecar.
 
     Attributes:
-        model: its name; `-` where the folder has none.
+        model: its name; `-` for a folder without model files.
         reason: one sentence.
     """
 
@@ -43,30 +43,30 @@ class UnreadModel:
 
 
 def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
-    """Every model file's sidecar; an `UnreadModel` for one that can't be read or has none.
+    """Yield every model file's sidecar, or an `UnreadModel` if it is invalid or missing.
 
-    What a model with a sidecar includes is a part of it, and no model of its own.
+    A file that a model with a sidecar includes is a part of it, not a separate model.
     """
     described: set[str] = set()
     within: set[Path] = set()
-    found: list[Sidecar | UnreadModel] = []
+    results: list[Sidecar | UnreadModel] = []
     for path in sorted(folder.glob("*.toml")):
         name = path.with_suffix("").name
         described.add(name)
         within |= included(folder / name)
         if (why := odd_name(name)) is not None:
-            found.append(UnreadModel(model=visible(name), reason=_renamed(path, why)))
+            results.append(UnreadModel(model=visible(name), reason=_renamed(path, why)))
             continue
         try:
             sidecar = read_sidecar(path)
-            known = engines() if sidecar.springs else {}
-            for engine in filter(None, map(known.get, sidecar.engines)):
+            by_name = engines() if sidecar.springs else {}
+            for engine in filter(None, map(by_name.get, sidecar.engines)):
                 check_springs(sidecar, engine)
-            found.append(sidecar)
+            results.append(sidecar)
         except SidecarError as error:
-            found.append(UnreadModel(model=name, reason=str(error)))
-    kept = iter(left_to_others(one for one in found if isinstance(one, Sidecar)))
-    yield from (next(kept) if isinstance(one, Sidecar) else one for one in found)
+            results.append(UnreadModel(model=name, reason=str(error)))
+    kept = iter(left_to_others(one for one in results if isinstance(one, Sidecar)))
+    yield from (next(kept) if isinstance(one, Sidecar) else one for one in results)
     formats = model_formats()
     for path in sorted(folder.iterdir()):
         if path.suffix in formats and path.name not in described and path not in within:
@@ -76,7 +76,7 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
             reason = (
                 f"{path}: this model file has no sidecar; write {path.name}.toml "
                 "with at least engines = "
-                f"{json.dumps([e.name for e in standing(path.suffix)])} (or other "
+                f"{json.dumps([e.name for e in default_engines(path.suffix)])} (or other "
                 "engines)"
             )
             yield UnreadModel(model=path.name, reason=reason)
@@ -86,7 +86,7 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
 
 
 def absent_lines(folders: Iterable[Path]) -> list[str]:
-    """What is to be told of engines of extras that sidecars name and that aren't installed."""
+    """Return lines about engines of extras that sidecars name and that are not installed."""
     files = [one for folder in folders for one in model_files(folder)]
     named = Counter(name for one in files if isinstance(one, Sidecar) for name in one.absent)
     ways = absent_extras() if named else {}
@@ -101,14 +101,14 @@ def _renamed(path: Path, why: str) -> str:
 
 
 def check_springs(sidecar: Sidecar, engine: Engine) -> None:
-    """Refuse springs that an engine would read over.
+    """Refuse springs that an engine would ignore.
 
     Raises:
-        SidecarError: for springs in a format that has words of its own for them.
+        SidecarError: for springs of a format that can state them itself.
     """
     if sidecar.springs and sidecar.model.suffix not in engine.takes_springs:
-        at = line_of(Path(f"{sidecar.model}.toml"), "spring")
-        where = f"{sidecar.model}.toml" + ("" if at is None else f":{at}")
+        line = line_of(Path(f"{sidecar.model}.toml"), "spring")
+        where = f"{sidecar.model}.toml" + ("" if line is None else f":{line}")
         raise SidecarError(
             f"{where}: [[spring]]: {engine.title} takes no springs from the sidecar "
             f"of a {sidecar.model.suffix} file; write them into "
@@ -131,5 +131,5 @@ def chosen_engines(model: Sidecar | Path, only: Sequence[str]) -> list[str]:
     if isinstance(model, Sidecar):
         names: Sequence[str] = model.engines
     else:
-        names = [one.name for one in (readers if only else runners)(model.suffix)]
+        names = [one.name for one in (engines_reading if only else engines_to_run)(model.suffix)]
     return [name for name in names if not only or name in only]

@@ -1,6 +1,6 @@
-"""Every number that a robot's file spells: where it stands, what it is called, and how to move it.
+"""Every number in a robot's file: its place, its address, and how to change it.
 
-Read as forgivingly as the file itself: numbers may have commas between them.
+Numbers are read as tolerantly as the file itself: commas may separate them.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.modelfiles.document import NUMBER, Document
-from physics_crosscheck.harness.modelfiles.edits import spliced
-from physics_crosscheck.harness.modelfiles.locations.location import Source
+from physics_crosscheck.harness.modelfiles.edits import apply_edits
+from physics_crosscheck.harness.modelfiles.locations.location import SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import (
     ATTRIBUTE,
     TAG,
@@ -27,32 +27,34 @@ _IDENTITIES = ("name", "class", "file")
 """Attributes that are names, though they may look like numbers."""
 
 SMALL = 1e-6
-"""A number that stands beside none larger than this is as good as zero: it says no size."""
+"""A list whose numbers are at most this large has no size of its own."""
 
 UNSIZED = 0.1
-"""The size of a number where neither it nor one beside it says any: m, rad, kg, kg m^2."""
+"""The size of such numbers: m, rad, kg, kg m^2."""
 
 NUDGE = 1e-5
-"""Share of its size by which a number is moved to see what it does: half its digits are left."""
+"""Share of its size by which a number is changed to see its effect; it leaves half of its
+digits.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Numeral:
-    """A number as a file spells it.
+class Number:
+    """A number as written in a file.
 
     Attributes:
-        address: what it is called, once in its file; the shortest such name that tells its place.
+        address: the shortest address that is unique in the file.
         path: the tags that lead to it and its attribute, as in `robot/link/inertial/mass@value`.
-        file: in which it stands.
-        line: of it, from 1.
-        start, end: its first byte in the document's, and the one after its last.
+        file: that contains it.
+        line: counted from 1.
+        start, end: its first byte in the document, and the one after its last.
         span: the same in the file itself.
-        text: the number as it is spelled there.
-        value: it.
-        scale: a size that a change of it may be a share of: its own, or that of the numbers beside.
-        element: in which it stands.
-        key: the attribute; empty of a text.
-        word: which number of the attribute.
+        text: the number as written.
+        value: the number.
+        scale: the size that relative changes refer to: its own, or the largest of its list.
+        element: that contains it.
+        key: the attribute; empty for text.
+        word: index in the attribute.
     """
 
     address: str
@@ -75,22 +77,22 @@ class Numeral:
         return not self.address[0].isdigit()
 
 
-def numerals(document: Document) -> tuple[Numeral, ...]:
-    """Every number of a file, in its order."""
+def numerals(document: Document) -> tuple[Number, ...]:
+    """Return every number of a file, in order."""
     paths = _paths(document)
-    names = _Names(document)
-    found: list[Numeral] = []
+    names = _ElementAddresses(document)
+    result: list[Number] = []
     for element in document.elements:
         rows = [row for key in _keys(element) if (row := _row(document, element, key))]
         for key, spans, values in rows:
-            beside = [abs(value) for value in _beside(element, key, rows, values)]
+            sizes = [abs(value) for value in _related(element, key, rows, values)]
             for word, ((start, end), value) in enumerate(zip(spans, values, strict=True)):
                 ending = (f"@{key}" if key else "") + (f"[{word}]" if len(values) > 1 else "")
                 line = document.line_at(start)
-                largest = max(beside)
-                found.append(
-                    Numeral(
-                        address=names.of(element, key) + ending,
+                largest = max(sizes)
+                result.append(
+                    Number(
+                        address=names.address(element, key) + ending,
                         path=paths[id(element)] + (f"@{key}" if key else ""),
                         file=document.path,
                         line=line,
@@ -105,32 +107,35 @@ def numerals(document: Document) -> tuple[Numeral, ...]:
                         word=word,
                     )
                 )
-    return tuple(found)
+    return tuple(result)
 
 
-def with_values(data: bytes, found: Sequence[Numeral], values: Mapping[int, float]) -> bytes:
-    """A document's bytes with other values of some of its numbers, by their index."""
-    places = ((found[index], value) for index, value in values.items())
-    return spliced(data, ((one.start, one.end, repr(value).encode()) for one, value in places))
+def with_values(data: bytes, numbers: Sequence[Number], values: Mapping[int, float]) -> bytes:
+    """Return a document's bytes with other values of some of its numbers, by index."""
+    places = ((numbers[index], value) for index, value in values.items())
+    return apply_edits(data, ((one.start, one.end, repr(value).encode()) for one, value in places))
 
 
-def reworded(text: str, word: int, value: float) -> str:
-    """A list of numbers with another one, by its place."""
+def replace_word(text: str, word: int, value: float) -> str:
+    """Return a list of numbers with one of them replaced, by index."""
     spans = [match.span() for match in _WORD.finditer(text)]
     start, end = spans[word]
     return text[:start] + repr(value) + text[end:]
 
 
-def put(one: Numeral, value: float, restored: ExitStack) -> None:
-    """Another value for a while."""
-    element, text = one.element, one.element.text
+def set_temporarily(number: Number, value: float, restored: ExitStack) -> None:
+    """Set another value until the exit stack closes."""
+    element, text = number.element, number.element.text
     attributes = element.attributes
     restored.callback(_restore, element, attributes, text)
-    if one.key:
-        changed = {**attributes, one.key: reworded(attributes[one.key], one.word, value)}
+    if number.key:
+        changed = {
+            **attributes,
+            number.key: replace_word(attributes[number.key], number.word, value),
+        }
         _restore(element, changed, text)
     else:
-        _restore(element, attributes, reworded(text, one.word, value))
+        _restore(element, attributes, replace_word(text, number.word, value))
 
 
 def _restore(element: RawElement, attributes: Mapping[str, str], text: str) -> None:
@@ -138,7 +143,7 @@ def _restore(element: RawElement, attributes: Mapping[str, str], text: str) -> N
 
 
 _Row = tuple[str, list[tuple[int, int]], list[float]]
-"""An attribute, where its numbers are, and what they are."""
+"""An attribute, the spans of its numbers, and their values."""
 
 
 def _keys(element: RawElement) -> list[str]:
@@ -147,12 +152,12 @@ def _keys(element: RawElement) -> list[str]:
 
 
 def _row(document: Document, element: RawElement, key: str) -> _Row | None:
-    """The numbers of an attribute, or of the text; None where there is anything else."""
+    """Return the numbers of an attribute, or of the text; None for other content."""
     text = element.attributes[key] if key else element.text
     words = _WORD.findall(text)
     if not words or not all(map(NUMBER.fullmatch, words)):
         return None
-    source = Source(document.path, document.data)
+    source = SourceFile(document.path, document.data)
     start, end = attribute_span(element, key, source) if key else _text_span(document, element)
     spans = [
         (start + match.start(), start + match.end())
@@ -166,29 +171,29 @@ def _row(document: Document, element: RawElement, key: str) -> _Row | None:
 def _text_span(document: Document, element: RawElement) -> tuple[int, int]:
     tag = TAG.match(document.data, element.start)
     assert tag is not None  # the parser has found an element here
-    at = tag.end()
-    while match := ATTRIBUTE.match(document.data, at):
-        at = match.end()
-    return document.data.index(b">", at) + 1, element.end
+    position = tag.end()
+    while match := ATTRIBUTE.match(document.data, position):
+        position = match.end()
+    return document.data.index(b">", position) + 1, element.end
 
 
-def _beside(element: RawElement, key: str, rows: list[_Row], values: list[float]) -> list[float]:
-    """Numbers of one kind: a list, or the six of a tensor."""
+def _related(element: RawElement, key: str, rows: list[_Row], values: list[float]) -> list[float]:
+    """Return numbers of one kind: a list, or the six of a tensor."""
     if element.tag == "inertia":
         return [value for other, _, row in rows for value in row if other.startswith("i")] or values
     return values
 
 
 def _paths(document: Document) -> dict[int, str]:
-    found: dict[int, str] = {}
+    paths: dict[int, str] = {}
     for element in document.elements:
-        outer = "" if element.parent is None else f"{found[id(element.parent)]}/"
-        found[id(element)] = f"{outer}{element.tag}"
-    return found
+        outer = "" if element.parent is None else f"{paths[id(element.parent)]}/"
+        paths[id(element)] = f"{outer}{element.tag}"
+    return paths
 
 
-class _Names:
-    """Addresses of a file's elements, by how often each is there."""
+class _ElementAddresses:
+    """Addresses of a file's elements, with the number of times that each occurs."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -200,9 +205,9 @@ class _Names:
                 (path, key) for path in spelled for key in (*element.attributes, "")
             )
 
-    def of(self, element: RawElement, key: str) -> str:
-        """The shortest that begins with a name, or the whole way; with its place where several are
-        so called.
+    def address(self, element: RawElement, key: str) -> str:
+        """Return the shortest unique address that begins with a name, or the whole path, or one
+        with line and column.
         """
         spelled = self._spelled[id(element)]
         named = [path for path in spelled if "[" in path.split("/")[0]]
@@ -215,11 +220,11 @@ class _Names:
 
 
 def _spelled(element: RawElement) -> list[str]:
-    """Its addresses, from one step on."""
-    own = element.tag if element.identity is None else f"{element.tag}[{element.identity}]"
-    found, above = [own], element.parent
+    """Return an element's addresses, with one step or more."""
+    step = element.tag if element.identity is None else f"{element.tag}[{element.identity}]"
+    addresses, above = [step], element.parent
     while above is not None:
         step = above.tag if above.identity is None else f"{above.tag}[{above.identity}]"
-        found.append(f"{step}/{found[-1]}")
+        addresses.append(f"{step}/{addresses[-1]}")
         above = above.parent
-    return found
+    return addresses

@@ -1,8 +1,8 @@
-"""A model file at other constants, again and again: its literals found and read once.
+"""A model file at many values of its constants: its literals are located and parsed once.
 
-What `modelfiles.bindings.with_constants` does for one copy, prepared for thousands: where each
-bound literal stands, and what it stands for as a function of the constants. A copy differs from the
-user's files in the digits of those literals alone that a varied constant has a say in.
+It does what `modelfiles.bindings.with_constants` does, prepared for thousands of copies: it keeps
+the place of each bound literal, and its value as a function of the constants. A copy differs from
+the user's files only in the digits of literals that depend on a varied constant.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import mpmath as mp
 import sympy as sp
 
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings, with_texts
-from physics_crosscheck.harness.modelfiles.edits import reworded
+from physics_crosscheck.harness.modelfiles.edits import replace_numbers
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.system import System
 
 DIGITS = 40
-"""With which expressions are evaluated, before they are rounded to doubles."""
+"""Digits with which expressions are evaluated before they are rounded to doubles."""
 
 
 class UnboundError(SidecarError):
@@ -31,14 +31,14 @@ class UnboundError(SidecarError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Redrawn:
+class ParametricModelFile:
     """A model file whose literals follow some constants.
 
     Attributes:
         sidecar: of the user's model.
         names: of all constants, in the system's order.
-        literals: those that follow, each with its value as a function of all constants, in source.
-        texts: both files as they are.
+        literals: the literals that follow, each with its value as an expression of all constants.
+        texts: both files, unchanged.
     """
 
     sidecar: Sidecar
@@ -50,16 +50,16 @@ class Redrawn:
     @cached_property
     def _values(self) -> Callable[..., list[mp.mpf]]:
         expressions = [expression for _, expression in self.literals]
-        found: Callable[..., list[mp.mpf]] = sp.lambdify(
+        function: Callable[..., list[mp.mpf]] = sp.lambdify(
             list(self.symbols), expressions, modules="mpmath"
         )
-        return found
+        return function
 
-    def at(self, constants: Mapping[str, float], into: Path) -> Sidecar:
-        """Write the model at values of all constants into an empty folder; returns its sidecar.
+    def write(self, constants: Mapping[str, float], into: Path) -> Sidecar:
+        """Write the model at values of all constants into an empty folder, and return its sidecar.
 
         Raises:
-            SidecarError: where a literal would be no finite number.
+            SidecarError: if a literal would not be a finite number.
         """
         if not self.literals:
             return self.sidecar
@@ -69,7 +69,7 @@ class Redrawn:
             (binding.place, repr(self._number(binding, value)))
             for (binding, _), value in zip(self.literals, values, strict=True)
         ]
-        return with_texts(self.sidecar, reworded(self.texts, words), into)
+        return with_texts(self.sidecar, replace_numbers(self.texts, words), into)
 
     def _number(self, binding: Binding, value: object) -> float:
         try:
@@ -82,20 +82,20 @@ class Redrawn:
         return number
 
 
-def redrawn(
+def parametric_model_file(
     system: System, sidecar: Sidecar, varied: Iterable[str], needed: Iterable[str]
-) -> Redrawn:
+) -> ParametricModelFile:
     """Prepare a model file to follow some constants.
 
     Args:
         system: that declares them.
         sidecar: of the model.
         varied: names of the constants.
-        needed: of those, the ones that the equations or the coordinates depend on.
+        needed: those that the equations or the coordinates depend on.
 
     Raises:
-        UnboundError: where no literal of the model follows a constant that is needed, or one that
-            does is not now what its binding says.
+        UnboundError: if no literal of the model follows a needed constant, or a following literal
+            now contradicts its binding.
         SidecarError, LocationError: as `harness.modelfiles.bindings.bindings`.
     """
     varied = frozenset(varied)
@@ -105,8 +105,8 @@ def redrawn(
     for binding in bindings(system, sidecar):
         where = sidecar.entry("bindings", binding.address)
         expression = parse(binding.expression, symbols, where)
-        own = {name for name in varied if symbols[name] in expression.free_symbols}
-        if not own:
+        dependencies = {name for name in varied if symbols[name] in expression.free_symbols}
+        if not dependencies:
             continue
         if not (binding.exact or binding.rounded):
             raise UnboundError(
@@ -115,7 +115,7 @@ def redrawn(
                 "correct one of them (see `crosscheck audit`), or varied models "
                 "would differ from this one"
             )
-        followed |= own
+        followed |= dependencies
         literals.append((binding, expression))
     for name in sorted(set(needed) & varied - followed):
         raise UnboundError(
@@ -124,7 +124,7 @@ def redrawn(
             "under [bindings], or leave the model out"
         )
     files = (sidecar.model, Path(f"{sidecar.model}.toml"))
-    return Redrawn(
+    return ParametricModelFile(
         sidecar=sidecar,
         names=tuple(symbols),
         literals=tuple(literals),

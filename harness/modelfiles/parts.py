@@ -1,4 +1,4 @@
-"""What a model file is made of: the files that it names, and those that these name."""
+"""The files that a model file names, directly and indirectly."""
 
 from __future__ import annotations
 
@@ -9,38 +9,40 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.registry import readers
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import check_harmless, read_elements
 from physics_crosscheck.harness.modelfiles.path_states import digest
 from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, no_plain_file, read_regular
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")
-"""Elements whose files are read for further names, whatever these end with."""
+"""Elements whose files are searched for further names, whatever their suffix."""
 
 _MAY_NAME = re.compile(rb"file|dir|uri|\0")
-"""What a file has in it that names others; most have not, and need no parser."""
+"""Content of files that name others; most files have none, and are not parsed."""
 
 _QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
 _MODEL = (".xml", ".urdf", ".sdf")
 
 MOST_INCLUDED = 100
-"""Includes within includes: at some thousands, engines crash."""
+"""The deepest nesting of includes: at some thousands, engines crash."""
 
 
 class PartError(ValueError):
-    """A model file, or a part of it, that no engine is given; names file, line and reason."""
+    """A model file, or a part of it, that is refused before an engine reads it; names file, line
+    and reason.
+    """
 
     kind = "file"
 
 
 @dataclass
 class _Names:
-    """What an XML file names.
+    """The names in an XML file.
 
     Attributes:
-        files: each with whether it is a part of the model, to be read for further names.
+        files: each with whether it is a part of the model, to be searched for further names.
         folders: where the files may be.
     """
 
@@ -49,34 +51,36 @@ class _Names:
 
 
 def named_files(model: Path) -> tuple[Path, ...]:
-    """Files that a model file names, and those that these name: includes, meshes, height fields.
+    """Return files that a model file names, directly and indirectly: includes, meshes, height
+    fields.
 
     Raises:
-        OSError: for one that can't be read.
+        OSError: for a file that can't be read.
     """
     return tuple(_walk(model)[0])
 
 
 def part_digests(model: Path) -> dict[str, str]:
-    """Return the hashes of a model file and of all files that it names, by their paths.
+    """Return the hashes of a model file and of all files that it names, by path.
 
     Raises:
-        OSError: for one that can't be read.
+        OSError: for a file that can't be read.
     """
     return {str(path): digest(path) for path in (model, *named_files(model))}
 
 
 def parts(model: Path) -> dict[Path, bool]:
-    """The same, each with whether it is a part of the model: an include, or a model put into it.
+    """Return the named files, each with whether it is a part of the model: an include, or another
+    model.
 
     Raises:
-        OSError: for one that can't be read.
+        OSError: for a file that can't be read.
     """
     return _walk(model)[0]
 
 
 def included(model: Path) -> frozenset[Path]:
-    """Parts of a model, as they are named beside it; none where that can't be told."""
+    """Return the parts of a model; empty if they can't be read."""
     try:
         return frozenset(path for path, part in parts(model).items() if part)
     except OSError:
@@ -84,10 +88,10 @@ def included(model: Path) -> frozenset[Path]:
 
 
 def check_parts(model: Path) -> None:
-    """Refuse a model that can't be read or may do harm, before an engine gets it.
+    """Refuse a model that can't be read or may do harm, before an engine reads it.
 
-    It and what it includes are plain files of a reasonable size; XML declares no entities and no
-    DTD, and does not nest without end.
+    The model and its includes must be plain files of a reasonable size. XML must not declare
+    entities or a DTD, nor nest too deeply.
 
     Raises:
         PartError: naming file, line and reason.
@@ -96,14 +100,14 @@ def check_parts(model: Path) -> None:
         data = read_regular(model, MOST_MODEL)
         if not _is_xml(model):
             return
-        check_harmless(Source(model, data))
-        # An include is named by that attribute; a reference in it is none of an attribute's name.
+        check_harmless(SourceFile(model, data))
+        # An include has that attribute; a reference can't spell an attribute's name.
         if b"file" in data:
-            found, deepest = _walk(model)
-            for path in (path for path, part in found.items() if part):
+            named_paths, deepest = _walk(model)
+            for path in (path for path, part in named_paths.items() if part):
                 inner = read_regular(path, MOST_MODEL)
                 if inner.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-                    check_harmless(Source(path, inner))
+                    check_harmless(SourceFile(path, inner))
             if deepest > MOST_INCLUDED:
                 raise PartError(f"{model}: more than {MOST_INCLUDED} nested includes")
     except OSError as error:
@@ -116,13 +120,13 @@ def check_parts(model: Path) -> None:
 def _is_xml(model: Path) -> bool:
     if model.suffix in (*_MODEL, ".py", ".toml"):
         return model.suffix in _MODEL
-    return ".xml" in (e.written_like.get(model.suffix) for e in readers(model.suffix))
+    return ".xml" in (e.syntax.get(model.suffix) for e in engines_reading(model.suffix))
 
 
 def _walk(model: Path) -> tuple[dict[Path, bool], int]:
-    """Named files, each with whether it is a part of the model, and how deep parts lie."""
-    found: dict[Path, bool] = {}
-    first = {os.path.realpath(model): model}  # a file has one spelling, the first that is met
+    """Return named files, each with whether it is a part of the model, and the depth of parts."""
+    result: dict[Path, bool] = {}
+    first = {os.path.realpath(model): model}  # a file has one spelling, the first that occurs
     level = [model] if _is_xml(model) else []
     named: list[tuple[Path, str, bool]] = []
     folders = {os.path.realpath(model.parent): model.parent}
@@ -134,27 +138,27 @@ def _walk(model: Path) -> tuple[dict[Path, bool], int]:
             for folder in (b / n for n in names.folders for b in (path.parent, model.parent)):
                 folders.setdefault(os.path.realpath(folder), folder)
             named += [(path.parent, name, part) for name, part in names.files.items()]
-        # All names anew: what a part says of folders holds for the names in all others.
+        # All names again: a part's folders apply to the names in all others.
         level = []
         for base, name, part in named:
             for candidate in filter(_is_file, _candidates(name, (base, *folders.values()))):
                 path = first.setdefault(os.path.realpath(candidate), candidate)
-                if path != model and part > found.get(path, False):
+                if path != model and part > result.get(path, False):
                     level.append(path)
                 if path != model:
-                    found[path] = part or found.get(path, False)
-    return found, deepest
+                    result[path] = part or result.get(path, False)
+    return result, deepest
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is a plain file.
+    """Return whether the path is a plain file.
 
     Raises:
-        OSError: for a pipe or a device: an engine would wait for its end.
+        OSError: for a pipe or a device, on which an engine would block.
     """
     try:
         mode = os.stat(path).st_mode
-    except (OSError, ValueError):  # not there, or a name that no file system takes
+    except (OSError, ValueError):  # not there, or a name that the file system rejects
         return False
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise no_plain_file(path, mode)
@@ -162,16 +166,16 @@ def _is_file(path: Path) -> bool:
 
 
 def _names_in(path: Path) -> _Names:
-    """The files and folders that a file names in its elements' attributes.
+    """Return the files and folders in the attributes of a file's elements.
 
-    Of a file that this parser refuses though an engine may read it (two roots, an entity), every
-    quoted word is taken for one.
+    If this parser refuses a file that an engine may read (two roots, an entity), every quoted word
+    counts as a name.
     """
     data = read_regular(path)
     if not _MAY_NAME.search(data):
         return _Names({}, [])
     try:
-        elements = read_elements(Source(path, data))
+        elements = read_elements(SourceFile(path, data))
     except LocationError:
         words = _QUOTED.findall(data.decode("utf-8", errors="replace"))
         return _Names(dict.fromkeys(words, True), words)
@@ -190,7 +194,9 @@ def _names_in(path: Path) -> _Names:
 
 
 def _candidates(name: str, folders: Iterable[Path]) -> Iterator[Path]:
-    """Where a file may be: as named, without its package, by its last part (engines differ)."""
+    """Yield possible paths of a file: as named, without its package, by its last parts (engines
+    differ).
+    """
     name = name.split("://", 1)[-1]
     parts = Path(name).parts
     for folder in dict.fromkeys(folders):

@@ -1,14 +1,15 @@
-"""What code can learn of a path, as words that a later run compares: content, kind, names, times.
+"""The state of a path that code can observe, as words that a later run compares.
 
 A word is one of
 - 16 hexadecimal digits: the hash of a file's content;
-- `absent`, `file`, `folder`, `other`: what is there;
+- `absent`, `file`, `folder`, `other`: the kind;
 - `names:HASH`: the names in a folder; `entries:HASH`: with their sizes and times;
-- `access:WORD`: what of it is allowed, of reading, writing and running;
-- `times:HASH`: mode, size and time of modification; `link:HASH`: where a symbolic link points;
-- `modules:NAME=FILE,...`: which file of a folder an import of each name finds; empty: none.
+- `access:WORD`: the permissions to read, write and execute;
+- `times:HASH`: mode, size and time of modification; `link:HASH`: the target of a symbolic link;
+- `modules:NAME=FILE,...`: the file of a folder that an import of each name finds; empty for no
+file.
 
-Several words of one path are joined by `; `.
+`; ` joins several words of one path.
 """
 
 from __future__ import annotations
@@ -24,28 +25,30 @@ from physics_crosscheck.harness.modelfiles.reading import read_regular
 
 ABSENT = "absent"
 UNREADABLE = "can't be read"
-"""In the place of a hash; never as accepted."""
+"""Replaces a hash; never accepted as equal."""
 
 _JOIN = "; "
 
 Way = Callable[[str], str]
-"""Returns the word of a path."""
+"""A function that returns the word of a path."""
 
 
 def digest(path: Path) -> str:
-    """Hash of a file's content, 16 hexadecimal digits; line ends of a text don't count."""
+    """Return the hash of a file's content, 16 hexadecimal digits, ignoring the line ends of a
+    text.
+    """
     return digest_of(read_regular(path))
 
 
 def digest_of(data: bytes) -> str:
-    """Hash of the content of a file. Git may hand out the same text with other line ends."""
+    """Return the hash of a file's content. Git may check out the same text with other line ends."""
     if b"\0" not in data:
         data = data.replace(b"\r\n", b"\n")
     return hashlib.sha256(data).hexdigest()[:16]
 
 
 def content(path: str) -> str:
-    """Return the hash of a file, or the names of a folder: what opening it to read gives."""
+    """Return the hash of a file, or the names of a folder: the result of opening it to read."""
     there = kind(path)
     if there == ABSENT:
         return ABSENT
@@ -53,7 +56,7 @@ def content(path: str) -> str:
 
 
 def kind(path: str) -> str:
-    """Return what is there: a file, a folder, something else, or nothing."""
+    """Return the kind of a path: a file, a folder, something else, or absent."""
     try:
         mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -90,7 +93,7 @@ def access(path: str) -> str:
 
 
 def link(path: str) -> str:
-    """Return the hash of where a symbolic link points; what is there where it is none."""
+    """Return the hash of a symbolic link's target, or the kind of another path."""
     if not os.path.islink(path):
         return kind(path)
     return f"link:{digest_of(os.fsencode(os.readlink(path)))}"
@@ -107,23 +110,23 @@ def module_file(folder: str, name: str) -> str:
     return f"{name}/" if os.path.isdir(os.path.join(folder, name)) else ""
 
 
-def modules(found: Mapping[str, str]) -> str:
-    """Return the word for the modules that were looked for in a folder: their files by name."""
-    return "modules:" + ",".join(f"{name}={found[name]}" for name in sorted(found))
+def modules(files: Mapping[str, str]) -> str:
+    """Return the word for the modules searched in a folder: their files by name."""
+    return "modules:" + ",".join(f"{name}={files[name]}" for name in sorted(files))
 
 
 def joined(words: Mapping[str, None]) -> str:
-    """Return the state of a path of its words."""
+    """Join words into the state of a path."""
     return _JOIN.join(words)
 
 
 def merged(*several: Mapping[str, str]) -> dict[str, str]:
-    """Return the states of paths that were noted more than once: with all of their words."""
-    found: dict[str, dict[str, None]] = {}
-    for one in several:
-        for name, state in one.items():
-            found.setdefault(name, {}).update(dict.fromkeys(state.split(_JOIN)))
-    return {name: joined(words) for name, words in found.items()}
+    """Merge the states of paths that were recorded more than once, with all of their words."""
+    result: dict[str, dict[str, None]] = {}
+    for states in several:
+        for name, state in states.items():
+            result.setdefault(name, {}).update(dict.fromkeys(state.split(_JOIN)))
+    return {name: joined(words) for name, words in result.items()}
 
 
 def is_content(state: str) -> bool:
@@ -132,17 +135,17 @@ def is_content(state: str) -> bool:
 
 
 def without_content(state: str) -> str:
-    """Return the words of a state but the hash of the content."""
+    """Return the words of a state except the hash of the content."""
     return _JOIN.join(word for word in state.split(_JOIN) if not is_content(word))
 
 
 def state_now(folder: Path, name: str, before: str) -> str:
-    """Return the state of a path now, in the words that it had before.
+    """Return the present state of a path, in the words of an earlier state.
 
     Args:
-        folder: that the name is relative to.
+        folder: base of the name.
         name: of the path.
-        before: its state then; empty: the hash of its content is wanted.
+        before: its earlier state; empty requests the hash of its content.
     """
     path = os.path.join(folder, name)
     try:
@@ -153,15 +156,17 @@ def state_now(folder: Path, name: str, before: str) -> str:
 
 
 def states_now(folder: Path, before: Mapping[str, str]) -> dict[str, str]:
-    """Return the states of paths now, by name relative to a folder, in the words of before."""
+    """Return the present states of paths, by name relative to a folder, in the words of earlier
+    ones.
+    """
     return {name: state_now(folder, name, before[name]) for name in before}
 
 
 def _word_now(path: str, word: str) -> str:
     way, _, rest = word.partition(":")
     if way == "modules":
-        known = [pair.partition("=")[0] for pair in rest.split(",")]
-        return modules({name: module_file(path, name) for name in known})
+        names = [pair.partition("=")[0] for pair in rest.split(",")]
+        return modules({name: module_file(path, name) for name in names})
     return _WAYS.get(way, content)(path)
 
 
@@ -177,12 +182,12 @@ _WAYS: Mapping[str, Way] = {
 
 def _listing(path: str, way: str, more: Callable[[os.DirEntry[str]], str]) -> str:
     try:
-        with os.scandir(path) as found:
-            lines = sorted(f"{entry.name}{more(entry)}" for entry in found)
+        with os.scandir(path) as scan:
+            lines = sorted(f"{entry.name}{more(entry)}" for entry in scan)
     except (FileNotFoundError, NotADirectoryError):
         return kind(path)
     return f"{way}:{digest_of(os.fsencode(chr(10).join(lines)))}"
 
 
-def _times(found: os.stat_result) -> str:
-    return f" {found.st_mode} {found.st_size} {found.st_mtime_ns}"
+def _times(status: os.stat_result) -> str:
+    return f" {status.st_mode} {status.st_size} {status.st_mtime_ns}"

@@ -1,4 +1,4 @@
-"""What stands in a file, as messages show it."""
+"""Quotation of file content in messages."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import os
 from pathlib import Path
 
 MOST_SHOWN = 100
-"""Characters of it."""
+"""The most characters that are shown."""
 
 
-def brief(value: object) -> str:
-    """A value that was read, quoted, and cut where it is too long for a sentence."""
-    return cut(repr(value))
+def quote(value: object) -> str:
+    """Return a value from a file, quoted and truncated for a sentence."""
+    return truncate(repr(value))
 
 
-def cut(text: str) -> str:
-    """A text as far as a sentence shows it."""
+def truncate(text: str) -> str:
+    """Truncate a text for a sentence."""
     return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
 
 
 def original_paths(text: str, copies: Path, folder: Path) -> str:
-    """Return a message about copies of files as one about the files themselves.
+    """Replace paths of copies in a message by those of the original files.
 
     Args:
         text: a message.
-        copies: the temporary folder that they are in.
-        folder: the user's, as messages name it.
+        copies: the temporary folder of the copies.
+        folder: the user's folder, as messages name it.
     """
     for place in dict.fromkeys((str(copies), os.path.realpath(copies))):
         text = text.replace(f"{place}{os.sep}", "" if folder == Path() else f"{folder}{os.sep}")

@@ -1,4 +1,4 @@
-"""A robot's file, read by its ending: its tree, and its numbers."""
+"""A robot's file, read by its suffix: its tree and its numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
-from physics_crosscheck.harness.modelfiles.numbers import Numeral
+from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
@@ -19,37 +19,37 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 
 
 class Numbers(Protocol):
-    """The numbers of a robot's file, and the tree that results where some of them are others."""
+    """The numbers of a robot's file, and the tree for other values."""
 
     @property
-    def numerals(self) -> tuple[Numeral, ...]:
-        """All of them, in their order."""
+    def numerals(self) -> tuple[Number, ...]:
+        """All numbers, in order."""
 
     @property
-    def saying(self) -> tuple[int, ...]:
-        """Indices of those that may say something of the tree."""
+    def relevant_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the tree."""
 
     @property
     def unread(self) -> tuple[str, ...]:
-        """Why numbers of some of its files are not among these, a sentence each."""
+        """Why numbers of some of its files are missing, one sentence each."""
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
-        """The tree with other values of some, by their index; None where there is none."""
+        """Return the tree with other values of some numbers, by index, or None."""
 
-    def taken(self) -> Iterable[tuple[str, Tree]]:
-        """What the engine that compiles the file does on its own: causes, each with its tree."""
+    def engine_variants(self) -> Iterable[tuple[str, Tree]]:
+        """Return differences of the engine that compiles the file: causes, each with its tree."""
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """The files, by their paths, with other values of some numbers."""
+        """Return the files, by path, with other values of some numbers."""
 
 
 def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
-    """Read a robot's file, by its ending.
+    """Read a robot's file, by its suffix.
 
     Args:
         file: the model file.
-        floating: whether the root link of a URDF moves freely; an SDFormat file says it.
-        model: which of several models of an SDFormat file; empty: the only one that moves.
+        floating: whether the root link of a URDF moves freely; an SDFormat file states it.
+        model: name of one of several models of an SDFormat file; empty for a single moving one.
     """
     if file.suffix == ".sdf":
         return read_sdf_robot(file, model=model)
@@ -59,14 +59,14 @@ def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
 
 
 def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
-    """The numbers of a robot's file that has a tree, by its ending.
+    """Return the numbers of a robot's file that has a tree, by its suffix.
 
     Args:
         file: the model file.
-        settings: with which engines run it.
+        settings: of the engines that run it.
 
     Raises:
-        RobotError: where nothing that compiles the file is installed.
+        RobotError: if no installed engine compiles the file.
     """
     if file.suffix == ".sdf":
         return SdfNumbers(file, str(settings.get("model", "")))

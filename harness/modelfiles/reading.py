@@ -1,4 +1,4 @@
-"""Reading what somebody else has put into a folder: plain files alone, and none without an end."""
+"""Safe reading of untrusted files: plain files of bounded size only."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 MOST_MODEL = 64 * 2**20
-"""Bytes of a model file, or of a part of one."""
+"""The largest size of a model file, or of a part of one, bytes."""
 
 MOST_SIDECAR = 2**20
-"""Bytes of a sidecar: more than ten thousand bindings."""
+"""The largest size of a sidecar, bytes: more than ten thousand bindings."""
 
 MOST_DEPTH = 20
-"""Tables and arrays in one another, of TOML."""
+"""The deepest nesting of TOML tables and arrays."""
 
 _MOST_PARTS = 100
 _MANY_DIGITS = re.compile(r"[0-9_]{300}")
@@ -31,41 +31,41 @@ _KINDS = {
 }
 
 
-def read_regular(path: Path, most: int | None = None) -> bytes:
-    """The bytes of a plain file; what might never end, a pipe or a device, is not even opened.
+def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
+    """Return the bytes of a plain file, without opening a pipe or a device, which could block.
 
     Args:
         path: of the file, or of a link to it.
-        most: bytes that it may have.
+        max_bytes: largest allowed size.
 
     Raises:
-        OSError: for what is no plain file, is larger, or can't be read.
+        OSError: for anything but a plain file, a file that is too large, or one that can't be read.
     """
-    found = os.stat(path)
-    if not stat.S_ISREG(found.st_mode):
-        raise no_plain_file(path, found.st_mode)
-    if most is not None and found.st_size > most:
-        size = f"{found.st_size / 2**20:.1f} MB; at most {most / 2**20:g} MB are allowed"
+    status = os.stat(path)
+    if not stat.S_ISREG(status.st_mode):
+        raise no_plain_file(path, status.st_mode)
+    if max_bytes is not None and status.st_size > max_bytes:
+        size = f"{status.st_size / 2**20:.1f} MB; at most {max_bytes / 2**20:g} MB are allowed"
         raise OSError(errno.EFBIG, f"it has {size}", str(path))
     return path.read_bytes()
 
 
 def no_plain_file(path: Path, mode: int) -> OSError:
-    """The error for something that is no plain file, by its mode."""
+    """Return the error for a path that is not a plain file, by its mode."""
     kind = _KINDS.get(stat.S_IFMT(mode), "not a file")
     return OSError(errno.EINVAL, f"it is {kind}; expected a file", str(path))
 
 
 class TomlError(ValueError):
-    """A text that is no TOML, or none that is read; begins with `:line:` where it is known."""
+    """A text that is not valid or allowed TOML; begins with `:line:` if the line is known."""
 
 
 def toml_document(text: str) -> dict[str, Any]:
-    """Read a text as TOML.
+    """Parse a text as TOML.
 
     Raises:
-        TomlError: for what is none, for tables in one another without end, and for numbers of more
-            than 64 bits, which TOML has none of.
+        TomlError: for invalid TOML, deeply nested tables, and numbers of more than 64 bits, which
+            TOML does not allow.
     """
     for number, line in enumerate(text.split("\n"), start=1):
         # The parser's time grows with the square of a key's parts.
@@ -77,9 +77,9 @@ def toml_document(text: str) -> dict[str, Any]:
         raise TomlError(f": not TOML: {error}") from None
     except RecursionError:
         raise TomlError(f": more than {MOST_DEPTH} nested tables or arrays") from None
-    except ValueError:  # Python reads no integer of more than 4300 digits
-        found = _MANY_DIGITS.search(text)
-        line_ = f":{text.count(chr(10), 0, found.start()) + 1}" if found else ""
+    except ValueError:  # Python parses no integer of more than 4300 digits
+        match = _MANY_DIGITS.search(text)
+        line_ = f":{text.count(chr(10), 0, match.start()) + 1}" if match else ""
         raise TomlError(f"{line_}: a number has too many digits to read") from None
     _check_values(data)
     return data

@@ -1,4 +1,4 @@
-"""A robot as its file has it: a tree of bodies, what of the file is in it, and what is not."""
+"""A robot from its file: a tree of bodies, and the parts of the file that are left out."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
 
 
 @dataclass(frozen=True, kw_only=True)
-class Obstacle:
-    """What makes it impossible to build a tree from a file.
+class ReadError:
+    """A problem that prevents building a tree from a file.
 
     Attributes:
-        sentence: what it is.
-        file: in which it stands.
-        line: of the file, counted from 1; 0 where it is no line's.
-        remedy: what to do about it.
-        kind: `robot` for a structure that is no tree, `file` for what can't be read, `unsupported`.
+        sentence: the problem.
+        file: that contains it.
+        line: of the file, counted from 1; 0 without a line.
+        remedy: the correction.
+        kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
+            `unsupported`.
     """
 
     sentence: str
@@ -38,13 +39,13 @@ class Obstacle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeftOut:
-    """What a file says and the tree does not.
+class Omission:
+    """Content of a file that the tree omits.
 
     Attributes:
-        what: it is, as "dry friction".
-        count: how often.
-        where: names of the joints or links, as many of them as have one.
+        what: the kind, such as "dry friction".
+        count: number of occurrences.
+        where: names of the joints or links that have one.
     """
 
     what: str
@@ -53,17 +54,17 @@ class LeftOut:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
-    """A link of the file, before those that are welded together are one body.
+class LinkPart:
+    """A link of the file, before links on fixed joints are merged.
 
     Attributes:
         name: in the file.
-        line: where it begins, from 1.
+        line: of its element, from 1.
         mass: kg.
         center: of mass, in the part's frame, m, (3,).
         inertia: about the center of mass, in the part's frame, kg m^2, (3, 3).
-        body: index of the tree's link that it is in; `WORLD` of what stands still, and of all
-            where there is no tree.
+        body: index of the tree's link that contains it; `WORLD` for fixed parts, and without a
+            tree.
     """
 
     name: str
@@ -75,57 +76,56 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
-    """What a tree is assembled of: bodies, joints and pulls with the numbers of the file.
+class BodyModel:
+    """The input of a tree: bodies, joints and forces with the numbers of the file.
 
     Attributes:
         bodies: parents first.
         gravity: m/s^2.
         pulls: tendons and actuators.
         couplings: joints that follow others.
-        medium: in which the bodies move.
+        fluid: around the bodies, or None.
     """
 
     bodies: tuple[RigidBody, ...]
     gravity: Triple
     pulls: tuple[ForceElement, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    medium: Fluid | None = None
+    fluid: Fluid | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Robot:
-    """What was read of a file.
+    """The content of a file.
 
     Attributes:
-        name: the robot's own.
-        file: that was read.
-        tree: its bodies and joints, depth first; None just where there are obstacles.
+        name: of the robot.
+        file: its path.
+        tree: its bodies and joints, depth first; None exactly if there are obstacles.
         parts: the file's links, in the file's order.
-        limits: lower and upper bound of each velocity's coordinate, infinite where there is none,
-            rad or m, each (nv,).
-        home: coordinates to begin from, (nv,).
-        left_out: what the file says beyond the tree.
-        obstacles: all that is in the way of a tree.
-        controls: at which its actuators are held, as many as it has inputs.
-        told: of which the tree is assembled; None where there is no tree.
-        held: joints that stand still, since they move nothing that has inertia.
-        shapes: files of meshes and the like without which the bodies can't be had, by the names
-            that the file has for them.
-        floats: whether the root link moves freely, which a URDF does not say.
-        stated: settings that the file says itself, as `ModelSpec` has them.
+        limits: lower and upper bound of each velocity's coordinate, infinite without a limit, rad
+            or m, each (nv,).
+        home: initial coordinates, (nv,).
+        left_out: content of the file that the tree omits.
+        obstacles: all problems that prevent building a tree.
+        controls: held values of its actuators, one per input.
+        body_model: input of the tree; None without a tree.
+        held: joints that are fixed, since they move nothing that has inertia.
+        shapes: file names, as in the model, of meshes that the inertias depend on.
+        floats: whether the root link moves freely, which a URDF does not state.
+        stated: settings that the file states itself, as in `ModelSpec`.
     """
 
     name: str
     file: Path
     tree: Tree | None
-    parts: tuple[Part, ...]
+    parts: tuple[LinkPart, ...]
     limits: tuple[Array, Array]
     home: Array
-    left_out: tuple[LeftOut, ...]
-    obstacles: tuple[Obstacle, ...]
+    left_out: tuple[Omission, ...]
+    obstacles: tuple[ReadError, ...]
     controls: tuple[float, ...] = ()
-    told: Told | None = None
+    body_model: BodyModel | None = None
     held: tuple[str, ...] = ()
     shapes: tuple[str, ...] = ()
     floats: bool = False
@@ -133,7 +133,7 @@ class Robot:
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:
-        """For each link of the tree, the names of the parts that are welded together in it."""
+        """The names of the parts that are merged in each link of the tree."""
         count = 0 if self.tree is None else len(self.tree.links)
         return tuple(tuple(p.name for p in self.parts if p.body == i) for i in range(count))
 
@@ -141,12 +141,12 @@ class Robot:
 def refused(
     file: Path,
     name: str,
-    obstacles: Iterable[Obstacle],
+    obstacles: Iterable[ReadError],
     *,
-    parts: tuple[Part, ...] = (),
-    left_out: tuple[LeftOut, ...] = (),
+    parts: tuple[LinkPart, ...] = (),
+    left_out: tuple[Omission, ...] = (),
 ) -> Robot:
-    """A robot without a tree; what is in the way by its lines, each once."""
+    """Return a robot without a tree, with its problems sorted by line and without duplicates."""
     none = np.zeros(0)
     return Robot(
         name=name,
@@ -161,7 +161,7 @@ def refused(
 
 
 def home_of(tree: Tree, limits: tuple[Array, Array]) -> Array:
-    """Zero where a coordinate may be zero, else the middle of its bounds, (nv,)."""
+    """Return zero for each coordinate, or the middle of its bounds if zero is outside, (nv,)."""
     home = np.zeros(tree.nv)
     for i, (lower, upper) in enumerate(zip(*map(np.ndarray.tolist, limits), strict=True)):
         if not lower <= 0.0 <= upper:
@@ -170,6 +170,6 @@ def home_of(tree: Tree, limits: tuple[Array, Array]) -> Array:
 
 
 def _between(lower: float, upper: float) -> float:
-    """The middle of two bounds, or the finite one of them."""
+    """Return the middle of two bounds, or the finite one of them."""
     finite = [bound for bound in (lower, upper) if abs(bound) != float("inf")]
     return sum(finite) / len(finite)

@@ -1,8 +1,8 @@
-"""A robot's tree as a system whose equations can be asked."""
+"""A robot's tree as a system with equations."""
 
 from __future__ import annotations
 
-from physics_crosscheck.harness.modelfiles.robot import Obstacle, Robot
+from physics_crosscheck.harness.modelfiles.robot import ReadError, Robot
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
@@ -22,17 +22,17 @@ class RobotError(ValueError):
         kind: of the first of them.
     """
 
-    def __init__(self, message: str, obstacles: tuple[Obstacle, ...] = ()) -> None:
+    def __init__(self, message: str, obstacles: tuple[ReadError, ...] = ()) -> None:
         super().__init__(message)
         self.obstacles = obstacles
         self.kind: CaseKind = obstacles[0].kind if obstacles else "robot"
 
 
 def robot_system(robot: Robot) -> TreeSystem:
-    """The robot's joints as coordinates.
+    """Return a system with the robot's joints as coordinates.
 
     Raises:
-        RobotError: with all that is in the way, or the joints that are not covered.
+        RobotError: with all problems that prevent it, or the joints that are not covered.
     """
     if robot.tree is None:
         raise RobotError("; ".join(map(str, robot.obstacles)), robot.obstacles)
@@ -64,12 +64,12 @@ def robot_bodies(robot: Robot) -> MultibodySystem:
 
 
 def names_of(tree: Tree) -> tuple[str, ...]:
-    """Its coordinates, as engines call them too, (nv,)."""
+    """Return the names of its coordinates, which engines use too, (nv,)."""
     return tuple(name for link in tree.links for name, _ in coordinate_names(link.kind, link.name))
 
 
 def summary(robot: Robot) -> str:
-    """Such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
+    """Return a summary such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
     count = 0 if robot.tree is None else len(robot.tree.links)
     mass = sum(part.mass for part in robot.parts)
     links = counted(len(robot.parts), "link")

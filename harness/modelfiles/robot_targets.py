@@ -20,7 +20,7 @@ SKIPPED = frozenset({"__pycache__", "build", "dist", "node_modules", "site-packa
 HEAD_BYTES = 4096
 """Bytes of an XML file that contain its first element."""
 
-_TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
+_FORMAT_LIST = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,9 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             others.append(name)
             continue
         if path.suffix not in FORMATS:
-            formats = f"only {_TOLD} run without a folder; name one of these, or a system folder"
+            formats = (
+                f"only {_FORMAT_LIST} run without a folder; name one of these, or a system folder"
+            )
             faults[name] = f"{visible(name)}: {xacro_remedy(path) or formats}"
         elif (why := odd_name(name)) is not None:
             faults[name] = f"{visible(name)}: its name has {why}; rename it"
@@ -60,7 +62,7 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
 
 
 def xacro_remedy(file: Path) -> str:
-    """Return how a robot is made of source for xacro; empty for any other file."""
+    """Return how to expand source for xacro; empty for any other file."""
     if file.suffix != ".xacro":
         return ""
     stem = file.name.removesuffix(".xacro")

@@ -1,4 +1,4 @@
-"""The sidecar of a model file, `<model file>.toml`: what the file itself can't say."""
+"""The sidecar of a model file, `<model file>.toml`: information that the file can't state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.reading import (
     MOST_SIDECAR,
     TomlError,
@@ -21,33 +21,33 @@ from physics_crosscheck.harness.modelfiles.reading import (
     toml_document,
 )
 
-_KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
+_KEYS = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
 
 
 class SidecarError(ValueError):
-    """A sidecar that is missing, unreadable or contradicts itself; names file, place and remedy."""
+    """A sidecar that is missing, unreadable or inconsistent; names file, place and remedy."""
 
     kind = "sidecar"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sidecar:
-    """What a sidecar declares.
+    """The declarations of a sidecar.
 
     Attributes:
         model: path of the model file.
         engines: names of the engines that run it.
-        absent: those that it names too, of extras that are not installed: it is run without them,
-            unless nothing else runs it.
+        absent: further engines that it names, of extras that are not installed: it runs without
+            them, unless no other engine runs it.
         settings: step, gravity, integrator and the like, for every engine of the file.
         engine_settings: the same for one engine, `[settings.<engine>]`.
         coordinates: engine coordinate -> expression of the system's coordinates and constants;
-            empty where joints are named like coordinates.
+            empty if joints have the names of coordinates.
         readback: coordinate -> expression of engine coordinates (and constants).
         springs: springs on linear combinations of joints.
-        bindings: address of a literal -> what it stands for, an expression of the system's
-            constants. Addresses are those of `harness.modelfiles.locations`, in the model file;
-            `sidecar:` leads into the sidecar itself.
+        bindings: address of a literal -> its meaning, an expression of the system's constants.
+            Addresses are those of `harness.modelfiles.locations`, in the model file; the prefix
+            `sidecar:` stands for the sidecar itself.
         frames: the system's frames, and `world`, as `harness.modelfiles.frames` reads them.
     """
 
@@ -63,12 +63,12 @@ class Sidecar:
     frames: Mapping[str, object] = field(default_factory=dict)
 
     def spec(self, engine: str) -> ModelSpec:
-        """What the adapter of one engine gets to see: nothing of the system."""
+        """Return the spec for one engine's adapter, which contains nothing of the system."""
         settings = {**self.settings, **self.engine_settings.get(engine, {})}
         return ModelSpec(self.model, self.springs, settings)
 
     def entry(self, table: str, key: str) -> Entry:
-        """A key in one of the sidecar's tables, for a message."""
+        """Return a key in one of the sidecar's tables, for a message."""
         return Entry(Path(f"{self.model}.toml"), table, key)
 
 
@@ -79,10 +79,10 @@ def read_sidecar(path: Path) -> Sidecar:
         SidecarError: naming file, key and remedy.
     """
     data = _document(path)
-    unknown = sorted(set(data) - _KNOWN)
+    unknown = sorted(set(data) - _KEYS)
     if unknown:
-        known = ", ".join(sorted(_KNOWN))
-        raise SidecarError(f"{path}: unknown key {brief(unknown[0])}; known keys: {known}")
+        keys = ", ".join(sorted(_KEYS))
+        raise SidecarError(f"{path}: unknown key {quote(unknown[0])}; known keys: {keys}")
     model = path.with_suffix("")
     if not model.exists():
         raise SidecarError(f"{path}: there is no model file {model.name} in its folder")
@@ -95,15 +95,18 @@ def read_sidecar(path: Path) -> Sidecar:
         raise SidecarError(f'{path}: engines must list engine names, as in engines = ["NAME"]')
     twice = [name for name in engines if engines.count(name) > 1]
     if twice:
-        raise SidecarError(f"{path}: engines lists {brief(twice[0])} twice; keep one")
+        raise SidecarError(f"{path}: engines lists {quote(twice[0])} twice; keep one")
     settings = _table(data, "settings", path)
-    own = {name: value for name, value in settings.items() if isinstance(value, dict)}
-    shared = {name: value for name, value in settings.items() if name not in own}
-    for name, values in (("settings", shared), *((f"settings.{e}", s) for e, s in own.items())):
+    by_engine = {name: value for name, value in settings.items() if isinstance(value, dict)}
+    shared = {name: value for name, value in settings.items() if name not in by_engine}
+    for name, values in (
+        ("settings", shared),
+        *((f"settings.{e}", s) for e, s in by_engine.items()),
+    ):
         _check_settings(values, f"{path}: [{name}]")
-    for name in own:
+    for name in by_engine:
         if name not in engines:
-            where = f"{path}: [settings] {brief(name)}"
+            where = f"{path}: [settings] {quote(name)}"
             raise SidecarError(f"{where} is for an engine that `engines` does not list")
     springs = data.get("spring", [])
     if not isinstance(springs, list):
@@ -114,7 +117,7 @@ def read_sidecar(path: Path) -> Sidecar:
         engines=tuple(name for name in engines if name not in absent),
         absent=tuple(absent),
         settings=shared,
-        engine_settings=own,
+        engine_settings=by_engine,
         coordinates=_expressions(data, "coordinates", path),
         readback=_expressions(data, "readback", path),
         springs=tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
@@ -124,23 +127,24 @@ def read_sidecar(path: Path) -> Sidecar:
 
 
 def left_to_others(sidecars: Iterable[Sidecar]) -> list[Sidecar]:
-    """Those of one folder: a model whose engines are all absent extras is left to the others.
+    """Return the sidecars of one folder, without engines for those whose engines are all absent
+    extras.
 
-    It has no engine then, where any other model has one that runs.
+    If that applies to all of them, return them unchanged.
     """
-    known, missing = list(sidecars), absent_extras()
-    if all(missing.keys() >= set(one.engines) for one in known):
-        return known
+    models, missing = list(sidecars), absent_extras()
+    if all(missing.keys() >= set(one.engines) for one in models):
+        return models
     return [
         replace(one, engines=(), absent=(*one.engines, *one.absent))
         if missing.keys() >= set(one.engines)
         else one
-        for one in known
+        for one in models
     ]
 
 
 def _absent(engines: list[str]) -> list[str]:
-    """Engines of extras that aren't there, beside others that may be."""
+    """Return engines of extras that are not installed, if other engines remain."""
     missing = absent_extras()
     absent = [name for name in engines if name in missing]
     return absent if len(absent) < len(engines) else []
@@ -171,7 +175,7 @@ def _expressions(data: Mapping[str, object], key: str, path: Path) -> dict[str, 
     for name, value in table.items():
         if not isinstance(value, (str, int, float)) or isinstance(value, bool):
             raise SidecarError(
-                f"{path}: [{key}] {brief(name)} must be an expression, such as 'x / r'"
+                f"{path}: [{key}] {quote(name)} must be an expression, such as 'x / r'"
             )
     return {name: str(value) for name, value in table.items()}
 
@@ -179,10 +183,10 @@ def _expressions(data: Mapping[str, object], key: str, path: Path) -> dict[str, 
 def _check_settings(values: Mapping[str, object], place: str) -> None:
     step = values.get("step", 1.0)
     if not _is_number(step) or not 0 < step < math.inf:
-        raise SidecarError(f"{place} step is {brief(step)}; expected a positive number of seconds")
+        raise SidecarError(f"{place} step is {quote(step)}; expected a positive number of seconds")
     gravity = values.get("gravity", [0, 0, 0])
     if not isinstance(gravity, list) or len(gravity) != 3 or not all(map(_is_number, gravity)):
-        raise SidecarError(f"{place} gravity is {brief(gravity)}; expected three numbers")
+        raise SidecarError(f"{place} gravity is {quote(gravity)}; expected three numbers")
 
 
 def _spring(data: object, place: str) -> Spring:
@@ -194,7 +198,7 @@ def _spring(data: object, place: str) -> Spring:
         raise SidecarError(f"{place} joints must map joint names to coefficients")
     for key in ("stiffness", "damping", "rest"):
         if not _is_number(data[key]):
-            raise SidecarError(f"{place} {key} is {brief(data[key])}; expected a number")
+            raise SidecarError(f"{place} {key} is {quote(data[key])}; expected a number")
     return Spring(joints, data["stiffness"], data["damping"], data["rest"])
 
 
@@ -213,4 +217,4 @@ class Entry:
     def __str__(self) -> str:
         line = line_of(self.file, f"{self.table}.{json.dumps(self.key, ensure_ascii=False)}")
         where = self.file if line is None else f"{self.file}:{line}"
-        return f"{where}: [{self.table}] {brief(self.key)}"
+        return f"{where}: [{self.table}] {quote(self.key)}"

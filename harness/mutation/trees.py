@@ -23,7 +23,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
 )
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copied
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, Numeral
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
 from physics_crosscheck.harness.modelfiles.quote import original_paths
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.mutation.faults import SIZES
@@ -86,12 +86,12 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
             size=size,
             first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), known),
         )
-        for k, index in enumerate(numbers.saying)
+        for k, index in enumerate(numbers.relevant_numbers)
         for size in SIZES
     )
 
 
-def _size(one: Numeral) -> float:
+def _size(one: Number) -> float:
     """A number's own, or that of those beside it where it is as good as zero."""
     return abs(one.value) if abs(one.value) > SMALL else one.scale
 
@@ -132,7 +132,7 @@ def died(fault: TreeFault, reason: str) -> Mutation:
     return _row(fault, numbers.numerals[fault.index].address, FaultVerdict.REFUSED, reason)
 
 
-def _judged(fault: TreeFault, one: Numeral, value: float, wrong: RobotTask) -> Mutation:
+def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mutation:
     """The row of a fault, from the motions of the wrong model."""
     case = run_robot(wrong)
     size = None if case.verdict is None else case.verdict.largest_discrepancy

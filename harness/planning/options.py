@@ -10,7 +10,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
 from physics_crosscheck.harness.modelfiles.choice import Choice
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
@@ -27,7 +27,7 @@ def check_text(value: object, name: str, *, path: bool = False) -> None:
     """
     if not isinstance(value, str | PathLike if path else str):
         what = "a path" if path else "a string"
-        raise TypeError(f"{name} must be {what}, not {brief(value)}")
+        raise TypeError(f"{name} must be {what}, not {quote(value)}")
 
 
 def check_names(value: object, name: str) -> None:
@@ -39,7 +39,7 @@ def check_names(value: object, name: str) -> None:
     if isinstance(value, str):
         raise TypeError(f"{name} must be a list, not {value!r}; write {name}=[{value!r}]")
     if not isinstance(value, Sequence) or not all(isinstance(one, str) for one in value):
-        raise TypeError(f"{name} must be a list of names, not {brief(value)}")
+        raise TypeError(f"{name} must be a list of names, not {quote(value)}")
 
 
 def check_number(
@@ -54,10 +54,10 @@ def check_number(
     kind = f"{'a whole number' if whole else 'a number'}{unit and ' of '}{unit}"
     expected = f"{name} must be {kind}"
     if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
-        raise TypeError(f"{expected}, not {brief(value)}")
+        raise TypeError(f"{expected}, not {quote(value)}")
     number = float(value)
     if not least <= number <= most:
-        raise ValueError(f"{expected} from {least:g} to {most:g}, not {brief(value)}")
+        raise ValueError(f"{expected} from {least:g} to {most:g}, not {quote(value)}")
     return number
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.modelfiles.reading import read_regular
 from physics_crosscheck.harness.scaffold.folder import NewError
@@ -23,7 +23,7 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
     Raises:
         NewError: for one that is not there, is no plain file, or not below the model's folder.
     """
-    source = Source(model, data)
+    source = SourceFile(model, data)
     try:
         elements = read_elements(source)
     except LocationError as error:

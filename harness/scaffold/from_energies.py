@@ -9,7 +9,7 @@ from pathlib import Path
 import sympy as sp
 
 from physics_crosscheck.harness.audits import audits
-from physics_crosscheck.harness.engines.registry import standing
+from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.scaffold.assets import neighbours
 from physics_crosscheck.harness.scaffold.constants import Ledger, Row
 from physics_crosscheck.harness.scaffold.folder import NewError
@@ -91,7 +91,7 @@ class Energies:
         suffix = self._model.suffix
         return sidecar_text(
             self._model.name,
-            [engine for engine in standing(suffix) if engine.name not in self._left_out],
+            [engine for engine in default_engines(suffix) if engine.name not in self._left_out],
             self._mechanism,
             self._ledger,
             self._left_out,
@@ -121,7 +121,11 @@ def format_settings(suffix: str) -> list[str]:
     """Lines of a sidecar's settings, for a format that states none."""
     if suffix != ".urdf":
         return []
-    taken = [f"{e.title} would take {e.unstated}" for e in standing(suffix) if e.unstated]
+    taken = [
+        f"{e.title} would take {e.default_settings_note}"
+        for e in default_engines(suffix)
+        if e.default_settings_note
+    ]
     first, *others = [*taken, ""]
     rest = "".join(f", {words.replace(' would take', '')}" for words in others if words)
     return [
@@ -165,7 +169,7 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
     Raises:
         NewError: where no installed engine agrees with what was read.
     """
-    installed = tuple(e.name for e in standing(suffix) if e.version() is not None)
+    installed = tuple(e.name for e in default_engines(suffix) if e.version() is not None)
     if not installed:
         return ["no engine that runs it is installed, so the new folder is not checked"]
     against: list[str] = []

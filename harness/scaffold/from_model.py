@@ -80,8 +80,8 @@ def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str
 
 def _unstated(robot: Robot) -> list[str]:
     """Lines of a sidecar's settings for what an SDFormat file says in its world, where it does."""
-    assert robot.told is not None
-    ordinary = {"step": STEP, "gravity": list(robot.told.gravity)}
+    assert robot.body_model is not None
+    ordinary = {"step": STEP, "gravity": list(robot.body_model.gravity)}
     missing = [f"{key} = {value}" for key, value in ordinary.items() if key not in robot.stated]
     if not missing:
         return []

@@ -9,11 +9,11 @@ from physics_crosscheck.harness.checks.multibody import case_of, states_of
 from physics_crosscheck.harness.checks.robot_case import run_robot
 from physics_crosscheck.harness.checks.robot_record import settings_of, told
 from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.engines.registry import standing
+from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import Robot, Told
+from physics_crosscheck.harness.modelfiles.robot import BodyModel, Robot
 from physics_crosscheck.harness.modelfiles.robot_system import summary
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -50,13 +50,15 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
     Raises:
         NewError: naming what is in the way; nothing is written then.
     """
-    model, told_ = robot.file, robot.told
+    model, told_ = robot.file, robot.body_model
     assert told_ is not None  # it has a tree
     parts = included(model)
     where = places([model, *(model.parent / name for name in parts)])
-    compiled = next((e.title for e in standing(model.suffix) if model.suffix in e.compiles), "")
+    compiled = next(
+        (e.title for e in default_engines(model.suffix) if model.suffix in e.compiles), ""
+    )
     text = tree_text(target.name, summary(robot), model.name, told_, where, compiled)
-    beside, able = f"{model.name}.toml", standing(model.suffix)
+    beside, able = f"{model.name}.toml", default_engines(model.suffix)
     files = {model.name: data, **parts, "system.py": text.encode()}
     files |= {beside: _sidecar(robot, able, {}, settings)}
     remarks: list[str] = []
@@ -91,7 +93,7 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
 def _listed(names: Sequence[str]) -> str:
     """Such as: 'a.stl', 'b.stl', 'c.stl' and 5 more."""
     more = len(names) - NAMED
-    return ", ".join(map(brief, names[:NAMED])) + (f" and {more} more" if more > 0 else "")
+    return ", ".join(map(quote, names[:NAMED])) + (f" and {more} more" if more > 0 else "")
 
 
 def _sidecar(
@@ -110,20 +112,20 @@ def _check_reading(made: Path, robot: Robot) -> None:
     """
     chosen = str(robot.stated.get("model", ""))
     again = read_robot(made / robot.file.name, floating=robot.floats, model=chosen)
-    if again.told != robot.told:
+    if again.body_model != robot.body_model:
         raise _OtherBodiesError(
             "; ".join(one.sentence for one in again.obstacles) or "it lacks a part"
         )
     system = load_declaration(made)
     assert isinstance(system, MultibodySystem)
-    written = Told(
+    written = BodyModel(
         bodies=system.bodies,
         gravity=system.gravity,
         pulls=system.pulls,
         couplings=system.couplings,
-        medium=system.medium,
+        fluid=system.medium,
     )
-    if written != robot.told:
+    if written != robot.body_model:
         raise NewError(f"{robot.file}: the files written differ from the robot read")
 
 
@@ -133,7 +135,7 @@ def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[s
     Raises:
         NewError: where the bodies can't be solved.
     """
-    able = [one for one in standing(robot.file.suffix) if one.version() is not None]
+    able = [one for one in default_engines(robot.file.suffix) if one.version() is not None]
     if not able:
         return {}, ["no engine that runs it is installed, so the new folder is not checked"]
     system = load_declaration(made)

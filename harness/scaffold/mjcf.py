@@ -13,8 +13,8 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledBody, CompiledJoint
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
-from physics_crosscheck.harness.engines.registry import readers
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger
 from physics_crosscheck.harness.scaffold.folder import NewError
@@ -43,7 +43,7 @@ def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    able = [engine for engine in readers(path.suffix) if path.suffix in engine.compiles]
+    able = [engine for engine in engines_reading(path.suffix) if path.suffix in engine.compiles]
     there = [engine for engine in able if engine.version() is not None]
     if not there:
         titles = " or ".join(engine.title for engine in able)
@@ -53,7 +53,7 @@ def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
 
 class _Reader:
     def __init__(self, path: Path, data: bytes, ledger: Ledger, engine: Engine) -> None:
-        self.source, self.ledger, self.path = Source(path, data), ledger, path
+        self.source, self.ledger, self.path = SourceFile(path, data), ledger, path
         self.title = engine.title
         try:
             self.elements = read_elements(self.source)
@@ -86,7 +86,7 @@ class _Reader:
 
     def mechanism(self) -> Mechanism:
         g = self.tree.gravity
-        if self.tree.medium:
+        if self.tree.fluid:
             raise NewError(f"{self.path}: a medium (wind, density or viscosity) can't be read")
         gravity = [
             self.ledger.number(
@@ -114,7 +114,7 @@ class _Reader:
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
         at = self._triple(
-            body.at,
+            body.position,
             (name,),
             "m",
             f"{name} in its parent's frame",
@@ -233,7 +233,7 @@ class _Reader:
             hinge=hinge,
             axis=(x, y, z),
             at=self._triple(
-                joint.at,
+                joint.position,
                 (name,),
                 "m",
                 f"axis of {name} in its body",

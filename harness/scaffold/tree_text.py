@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.modelfiles.robot import Told
+from physics_crosscheck.harness.modelfiles.robot import BodyModel
 from physics_crosscheck.harness.scaffold.places import Key
 from physics_crosscheck.harness.scaffold.text import comment, literal, plain, quoted
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, Joint, RigidBody
@@ -49,7 +49,7 @@ _FREE = MappingProxyType({"damping": "N m s/rad and N s/m", "armature": "kg m^2 
 
 
 def tree_text(
-    name: str, title: str, file: str, told: Told, where: Mapping[Key, str], compiled: str
+    name: str, title: str, file: str, told: BodyModel, where: Mapping[Key, str], compiled: str
 ) -> str:
     """The whole of system.py; nothing of the model file stands in it but in literals.
 
@@ -68,7 +68,7 @@ def tree_text(
             f"Every number is as {compiled} compiles the file: in SI units, with defaults, frames"
             " and shapes put in"
         )
-    more = {"Coupling": told.couplings, "Fluid": told.medium, "ForceElement": told.pulls}
+    more = {"Coupling": told.couplings, "Fluid": told.fluid, "ForceElement": told.pulls}
     named = [name for name, there in more.items() if there]
     ways = [pull.along for pull in told.pulls if pull.along is not None]
     named += {type(one).__name__ for one in ways}
@@ -108,8 +108,8 @@ def tree_text(
             *map(_coupling, told.couplings),
             "    ),",
         ]
-    if told.medium:
-        said = (f"{key}={_number(value)}" for key, value in _said(told.medium, ()))
+    if told.fluid:
+        said = (f"{key}={_number(value)}" for key, value in _said(told.fluid, ()))
         lines += [f"    medium=Fluid({', '.join(said)}),  # kg/m^3, Pa s, m/s"]
     return "\n".join([*lines, ")", ""])
 

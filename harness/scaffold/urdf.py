@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.registry import readers
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger, finite, quarter
 from physics_crosscheck.harness.scaffold.folder import NewError
@@ -27,7 +27,7 @@ def read_urdf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
 
 class _Reader:
     def __init__(self, path: Path, data: bytes, ledger: Ledger) -> None:
-        self.source, self.ledger = Source(path, data), ledger
+        self.source, self.ledger = SourceFile(path, data), ledger
         try:
             elements = read_elements(self.source)
         except LocationError as error:
@@ -106,7 +106,11 @@ class _Reader:
                     f"link {name!r} moves and has no <inertial>, and engines differ "
                     "in their default: write one",
                 )
-            others = [f"; {e.title} uses {e.bare_link}" for e in readers(".urdf") if e.bare_link]
+            others = [
+                f"; {e.title} uses {e.massless_link_default}"
+                for e in engines_reading(".urdf")
+                if e.massless_link_default
+            ]
             self.remarks.append(
                 f"link {name!r} has no <inertial>, so it has no mass here{''.join(others)}"
             )

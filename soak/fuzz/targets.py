@@ -22,7 +22,7 @@ from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin, template
 from physics_crosscheck.harness.modelfiles.locations import LocationError, find_in
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
-from physics_crosscheck.harness.modelfiles.locations.location import Source
+from physics_crosscheck.harness.modelfiles.locations.location import SourceFile
 from physics_crosscheck.harness.modelfiles.locations.outline import outline
 from physics_crosscheck.harness.modelfiles.locations.python import python_numbers, python_offset
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
@@ -134,7 +134,7 @@ def _addressed(suffix: str, data: bytes) -> object:
 
 def _xml(data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
-    source, name = Source(Path("model.xml"), text), address.decode("utf-8", errors="replace")
+    source, name = SourceFile(Path("model.xml"), text), address.decode("utf-8", errors="replace")
     elements = read_elements(source)
     text.decode("utf-8")
     outline(source.file, text)
@@ -148,13 +148,13 @@ def _xml(data: bytes) -> object:
 def _toml(data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
     text.decode("utf-8")
-    toml_offset(Source(Path("m.toml"), text), address.decode("utf-8", errors="replace"))
+    toml_offset(SourceFile(Path("m.toml"), text), address.decode("utf-8", errors="replace"))
     return _addressed(".toml", data)
 
 
 def _python(data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
-    source = Source(Path("model.py"), text)
+    source = SourceFile(Path("model.py"), text)
     text.decode("utf-8")
     python_offset(source, address.decode("utf-8", errors="replace"))
     list(python_numbers(source, re.compile(r".*")))

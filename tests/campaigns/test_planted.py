@@ -30,7 +30,7 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
     ground = Ground.of(file, "mujoco")
-    where = {ground.numbers.numerals[i].address: i for i in ground.numbers.saying}
+    where = {ground.numbers.numerals[i].address: i for i in ground.numbers.relevant_numbers}
     chosen = {
         "joint[a]/origin@xyz[2]": Fate.INVISIBLE,
         "link[two]/inertial/mass@value": Fate.NAMED,
@@ -66,7 +66,7 @@ def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
     ground = Ground.of(file, "mujoco", known=False)
     (index,) = (
         i
-        for i in ground.numbers.saying
+        for i in ground.numbers.relevant_numbers
         if ground.numbers.numerals[i].address == "joint[b]/dynamics@damping"
     )
     found = compared(ground, index, 1e-2)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
-from physics_crosscheck.harness.engines.registry import readers, standing
+from physics_crosscheck.harness.engines.registry import default_engines, engines_reading
 from physics_crosscheck.harness.records.outcome import Outcome
 
 INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/>'
@@ -41,7 +41,9 @@ MJCF = """<mujoco><option integrator="{}"/><worldbody><body><joint name="j1" axi
 <connect body1="s" anchor="0 0 0"/></equality></mujoco>"""
 
 
-@pytest.mark.parametrize("engine", [e.name for e in standing(".urdf") if e.version() is not None])
+@pytest.mark.parametrize(
+    "engine", [e.name for e in default_engines(".urdf") if e.version() is not None]
+)
 def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
@@ -55,7 +57,9 @@ def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
         assert run_robot(task).outcome is Outcome.DIFFERS, new
 
 
-@pytest.mark.parametrize("engine", [e.name for e in standing(".urdf") if e.version() is not None])
+@pytest.mark.parametrize(
+    "engine", [e.name for e in default_engines(".urdf") if e.version() is not None]
+)
 def test_a_mimic_that_an_engine_lost_differs(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
@@ -77,7 +81,7 @@ def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str) -> None
     prepared = prepare_robot(file)
     assert prepared.names == ("j1", "j2", "j4")
     assert "mimic without a gear: the joint is free" in prepared.left_out
-    for engine in standing(".urdf"):
+    for engine in default_engines(".urdf"):
         if engine.version() is not None:
             assert run_robot(prepared.task(engine.name, 1e-9)).outcome is Outcome.AGREES
 
@@ -85,7 +89,10 @@ def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str) -> None
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
 def test_straight_equalities_of_joints_are_held_and_agree(tmp_path: Path, integrator: str) -> None:
     """References count; a joint may stand still; curves and points of bodies are left out."""
-    file, engine = tmp_path / "g.xml", next(e for e in readers(".xml") if ".xml" in e.compiles)
+    file, engine = (
+        tmp_path / "g.xml",
+        next(e for e in engines_reading(".xml") if ".xml" in e.compiles),
+    )
     file.write_text(MJCF.format(integrator))
     prepared = prepare_robot(file)
     assert prepared.names == ("j1", "j2")
@@ -103,7 +110,10 @@ def test_as_many_follow_as_there_are(tmp_path: Path) -> None:
     equality = '<joint joint1="a{0}" joint2="a{1}"/>'
     bodies = "".join(hinge.format(i) for i in range(41))
     chain = "".join(equality.format(i + 1, i) for i in range(40)) + equality.format(0, 40)
-    file, engine = tmp_path / "g.xml", next(e for e in readers(".xml") if ".xml" in e.compiles)
+    file, engine = (
+        tmp_path / "g.xml",
+        next(e for e in engines_reading(".xml") if ".xml" in e.compiles),
+    )
     file.write_text(f"<mujoco><worldbody>{bodies}</worldbody><equality>{chain}</equality></mujoco>")
     found = engine.compiled(file)
     assert [(one.follower, one.leader) for one in found.couplings] == [

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.checks.robot_case import (
     run_robot,
 )
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.registry import engines, runners, standing
+from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
@@ -30,7 +30,7 @@ from tests import commands
 from tests.robots.files import UNLIMITED
 
 DATA = Path(pybullet_data.getDataPath())
-SUITE = (*(engine.name for engine in standing(".urdf")), "pinocchio")
+SUITE = (*(engine.name for engine in default_engines(".urdf")), "pinocchio")
 """Engines that the project's own tests have installed."""
 
 ENGINES = [name for name in SUITE if engines()[name].version() is not None]
@@ -167,7 +167,7 @@ def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
     results = read_results(tmp_path / "out" / "results.json")
     assert [(c.model, c.engine, c.outcome) for c in results.cases] == [
         ("arm.urdf", engine.name, "AGREES")
-        for engine in sorted(runners(".urdf"), key=lambda one: one.name)
+        for engine in sorted(engines_to_run(".urdf"), key=lambda one: one.name)
     ]
     assert (tmp_path / "out" / "index.html").is_file()
 

@@ -9,7 +9,7 @@ import pytest
 from physics_crosscheck.harness.checks.robot_case import prepare_robot
 from physics_crosscheck.harness.diagnosis.coverage_trials import Say
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
@@ -28,7 +28,7 @@ TEXT = "\n".join(
 )
 
 
-@pytest.mark.parametrize("engine", [one.name for one in readers(".urdf")])
+@pytest.mark.parametrize("engine", [one.name for one in engines_reading(".urdf")])
 def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)

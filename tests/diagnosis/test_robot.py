@@ -21,7 +21,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     some_of,
 )
 from physics_crosscheck.harness.diagnosis.task import explanation
-from physics_crosscheck.harness.engines.registry import engines, readers
+from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -160,7 +160,7 @@ def test_a_wrong_number_of_a_urdf_is_named(
 
 @pytest.mark.parametrize("share", [1e-6, 1e-2])
 @pytest.mark.parametrize("spelled", MJCF_FAULTS)
-@pytest.mark.parametrize("engine", [one.name for one in readers(".xml") if one.version()])
+@pytest.mark.parametrize("engine", [one.name for one in engines_reading(".xml") if one.version()])
 def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
     tmp_path: Path, engine: str, spelled: str, share: float
 ) -> None:
@@ -189,7 +189,7 @@ def test_what_an_engine_reads_over_is_told_with_all_its_lines() -> None:
     )
 
 
-@pytest.mark.parametrize("engine", [one.name for one in readers(".urdf") if one.version()])
+@pytest.mark.parametrize("engine", [one.name for one in engines_reading(".urdf") if one.version()])
 def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
     tmp_path: Path, engine: str
 ) -> None:
@@ -219,7 +219,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
 def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
-    task = prepare_robot(file).task(readers(".urdf")[0].name, 1e-9)
+    task = prepare_robot(file).task(engines_reading(".urdf")[0].name, 1e-9)
     problem, _ = robot_problem(RobotDiagnosisTask(task=task))
     slopes = problem.slopes({})
     for i, hypothesis in enumerate(problem.hypotheses):
@@ -238,7 +238,7 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     numbers = robot_numbers(file, {})
-    task = prepare_robot(file).task(readers(".urdf")[0].name, 1e-9)
+    task = prepare_robot(file).task(engines_reading(".urdf")[0].name, 1e-9)
     problem = problem_of(task, numbers, own=True)
     nothing = np.zeros_like(some_of(task.samples).end)
     slopes = problem.slopes({})

@@ -9,7 +9,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from physics_crosscheck.harness.engines.registry import standing
+from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.modelfiles.copies import copied
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -84,7 +84,7 @@ def test_a_wrong_number_of_an_equality_is_named(
 
 
 @pytest.mark.parametrize("share", [1e-6, 1e-2])
-@pytest.mark.parametrize("engine", [one.name for one in standing(".urdf") if one.version()])
+@pytest.mark.parametrize("engine", [one.name for one in default_engines(".urdf") if one.version()])
 def test_a_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path, engine: str, share: float) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)

@@ -46,12 +46,12 @@ def test_no_adapter_imports_the_reference_or_what_holds_a_system(path: Path) -> 
 
 
 SHARED = {
-    "attitude", "bare", "captured", "compiled", "following", "installed", "mending", "mistake",
+    "attitude", "bare", "captured", "compiled", "following", "installed", "mistake",
     "mjcf_copy", "mjcf_declared", "mjcf_defaults", "mjcf_engine", "mjcf_inertias",
     "mjcf_joints", "mjcf_pulls", "mjcf_refused", "mjcf_source", "one_by_one", "protocol",
     "remark", "runge_kutta", "sdf", "sdf_check", "sdf_copy", "sdf_shapes", "sdf_sidecar",
     "source", "springs", "step_rule", "stepped_here", "tree_model", "urdf", "urdf_check",
-    "urdf_copy", "urdf_engine", "urdf_sidecar",
+    "urdf_copy", "urdf_engine", "urdf_sidecar", "xml_repair",
 }  # fmt: skip
 """Modules that adapters share; what else an adapter imports is of its own folder."""
 

@@ -159,14 +159,14 @@ class CountsRows(Wrong):
 class PushesLate(Wrong):
     def before(self, q: Array, force: Force) -> Force:
         if isinstance(force, StateForce):
-            return StateForce(np.roll(force.inputs, 1, axis=1), force.at)
+            return StateForce(np.roll(force.inputs, 1, axis=1), force.evaluate)
         return None if force is None else np.roll(force, 1, axis=1)
 
 
 class PushesOnAndOn(Wrong):
     def before(self, q: Array, force: Force) -> Force:
         if isinstance(force, StateForce):
-            return StateForce(np.cumsum(force.inputs, axis=1), force.at)
+            return StateForce(np.cumsum(force.inputs, axis=1), force.evaluate)
         return None if force is None else np.cumsum(force, axis=1)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
@@ -176,14 +176,14 @@ class PushesOnAndOn(Wrong):
 class PushesOutOfProportion(Wrong):
     def before(self, q: Array, force: Force) -> Force:
         if isinstance(force, StateForce):
-            return StateForce(force.inputs * (1 + 50 * np.abs(force.inputs)), force.at)
+            return StateForce(force.inputs * (1 + 50 * np.abs(force.inputs)), force.evaluate)
         return None if force is None else force * (1 + 50 * np.abs(force))
 
 
 class PushesHarderByState(Wrong):
     def before(self, q: Array, force: Force) -> Force:
         if isinstance(force, StateForce):
-            return StateForce(1.001 * force.inputs, force.at)
+            return StateForce(1.001 * force.inputs, force.evaluate)
         return force
 
 
@@ -191,7 +191,7 @@ class SeesAnotherState(Wrong):
     def before(self, q: Array, force: Force) -> Force:
         if isinstance(force, StateForce):
             given = force
-            return StateForce(given.inputs, lambda z, u: given.at([x + 1e-6 for x in z], u))
+            return StateForce(given.inputs, lambda z, u: given.evaluate([x + 1e-6 for x in z], u))
         return force
 
 

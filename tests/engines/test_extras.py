@@ -9,7 +9,12 @@ import pytest
 
 from physics_crosscheck import check
 from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
-from physics_crosscheck.harness.engines.registry import absent_extras, engines, readers, runners
+from physics_crosscheck.harness.engines.registry import (
+    absent_extras,
+    engines,
+    engines_reading,
+    engines_to_run,
+)
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
@@ -49,7 +54,7 @@ def test_what_is_absent_is_left_out_of_a_sidecar_and_told(folder: Path) -> None:
         "pinocchio: not installed; pip install 'physics-crosscheck[pinocchio]'"
         " (1 model file could run in it too)"
     ]
-    assert "pinocchio" not in [engine.name for engine in runners(".urdf")]
+    assert "pinocchio" not in [engine.name for engine in engines_to_run(".urdf")]
 
 
 def test_what_is_there_is_run(folder: Path) -> None:
@@ -128,5 +133,5 @@ def test_a_file_alone_runs_on_request_in_what_compiles_it_for_minutes() -> None:
     named = engines()
     assert named["mjx"].on_request
     for suffix in (".urdf", ".xml"):
-        assert "mjx" not in [engine.name for engine in runners(suffix)]
-        assert "mjx" in [engine.name for engine in readers(suffix)]
+        assert "mjx" not in [engine.name for engine in engines_to_run(suffix)]
+        assert "mjx" in [engine.name for engine in engines_reading(suffix)]

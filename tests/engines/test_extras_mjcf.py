@@ -64,10 +64,10 @@ def test_springs_and_tendons_are_added_unless_told(
     path = write(tmp_path, TWO.replace(hinge(), hinge(more=more)), beside)
     known, model = mjcf("mujoco", path), mjcf(name, path)
     assert off(model, known) < 1e-14
-    assert model.remedies == {}
+    assert model.corrective_settings == {}
     without = mjcf(name, path, {setting: False})
     assert off(without, known) > 1e-3
-    assert list(without.remedies.values()) == [{setting: True}]
+    assert list(without.corrective_settings.values()) == [{setting: True}]
     two = np.zeros((1, 2))
     assert any(one.fault for one in without.remarks(two, two))
 
@@ -85,9 +85,9 @@ def test_joints_follow_others_as_an_equality_says(
     (z, w) = ends(model, np.array([0.1, 0.1 + 0.3 + 0.2]), np.array([0.5, 1.0]))
     follows = float(abs(z[1] - (0.3 + 0.1 + 2 * z[0])) + abs(w[1] - 2 * w[0]))
     assert (follows < (within or 1e-3)) is (within is not None)
-    assert bool(model.remedies) is (within is None)
+    assert bool(model.corrective_settings) is (within is None)
     let = mjcf(name, tmp_path / "sample.xml", {**settings, "couplings": False})
-    assert let.remedies == {}
+    assert let.corrective_settings == {}
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -176,7 +176,7 @@ def test_the_last_of_several_compilers_counts_and_later_defaults_spare_earlier_c
     path = write(tmp_path, bodies, beside)
     model = mjcf(name, path)
     assert off(model, mjcf("mujoco", path)) < 1e-14
-    assert (model.step, model.gravity, model.remedies) == (0.01, (1.0, 2.0, 3.0), {})
+    assert (model.step, model.gravity, model.corrective_settings) == (0.01, (1.0, 2.0, 3.0), {})
     two = np.zeros((1, 2))
     told = [one.message for one in model.remarks(two, two)]
     assert any("5 <compiler> elements are merged" in one for one in told)
@@ -274,7 +274,7 @@ def test_gravity_compensation_is_added_unless_told(name: str, root: str, tmp_pat
     assert off(model, known) < 1e-13
     without = mjcf(name, path, {**CONTINUOUS[name], "gravcomp": False})
     assert off(without, known) > 1e-2
-    assert list(without.remedies.values()) == [{"gravcomp": True}]
+    assert list(without.corrective_settings.values()) == [{"gravcomp": True}]
     z, w = np.random.default_rng(1).normal(size=(2, len(known.coordinates)))
     order = [known.coordinates.index(one) for one in model.coordinates]
     for found, right in zip(ends(model, z[order], w[order]), ends(known, z, w), strict=True):
@@ -427,7 +427,7 @@ def test_pinocchio_itself_leaves_damping_out_and_a_setting_asks_for_that(tmp_pat
     assert off(mjcf("pinocchio", path), known) < 1e-14
     model = mjcf("pinocchio", path, {"damping": False})
     assert off(model, known) > 1e-3
-    assert list(model.remedies.values()) == [{"damping": True}]
+    assert list(model.corrective_settings.values()) == [{"damping": True}]
 
 
 def test_drake_itself_leaves_armature_out_and_a_setting_asks_for_that(tmp_path: Path) -> None:
@@ -437,7 +437,7 @@ def test_drake_itself_leaves_armature_out_and_a_setting_asks_for_that(tmp_path: 
     assert off(mjcf("drake", path), known) < 1e-14
     model = mjcf("drake", path, {"armature": False})
     assert off(model, known) > 1e-3
-    assert list(model.remedies.values()) == [{"armature": True}]
+    assert list(model.corrective_settings.values()) == [{"armature": True}]
 
 
 def test_pinocchio_itself_reads_the_first_root_alone(tmp_path: Path) -> None:
@@ -445,7 +445,7 @@ def test_pinocchio_itself_reads_the_first_root_alone(tmp_path: Path) -> None:
     assert mjcf("pinocchio", path).coordinates == ("j", "k")
     model = mjcf("pinocchio", path, {"all_roots": False})
     assert model.coordinates == ("j",)
-    assert list(model.remedies.values()) == [{"all_roots": True}]
+    assert list(model.corrective_settings.values()) == [{"all_roots": True}]
 
 
 def test_pinocchio_itself_takes_geoms_that_touch_nothing_for_looks(tmp_path: Path) -> None:
@@ -459,7 +459,7 @@ def test_pinocchio_itself_takes_geoms_that_touch_nothing_for_looks(tmp_path: Pat
     assert off(mjcf("drake", path), known) < 1e-14
     model = mjcf("pinocchio", path, {"all_geoms": False})
     assert off(model, known) > 1e-2
-    assert list(model.remedies.values()) == [{"all_geoms": True}]
+    assert list(model.corrective_settings.values()) == [{"all_geoms": True}]
 
 
 @pytest.mark.parametrize(("name", "defaults", "of"), [
@@ -484,11 +484,11 @@ def test_what_each_loses_of_defaults_is_a_cause_and_a_setting_brings_it(
     path = write(tmp_path, bodies, f"<default>{defaults}</default>")
     known, model = mjcf("mujoco", path), mjcf(name, path)
     assert off(model, known) > 1e-3
-    (cause,) = model.remedies
+    (cause,) = model.corrective_settings
     assert "own reading of defaults" in cause
-    told = mjcf(name, path, model.remedies[cause])
+    told = mjcf(name, path, model.corrective_settings[cause])
     assert off(told, known) < 1e-14
-    assert told.remedies == {}
+    assert told.corrective_settings == {}
     two = np.zeros((1, 2))
     assert any("loses numbers that classes give" in one.message for one in model.remarks(two, two))
 
@@ -502,14 +502,14 @@ def test_drake_misplaces_the_first_joints_of_a_body_unless_they_are_chained(
     assert off(mjcf("pinocchio", path), known) < 1e-14
     model = mjcf("drake", path)
     assert off(model, known) > 1e-3
-    (undone,) = model.remedies.values()
+    (undone,) = model.corrective_settings.values()
     assert undone == {"chained": True}
     chained = mjcf("drake", path, undone)
     assert off(chained, known) < 1e-13
-    assert chained.remedies == {}
+    assert chained.corrective_settings == {}
     slides = joints.replace('"hinge"', '"slide"', 1)
     agreed = mjcf("drake", write(tmp_path, f'<body pos="0.3 0 0">{slides}{AWAY}</body>'))
-    assert agreed.remedies == {}
+    assert agreed.corrective_settings == {}
     assert off(agreed, mjcf("mujoco", tmp_path / "sample.xml")) < 1e-14
 
 
@@ -524,7 +524,7 @@ def test_limits_stop_a_joint_in_drakes_discrete_plants_and_crossed_ones_are_none
         model = mjcf(name, path, {"gravity": [0.0, 0.0, 0.0], **settings})
         assert (ends(model, *begin)[1][0] < 0.5) == stopped
         assert np.isfinite(model.limits).all() == stopped
-        assert model.reach.tolist() == [[-0.5, 0.5]]
+        assert model.sampling_range.tolist() == [[-0.5, 0.5]]
     told = list(mjcf("drake", path).remarks(STILL + 0.7, STILL))
     assert any("the limit stops the joint" in one.message for one in told)
     crossed = write(tmp_path, ONE.replace(hinge(), hinge(more='range="0.5 -0.5"')))

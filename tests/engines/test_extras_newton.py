@@ -75,10 +75,10 @@ def test_small_moments_are_enlarged_unless_told(tmp_path: Path) -> None:
     felt = 0.01 + 1 + 0.01
     model = load("newton", text, tmp_path)
     assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(felt + 0.08, rel=1e-4)
-    (undone,) = model.remedies.values()
+    (undone,) = model.corrective_settings.values()
     told = load("newton", text, tmp_path, settings=undone)
     assert 1 / (moved(told, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(felt, rel=1e-5)
-    assert told.remedies == {}
+    assert told.corrective_settings == {}
 
 
 def test_welded_links_that_newton_joins_are_heavier_and_its_setting_is_a_cause(
@@ -89,8 +89,8 @@ def test_welded_links_that_newton_joins_are_heavier_and_its_setting_is_a_cause(
     joined = load("newton", text, tmp_path, settings={"collapse_fixed_joints": True})
     inertia = [1 / (moved(one, 0.0, 0.0, H, push=1.0)[1] / H) for one in (whole, joined)]
     assert inertia[1] > 1.2 * inertia[0]
-    assert list(joined.remedies.values()) == [{"collapse_fixed_joints": False}]
-    assert whole.remedies == {}
+    assert list(joined.corrective_settings.values()) == [{"collapse_fixed_joints": False}]
+    assert whole.corrective_settings == {}
 
 
 def test_what_moves_nothing_and_what_is_no_hinge_is_refused(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_what_its_solver_leaves_out_of_an_mjcf_is_added_unless_told(
         start = np.array([[0.1, 0.05]])
         z, _ = model.rollout(start, np.ones((1, 2)), 1e-3, 100, None, 100)
         ends.append(z[0, 0])
-        assert list(model.remedies.values()) == ([] if on else [{setting: True}])
+        assert list(model.corrective_settings.values()) == ([] if on else [{setting: True}])
     assert np.max(np.abs(ends[1] - ends[0])) > 1e-3
     assert ends[1] == pytest.approx([0.2, 0.15], rel=1e-4)
 

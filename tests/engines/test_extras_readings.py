@@ -53,7 +53,7 @@ def test_some_themselves_leave_damping_out_and_a_remedy_brings_it(
     text = urdf('<dynamics damping="0.3"/>')
     model = load(name, text, tmp_path, settings={"damping": False})
     assert moved(model, 0.0, 1.0, 0.01)[1] == 1.0
-    (undone,) = model.remedies.values()
+    (undone,) = model.corrective_settings.values()
     again = load(name, text, tmp_path, settings=undone)
     assert moved(again, 0.0, 1.0, 0.01)[1] < 0.75
 
@@ -119,7 +119,7 @@ def test_a_mimic_is_left_out_held_or_a_servo(
     assert leader == pytest.approx(led * 0.004 / 0.01 / 2, rel=5e-3)
     assert abs(follower - 2 * leader) <= off
     told = any("servo" in remark.message for remark in model.remarks(still, still))
-    assert (told or bool(model.remedies)) is (led == 1.0)
+    assert (told or bool(model.corrective_settings)) is (led == 1.0)
     assert told is (name == "dart")
 
 
@@ -142,7 +142,7 @@ def test_a_mimic_that_is_not_meant_is_left_out(name: str, tmp_path: Path) -> Non
     push = np.ones((1, 10, 2)) * [0.0, 0.01]
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 10, push, 10)
     assert np.count_nonzero(z) == 1
-    assert model.remedies == {}
+    assert model.corrective_settings == {}
 
 
 @pytest.mark.parametrize("name", EXTRAS)
@@ -160,10 +160,10 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_dart_unless_told(
 ) -> None:
     model = load(name, urdf(beside=WELDED.format("")), tmp_path)
     assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / felt, rel=1e-6)
-    for undone in model.remedies.values():
+    for undone in model.corrective_settings.values():
         told = load(name, urdf(beside=WELDED.format("")), tmp_path, settings=undone)
         assert moved(told, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
-        assert told.remedies == {}
+        assert told.corrective_settings == {}
 
 
 @pytest.mark.parametrize(("name", "refused"), [
@@ -215,7 +215,7 @@ def test_links_without_mass_are_frames_to_idyntree_and_its_remedy_keeps_their_mo
         _, w = model.rollout(rest, rest, H, 100, push, 100)
         assert w[0, 0, 0] == pytest.approx(0.1 * 100 * H / inertia, rel=1e-9)
         undone = [] if settings else [{"massless_links": True}]
-        assert list(model.remedies.values()) == undone
+        assert list(model.corrective_settings.values()) == undone
         assert "link:tip" in model.places
         assert ("centre:tip" in model.places) is bool(settings)
 
@@ -313,12 +313,12 @@ def test_urdfdom_drops_an_inertial_with_a_blank_after_a_number_and_a_cause_names
         return urdf(beside=WELDED.format(BODY), body=BODY.replace(old, new))
 
     before, after = with_body('="', '=" '), with_body(number, f'{number[:-1]} "')
-    assert load(name, before, tmp_path).remedies == {}
+    assert load(name, before, tmp_path).corrective_settings == {}
     model = load(name, after, tmp_path)
-    ((cause, undone),) = model.remedies.items()
+    ((cause, undone),) = model.corrective_settings.items()
     assert f"{name}.urdf:1: <{place}>" in cause
     mended = load(name, after, tmp_path, settings=undone)
-    assert mended.remedies == {}
+    assert mended.corrective_settings == {}
     still = np.zeros((1, len(model.coordinates)))
     push = np.ones_like(still)
     given, whole = (one.accelerations(still, still, push) for one in (model, mended))
@@ -377,5 +377,5 @@ def test_dart_drops_the_cubic_term_of_small_turns_of_a_root_that_floats(tmp_path
     assert off == pytest.approx(cubic, rel=0.7)
     assert off > 100 * turn({"exact_turns": True})[1]
     floating = load("dart", TUMBLING, tmp_path, settings={"floating": True})
-    assert list(floating.remedies.values()) == [{"exact_turns": True}]
-    assert not load("dart", TUMBLING, tmp_path).remedies
+    assert list(floating.corrective_settings.values()) == [{"exact_turns": True}]
+    assert not load("dart", TUMBLING, tmp_path).corrective_settings

@@ -53,7 +53,7 @@ def test_the_files_friction_is_ignored_and_its_own_is_a_cause(tmp_path: Path) ->
     for key, cause in (("joint_friction", "friction of joints"), ("link_damping", "of links")):
         own = load("sapien", text, tmp_path, 9.81, settings={key: 0.05})  # friction is by the load
         assert moved(own, 0.0, 1.0, 0.01)[1] < 1 - 1e-4
-        ((name, undone),) = own.remedies.items()
+        ((name, undone),) = own.corrective_settings.items()
         assert cause in name
         assert undone == {key: 0.0}
         told = [one for one in own.remarks(np.zeros((1, 1)), np.zeros((1, 1))) if one.shows_in]
@@ -65,7 +65,7 @@ def test_speeds_are_bounded_where_that_is_asked_for(tmp_path: Path) -> None:
     bounded = load("sapien", urdf(body=BELOW), tmp_path, settings={"bounded_speeds": True})
     assert moved(free, 0.0, 150.0, 0.01)[1] == pytest.approx(150.0, rel=1e-4)
     assert moved(bounded, 0.0, 150.0, 0.01)[1] < 101
-    assert list(bounded.remedies.values()) == [{"bounded_speeds": False}]
+    assert list(bounded.corrective_settings.values()) == [{"bounded_speeds": False}]
 
 
 def test_limits_stop_a_joint_and_a_continuous_one_goes_on_turning(tmp_path: Path) -> None:
@@ -94,17 +94,17 @@ def test_a_point_mass_is_dropped_unless_told(tmp_path: Path) -> None:
     model = load("sapien", urdf(body=POINT), tmp_path, 9.81)
     inertia = 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H)
     assert inertia == pytest.approx(1e-6, rel=1e-3)
-    ((name, undone),) = model.remedies.items()
+    ((name, undone),) = model.corrective_settings.items()
     assert "without mass or moments" in name
     told = load("sapien", urdf(body=POINT), tmp_path, 9.81, settings=undone)
     assert 1 / (moved(told, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(1.0, rel=1e-5)
-    assert told.remedies == {}
+    assert told.corrective_settings == {}
 
 
 def test_a_welded_link_without_an_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:
     model = load("sapien", urdf(beside=WELDED.format("")), tmp_path)
     assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=3e-4)
-    assert model.remedies == {}
+    assert model.corrective_settings == {}
     heavy = load("sapien", urdf(beside=WELDED.format(BODY)), tmp_path)
     inertia = 0.01 + 0.01 + 1
     assert 1 / (moved(heavy, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(inertia, rel=1e-4)

@@ -89,11 +89,11 @@ def test_dart_does_not_turn_inertials_and_its_setting_does(tmp_path: Path) -> No
     sdf = text(pose=TURNED)
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
     assert outcome("dart", sdf, tmp_path) is Outcome.DIFFERS
-    ((cause, undone),) = load("dart", sdf, tmp_path).remedies.items()
+    ((cause, undone),) = load("dart", sdf, tmp_path).corrective_settings.items()
     assert "<inertial>s that are turned as if they were not (a)" in cause
     assert outcome("dart", sdf, tmp_path, **undone) is Outcome.AGREES
-    assert not load("dart", sdf, tmp_path, **undone).remedies
-    assert not load("dart", text(), tmp_path).remedies
+    assert not load("dart", sdf, tmp_path, **undone).corrective_settings
+    assert not load("dart", text(), tmp_path).corrective_settings
 
 
 @pytest.mark.parametrize(("name", "falls"), [("drake", True), ("dart", False)])
@@ -105,7 +105,7 @@ def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path:
     warned = any("Unsupported value for SDFormat element gravity" in one for one in model.warnings)
     assert warned is falls
     causes = ["Drake's ignoring of <gravity>false</gravity> (a)"] if falls else []
-    assert list(model.remedies) == causes
+    assert list(model.corrective_settings) == causes
 
 
 @pytest.mark.parametrize("stepping", ["sap", "tamsi", "continuous"])
@@ -120,7 +120,7 @@ def test_a_setting_lifts_a_link_without_gravity_in_drake(
     settings = {"stepping": stepping, "weightless_links": True}
     assert outcome("drake", sdf, tmp_path, stepping=stepping) is Outcome.DIFFERS
     assert outcome("drake", sdf, tmp_path, **settings) is Outcome.AGREES
-    assert not load("drake", sdf, tmp_path, **settings, floating=not held).remedies
+    assert not load("drake", sdf, tmp_path, **settings, floating=not held).corrective_settings
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -129,7 +129,7 @@ def test_limits_stop_a_joint_in_both(name: str, tmp_path: Path) -> None:
     still = {"gravity": [0.0, 0.0, 0.0]}
     z, v = np.array([[0.495]]), np.array([[1.0]])
     stopped = load(name, sdf, tmp_path, **still)
-    assert stopped.limits.tolist() == stopped.reach.tolist() == [[-0.5, 0.5]]
+    assert stopped.limits.tolist() == stopped.sampling_range.tolist() == [[-0.5, 0.5]]
     assert stopped.rollout(z, v, H, 1000, None, 1000)[0][0, 0, 0] < 0.51
     smooth = load(name, sdf, tmp_path, smooth=True, **still)
     assert not np.isfinite(smooth.limits).any()
@@ -171,7 +171,7 @@ def test_a_mimic_is_written_for_drake_as_its_own(
     j, k = (z[0, 0, model.coordinates.index(one)] for one in ("j", "k"))
     assert abs(j) > 1e-5
     assert bool(abs(k - 2 * j) < 1e-3 * abs(j)) is held
-    assert bool(model.remedies) is not held
+    assert bool(model.corrective_settings) is not held
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -283,7 +283,7 @@ def shaped(inertial: str = '<inertial auto="true"/>') -> str:
 def test_dart_ignores_an_automatic_inertia_that_drake_computes(sdf: str, tmp_path: Path) -> None:
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
     assert outcome("dart", sdf, tmp_path) is Outcome.DIFFERS
-    ((cause, undone),) = load("dart", sdf, tmp_path).remedies.items()
+    ((cause, undone),) = load("dart", sdf, tmp_path).corrective_settings.items()
     assert cause == 'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> (a)'
     assert outcome("dart", sdf, tmp_path, **undone) is Outcome.AGREES
 
@@ -303,7 +303,7 @@ def test_dart_takes_other_moments_of_a_mass_without_inertia(tmp_path: Path) -> N
     bare = "<inertial><mass>3</mass><pose>0 0 -0.4 0 0 0</pose></inertial>"
     assert outcome("drake", shaped(bare), tmp_path) is Outcome.AGREES
     assert outcome("dart", shaped(bare), tmp_path) is Outcome.DIFFERS
-    ((cause, undone),) = load("dart", shaped(bare), tmp_path).remedies.items()
+    ((cause, undone),) = load("dart", shaped(bare), tmp_path).corrective_settings.items()
     assert cause == "DART's own moments, mass times 1 m^2, without <inertia> (a)"
     assert outcome("dart", shaped(bare), tmp_path, **undone) is Outcome.AGREES
 

@@ -53,7 +53,7 @@ def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     like: Mapping[str, str] = {}
-    monkeypatch.setattr(KnownEngine, "written_like", like)
+    monkeypatch.setattr(KnownEngine, "syntax", like)
     sidecar, physics = read_sidecar(folder / "good.known.toml"), prepare(folder)
     with pytest.raises(LocationError, match="numbers can be located in"):
         numbers(sidecar.model, ".*")

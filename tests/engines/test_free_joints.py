@@ -42,7 +42,7 @@ def test_its_coordinates_are_as_many_as_it_has_freedoms(model: Model) -> None:
     # Of a quarter of a turn about z: 4 tan(90/4 degrees).
     assert model.home[:3] == pytest.approx([1, 2, 3])
     assert model.home[3:6] == pytest.approx([0, 0, 4 * np.tan(np.pi / 8)])
-    assert model.reach.shape == model.limits.shape == (9, 2)
+    assert model.sampling_range.shape == model.limits.shape == (9, 2)
     assert np.isinf(model.limits).all()
 
 

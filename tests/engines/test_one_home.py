@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.protocol import Engine, Model
-from physics_crosscheck.harness.engines.registry import engines, readers, standing
+from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_reading
 
 ROOT = Path(__file__).parents[2]
 SEARCHED = ("harness", "reference", "physics_crosscheck")
@@ -53,7 +53,14 @@ def test_hooks_are_declared_and_never_looked_for_by_their_names() -> None:
         for name in (*vars(base), *base.__annotations__)
         if not name.startswith("_")
     }
-    assert {"home", "reach", "gravity", "remedies", "remarks", "epsilon"} <= hooks
+    assert {
+        "home",
+        "sampling_range",
+        "gravity",
+        "corrective_settings",
+        "remarks",
+        "epsilon",
+    } <= hooks
     looked = re.compile(rf"(?:getattr|hasattr)\([^()]*,\s*\"(?:{'|'.join(sorted(hooks))})\"")
     found = [path for path in texts() if looked.search(path.read_text("utf-8", errors="replace"))]
     assert found == []
@@ -67,13 +74,13 @@ def test_the_known_answer_engine_is_known_only_where_it_is_asked_for() -> None:
 def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
     everyones = ["pybullet", "mujoco"]
     extras = ["pinocchio", "drake", "dart", "newton", "mjx", "idyntree", "sapien"]
-    assert [engine.name for engine in readers(".urdf")] == [*everyones, *extras]
-    assert [engine.name for engine in standing(".urdf")] == everyones
-    assert [engine.name for engine in readers(".xml")] == [
+    assert [engine.name for engine in engines_reading(".urdf")] == [*everyones, *extras]
+    assert [engine.name for engine in default_engines(".urdf")] == everyones
+    assert [engine.name for engine in engines_reading(".xml")] == [
         *("mujoco", "pinocchio", "drake", "newton", "mjx"),
     ]
-    assert [engine.name for engine in standing(".xml")] == ["mujoco"]
-    assert readers(".skel") == ()
+    assert [engine.name for engine in default_engines(".xml")] == ["mujoco"]
+    assert engines_reading(".skel") == ()
 
 
 def test_every_format_of_an_adapter_has_a_sample() -> None:

@@ -160,7 +160,7 @@ def test_a_flat_bodys_tensor_keeps_the_triangle_rule(tmp_path: Path) -> None:
     path.write_text(flat)
     settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": True}
     model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
-    assert not model.remedies
+    assert not model.corrective_settings
 
 
 @pytest.mark.parametrize("frame", ["0 0 3.1415926535897932", "0.4 1.5707963267948966 0.3"])

@@ -134,7 +134,7 @@ def test_a_long_axis_is_made_a_unit_vector_where_it_is_asked_for(tmp_path: Path)
         path.write_text(urdf(body=BELOW, axis=axis))
         settings = {"step": H, "gravity": [0, 0, -9.81], "unit_axes": unit}
         model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
-        assert not model.remedies
+        assert not model.corrective_settings
         turned.append(moved(model, 0.5, 0.0, 0.01)[1])
     assert turned[0] == turned[1]
 
@@ -221,7 +221,7 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path
     for bare in (True, False):
         settings = {"step": H, "gravity": [0, 0, 0], "bare_links": bare}
         model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
-        assert [bool(one) for one in model.remedies.values()] == ([True] if bare else [])
+        assert [bool(one) for one in model.corrective_settings.values()] == ([True] if bare else [])
         turned[bare] = moved(model, 0.0, 0.0, H, push=1.0)[1] / H
     assert turned[True] == pytest.approx(1 / (0.01 + 1 + 1))
     assert turned[False] == pytest.approx(1 / 0.01)

@@ -143,7 +143,7 @@ def test_springs_pull_on_combinations_of_joints() -> None:
     forces = SpringForces([between, Spring({"b": 1.0}, 5.0, 0.0, 0.0)], ("b", "a"), "f", np.ones(2))
     q, v = np.array([0.2, 0.7]), np.array([-1.0, 0.5])
     pull = 38.0 * (0.7 - 0.2 - 0.1) + 0.35 * 1.5
-    np.testing.assert_allclose(forces.at(q, v), [pull - 5 * 0.2 + 1.0, -pull - 0.5], rtol=1e-14)
+    np.testing.assert_allclose(forces.forces(q, v), [pull - 5 * 0.2 + 1.0, -pull - 0.5], rtol=1e-14)
     assert SpringForces([], ("a",), "f").empty
     with pytest.raises(EngineError, match="'nowhere', which is not a moving joint"):
         SpringForces([Spring({"nowhere": 1.0}, 1.0, 0.0, 0.0)], ("a",), "f")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.modelfiles.locations import LocationError, find, numbers
-from physics_crosscheck.harness.modelfiles.locations.location import Source
+from physics_crosscheck.harness.modelfiles.locations.location import SourceFile
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Trägheit: <joint name="x" stiffness="1.0"/> is no joint, nor is mass="2" a mass. -->
@@ -239,7 +239,7 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path: Path) -> None:
-    source = Source(tmp_path / "m.xml", b'<a b="1.5"/>')
+    source = SourceFile(tmp_path / "m.xml", b'<a b="1.5"/>')
     assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
     with pytest.raises(LocationError, match=r"m\.xml:1: 'a@b' is written '1\.5' but read as 2\.5"):
         source.place(((6, 9), 2.5), "a@b")

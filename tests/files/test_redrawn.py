@@ -9,7 +9,10 @@ import pytest
 
 from physics_crosscheck.harness.modelfiles.bindings import with_constants
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.parametric_file import UnboundError, redrawn
+from physics_crosscheck.harness.modelfiles.parametric_file import (
+    UnboundError,
+    parametric_model_file,
+)
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_system
 
@@ -20,11 +23,11 @@ MODELS = ("mujoco.xml", "robot.urdf", "space.py")
 def test_a_copy_says_what_one_made_alone_says(model: str, tmp_path: Path) -> None:
     folder = builtin() / "simple_pendulum"
     system, sidecar = load_system(folder), read_sidecar(folder / f"{model}.toml")
-    prepared = redrawn(system, sidecar, {"m", "l", "g"}, {"m", "l", "g"})
+    prepared = parametric_model_file(system, sidecar, {"m", "l", "g"}, {"m", "l", "g"})
     declared = {c.name: c.value for c in system.constants}
     for number, length in enumerate((0.31, 1.7)):
         constants = {"m": 0.9, "l": length, "g": 9.0}
-        found = prepared.at(declared | constants, tmp_path / f"found{number}")
+        found = prepared.write(declared | constants, tmp_path / f"found{number}")
         wanted = with_constants(system, sidecar, constants, tmp_path / f"wanted{number}")
         for ending in ("", ".toml"):
             one, other = (Path(f"{copy.model}{ending}") for copy in (found, wanted))
@@ -45,15 +48,15 @@ def copied(tmp_path: Path, old: str, new: str) -> Path:
 def test_a_constant_that_no_literal_follows_is_told_with_its_file(tmp_path: Path) -> None:
     folder = copied(tmp_path, '"body[pendulum]/inertial@pos[2]" = "-l"\n', "")
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
-    redrawn(system, sidecar, {"m"}, {"m", "l"})
-    redrawn(system, sidecar, {"l"}, {"m"})
+    parametric_model_file(system, sidecar, {"m"}, {"m", "l"})
+    parametric_model_file(system, sidecar, {"l"}, {"m"})
     with pytest.raises(UnboundError, match=r"mujoco\.xml\.toml: no number .* bound to l.*bind"):
-        redrawn(system, sidecar, {"m", "l"}, {"m", "l"})
+        parametric_model_file(system, sidecar, {"m", "l"}, {"m", "l"})
 
 
 def test_a_literal_that_is_wrong_as_it_stands_is_not_set_right_unseen(tmp_path: Path) -> None:
     folder = copied(tmp_path, "-0.75", "-0.76")
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
-    redrawn(system, sidecar, {"m"}, {"m"})
+    parametric_model_file(system, sidecar, {"m"}, {"m"})
     with pytest.raises(UnboundError, match=r"mujoco\.xml:\d+: the file has -0\.76.*audit"):
-        redrawn(system, sidecar, {"l"}, {"l"})
+        parametric_model_file(system, sidecar, {"l"}, {"l"})

@@ -69,7 +69,7 @@ def test_forces_go_through_the_transpose(pendulum: System) -> None:
     assert isinstance(force, StateForce)
     z, w = found.to_engine(np.array([[0.7, 1.3]]))
     # The same power on z as on q: F . dz/dt = tau theta'.
-    assert np.array(force.at(z[0], [2.0])) @ w[0] == pytest.approx(2.0 * 1.3, rel=1e-14)
+    assert np.array(force.evaluate(z[0], [2.0])) @ w[0] == pytest.approx(2.0 * 1.3, rel=1e-14)
 
 
 def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum: System) -> None:

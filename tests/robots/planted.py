@@ -8,7 +8,7 @@ from pathlib import Path
 from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
 from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.diagnosis.test_robot import check_named
@@ -66,7 +66,7 @@ def checked(folder: Path, text: str, engine: str = "") -> Checked:
     file = folder / "model.xml"
     file.write_text(text)
     prepared = prepare_robot(file)
-    name = engine or next(one.name for one in readers(".xml") if one.version())
+    name = engine or next(one.name for one in engines_reading(".xml") if one.version())
     return Checked(file, prepared, prepared.task(name, 1e-9))
 
 

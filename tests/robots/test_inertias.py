@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.modelfiles.inertias import impossible
-from physics_crosscheck.harness.modelfiles.robot import Part, Robot
+from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
 from tests.robots.files import inertial, joint, link, read, tree_of
 
 
@@ -73,7 +73,7 @@ def test_a_negative_mass_that_no_position_outweighs_is_in_the_way(tmp_path: Path
 
 
 def test_numbers_that_are_not_finite_are_told(tmp_path: Path) -> None:
-    part = Part(name="x", line=3, mass=1.0, center=np.zeros(3), inertia=np.full((3, 3), np.inf))
+    part = LinkPart(name="x", line=3, mass=1.0, center=np.zeros(3), inertia=np.full((3, 3), np.inf))
     none = np.zeros(0)
     robot = Robot(name="r", file=tmp_path, tree=None, parts=(part,), limits=(none, none), home=none,
                   left_out=(), obstacles=())  # fmt: skip

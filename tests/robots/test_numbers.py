@@ -52,7 +52,7 @@ def test_a_tree_of_another_number_is_that_of_the_file_with_it(tmp_path: Path, ad
     file.write_text(URDF)
     numbers = robot_numbers(file, {})
     index = by_address(numbers)[address]
-    assert index in numbers.saying
+    assert index in numbers.relevant_numbers
     before = numbers.tree({})
     assert same(before, read_robot(file).tree)
     changed = numbers.tree({index: 0.125})
@@ -75,7 +75,7 @@ def test_numbers_are_told_where_they_stand_and_with_a_size(tmp_path: Path) -> No
     assert numbers.numerals[known["link[one]/inertial/inertia@ixy"]].scale == 0.3
     effort = known["joint[b]/limit@effort"]
     assert numbers.numerals[effort].value == 7
-    assert effort not in numbers.saying
+    assert effort not in numbers.relevant_numbers
 
 
 def test_a_number_that_makes_no_tree_makes_none(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_an_mjcf_has_the_numbers_of_what_it_includes(tmp_path: Path) -> None:
     (tmp_path / "limbs.xml").write_text(LIMBS)
     numbers = robot_numbers(file, {})
     known = by_address(numbers)
-    said = {numbers.numerals[i].address for i in numbers.saying}
+    said = {numbers.numerals[i].address for i in numbers.relevant_numbers}
     assert {
         "mujoco/default/joint@damping", "mujoco/default/geom@density", "joint[a]@armature",
         "geom[light]@mass", "geom[light]@pos[2]", "mujoco/option@gravity[2]",

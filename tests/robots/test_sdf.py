@@ -216,7 +216,7 @@ def test_a_tree_of_other_numbers_is_that_of_the_file_with_them(tmp_path: Path) -
     for address in ("link[arm]/inertial/pose[3]", "link[arm]/inertial/mass", "joint[q]/pose[1]",
                     "joint[q]/axis/xyz[0]", "model[m]/pose[5]"):  # fmt: skip
         index = named[address]
-        assert index in numbers.saying
+        assert index in numbers.relevant_numbers
         before, changed = numbers.tree({}), numbers.tree({index: 0.125})
         assert before is not None
         assert changed is not None
@@ -225,7 +225,7 @@ def test_a_tree_of_other_numbers_is_that_of_the_file_with_them(tmp_path: Path) -
         other = tmp_path / "other.sdf"
         other.write_bytes(text)
         assert same(tree_of(read_robot(other)), changed)
-    assert named["sdf@version"] not in numbers.saying
+    assert named["sdf@version"] not in numbers.relevant_numbers
 
 
 def test_such_files_are_robots(tmp_path: Path) -> None:
@@ -284,8 +284,8 @@ def test_numbers_of_shapes_are_those_of_the_tree_where_an_inertia_follows_from_t
     numbers = robot_numbers(tmp_path / "robot.sdf", {})
     named = {one.address: i for i, one in enumerate(numbers.numerals)}
     radius = next(i for a, i in named.items() if a.endswith("sphere/radius"))
-    assert radius in numbers.saying
-    assert named["collision[k]/pose[0]"] not in numbers.saying
+    assert radius in numbers.relevant_numbers
+    assert named["collision[k]/pose[0]"] not in numbers.relevant_numbers
     changed = numbers.tree({radius: 0.2})
     assert changed is not None
     assert changed.links[0].mass == pytest.approx(1000 * 4 / 3 * np.pi * 0.008)

@@ -9,7 +9,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
 from physics_crosscheck.harness.checks.robot_case import judge_robot
-from physics_crosscheck.harness.engines.registry import engines, standing
+from physics_crosscheck.harness.engines.registry import default_engines, engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.scaffold.from_model import from_model
@@ -44,7 +44,7 @@ def test_bodies_are_declared_and_what_no_world_states_is_set(tmp_path: Path) -> 
     found = settings(made)
     assert (found["step"], found["gravity"]) == (0.002, [0.0, 0.0, -9.81])
     assert read_sidecar(made / "robot.sdf.toml").engines == tuple(
-        engine.name for engine in standing(".sdf")
+        engine.name for engine in default_engines(".sdf")
     )
 
 
@@ -55,7 +55,7 @@ def test_what_a_world_states_stands_once(tmp_path: Path) -> None:
     assert "No world" not in (made / "robot.sdf.toml").read_text()
 
 
-@pytest.mark.parametrize("engine", [one.name for one in standing(".sdf")])
+@pytest.mark.parametrize("engine", [one.name for one in default_engines(".sdf")])
 def test_the_folder_agrees_and_a_wrong_number_does_not(tmp_path: Path, engine: str) -> None:
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")

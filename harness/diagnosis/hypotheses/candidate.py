@@ -151,8 +151,8 @@ def _gravity(model: Model) -> Iterator[Candidate]:
 
 
 def _defaults(model: Model) -> Iterator[Candidate]:
-    """What an engine does on its own unless told, each undone as the model's `remedies` say."""
-    for cause, settings in model.remedies.items():
+    """Yield the engine's own assumptions, each undone by the model's `corrective_settings`."""
+    for cause, settings in model.corrective_settings.items():
         yield _switch(CauseId(kind="default", subject=(cause,)), Perturbation(settings=settings))
 
 

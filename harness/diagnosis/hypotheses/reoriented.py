@@ -30,7 +30,7 @@ class ReorientedModel(Model):
 
             def reversed_at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
                 read = [(a - o) * s for a, s, o in zip(z, sign, offset, strict=True)]
-                return [f * s for f, s in zip(inner.at(read, u), sign, strict=True)]
+                return [f * s for f, s in zip(inner.evaluate(read, u), sign, strict=True)]
 
             force = StateForce(inner.inputs, reversed_at)
         elif force is not None:

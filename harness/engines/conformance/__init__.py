@@ -1,11 +1,11 @@
-"""Whether an adapter keeps the protocol: a named check for each thing that it asks.
+"""Protocol checks for an engine adapter, one named check per requirement.
 
     for check in conform(MyEngine(), ModelSpec(Path("arm.sdf"), settings={"step": 0.002})):
         print(check)
 
-Every check loads the model anew and asks one thing alone, so that one mistake in an adapter fails
-one check. None knows the model's equations: that its motions are right is for `crosscheck run`. The
-model should have coordinates that are free of one another near its `home`, and be smooth there.
+Every check loads the model again and tests one requirement, so that one mistake in an adapter fails
+one check. No check knows the model's equations: `crosscheck run` compares motions. The model needs
+independent coordinates near its `home` and smooth dynamics there.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.conformance import described, forces, rollouts
-from physics_crosscheck.harness.engines.conformance.asked import Asked, BrokenError
+from physics_crosscheck.harness.engines.conformance.subject import BrokenError, ConformanceSubject
 from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 
-CHECKS: tuple[Callable[[Asked], None], ...] = (
+CHECKS: tuple[Callable[[ConformanceSubject], None], ...] = (
     described.engine_is_described,
     described.model_is_described,
     described.hooks_have_their_shapes,
@@ -43,17 +43,17 @@ CHECKS: tuple[Callable[[Asked], None], ...] = (
     described.errors_name_the_file,
     described.an_unknown_setting_is_refused,
 )
-"""In the order in which they are told."""
+"""All checks, in the order in which they are reported."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing asked of an adapter.
+    """The result of one check of an adapter.
 
     Attributes:
-        name: what it was.
-        passed: whether it holds.
-        sentence: what is wrong, and what the protocol asks; of a passed one, what was asked.
+        name: of the check.
+        passed: whether the adapter meets the requirement.
+        sentence: the problem and the requirement; for a passed check, the requirement.
     """
 
     name: str
@@ -65,25 +65,25 @@ class Check:
 
 
 def conform(engine: Engine, spec: ModelSpec) -> tuple[Check, ...]:
-    """Hold an adapter against the protocol, on one model that it is to load."""
+    """Check an adapter against the protocol, on one model that it loads."""
     return tuple(_checked(check, engine, spec) for check in CHECKS)
 
 
 def conform_samples(engine: Engine) -> dict[str, tuple[Check, ...]]:
-    """The same on each mechanism that the adapter offers, by the name of its file."""
-    found = {}
+    """Run the checks on each of the adapter's samples; return them by file name."""
+    checks = {}
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         for sample in engine.samples():
             path = Path(folder) / sample.file
             path.write_text(sample.text, encoding="utf-8")
-            found[sample.file] = conform(engine, ModelSpec(path, sample.springs, sample.settings))
-    return found
+            checks[sample.file] = conform(engine, ModelSpec(path, sample.springs, sample.settings))
+    return checks
 
 
-def _checked(check: Callable[[Asked], None], engine: Engine, spec: ModelSpec) -> Check:
+def _checked(check: Callable[[ConformanceSubject], None], engine: Engine, spec: ModelSpec) -> Check:
     name = check.__name__.replace("_", " ")
     try:
-        check(Asked(engine, spec))
+        check(ConformanceSubject(engine, spec))
     except BrokenError as broken:
         return Check(name, False, str(broken))
     except Exception as error:

@@ -1,4 +1,4 @@
-"""What an adapter and its models say of themselves, and what they refuse."""
+"""Checks of the descriptions of an adapter and its models, and of the input that they reject."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.conformance.asked import Asked, BrokenError, ask
+from physics_crosscheck.harness.engines.conformance.subject import (
+    BrokenError,
+    ConformanceSubject,
+    ask,
+)
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 
 
-def engine_is_described(asked: Asked) -> None:
-    """Name, title, formats, capabilities and version say what the adapter is."""
-    engine = asked.engine
+def engine_is_described(subject: ConformanceSubject) -> None:
+    """Require a name, title, formats, capabilities and version that describe the adapter."""
+    engine = subject.engine
     named = all(isinstance(word, str) and word for word in (engine.name, engine.title))
     ask(named, "name and title must be words")
     ask(re.fullmatch(r"[\w-]+", engine.name) is not None, f"the name {engine.name!r} is not a word")
@@ -29,9 +33,9 @@ def engine_is_described(asked: Asked) -> None:
         ask(extra in engine.formats, f"{extra} is not among its formats {engine.formats}")
 
 
-def model_is_described(asked: Asked) -> None:
-    """Coordinates have names of their own; step, integrator, exponents and epsilon are there."""
-    model = asked.load().model
+def model_is_described(subject: ConformanceSubject) -> None:
+    """Require unique coordinate names, a step, integrator, exponents and epsilon."""
+    model = subject.load().model
     names = model.coordinates
     good = isinstance(names, tuple) and all(isinstance(name, str) and name for name in names)
     ask(good and bool(names), "coordinates must be a tuple of names, at least one")
@@ -46,56 +50,64 @@ def model_is_described(asked: Asked) -> None:
     ask(0 < model.epsilon < 1e-2, f"epsilon is {model.epsilon!r}; expected the relative rounding")
 
 
-def hooks_have_their_shapes(asked: Asked) -> None:
-    """Each property of a model, and its remarks, are as the protocol says."""
-    model = asked.load().model
+def hooks_have_their_shapes(subject: ConformanceSubject) -> None:
+    """Require that each property of a model, and its remarks, follow the protocol."""
+    model = subject.load().model
     size = len(model.coordinates)
     good = model.home.shape == (size,) and bool(np.isfinite(model.home).all())
     ask(good, f"home must be finite, of shape ({size},)")
-    reach = model.reach
-    good = reach.shape == (size, 2) and bool(np.all(reach[:, 0] < reach[:, 1]))
-    ask(good and bool(np.isfinite(reach).all()), f"reach must be lower < upper, ({size}, 2)")
+    sampling_range = model.sampling_range
+    good = sampling_range.shape == (size, 2) and bool(
+        np.all(sampling_range[:, 0] < sampling_range[:, 1])
+    )
+    ask(
+        good and bool(np.isfinite(sampling_range).all()),
+        f"sampling_range must be lower < upper, ({size}, 2)",
+    )
     limits = model.limits
     good = limits.shape == (size, 2) and bool(np.all(limits[:, 0] <= limits[:, 1]))
     ask(good, f"limits must be lower <= upper, ({size}, 2)")
     gravity = model.gravity
     good = isinstance(gravity, tuple) and len(gravity) in (0, 2, 3)
     ask(good and bool(np.isfinite(gravity).all()), "gravity must be a tuple of 0, 2 or 3 numbers")
-    for hook, given in (("remedies", model.remedies), ("integrators", model.integrators)):
+    for hook, given in (
+        ("corrective_settings", model.corrective_settings),
+        ("integrators", model.integrators),
+    ):
         for key, settings in given.items():
             ask(isinstance(key, str) and bool(dict(settings)), f"{hook} must map names to settings")
-    told = model.warnings
-    good = isinstance(told, tuple) and all(isinstance(word, str) for word in told)
+    warnings = model.warnings
+    good = isinstance(warnings, tuple) and all(isinstance(word, str) for word in warnings)
     ask(good, "warnings must be a tuple of sentences")
     z = model.home[None]
     for remark in model.remarks(z, 0 * z):
         ask(isinstance(remark, Remark), f"remarks() must give Remarks, not {remark!r}")
 
 
-def the_step_stays_the_shipped_one(asked: Asked) -> None:
-    """`step` is what the file ships with, whatever step a rollout was asked for."""
-    loaded = asked.load()
+def the_step_stays_the_shipped_one(subject: ConformanceSubject) -> None:
+    """Require that `step` stays the file's own, whatever step a rollout uses."""
+    loaded = subject.load()
     loaded.free(h=loaded.h / 3)
-    found = loaded.model.step
-    ask(found == loaded.h, f"a rollout changed step from {loaded.h:g} s to {found:g} s")
+    step = loaded.model.step
+    ask(step == loaded.h, f"a rollout changed step from {loaded.h:g} s to {step:g} s")
 
 
-def errors_name_the_file(asked: Asked) -> None:
-    """A file that is missing, or makes no model, is an EngineError that names it."""
+def errors_name_the_file(subject: ConformanceSubject) -> None:
+    """Require an EngineError that names the file, for a missing or invalid file."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        path = Path(folder) / f"broken{asked.spec.path.suffix}"
+        path = Path(folder) / f"broken{subject.spec.path.suffix}"
         for text in (None, "<no model"):
             if text is not None:
                 path.write_text(text, encoding="utf-8")
             what = "missing file" if text is None else "file that makes no model"
-            _refused(asked.engine, replace(asked.spec, path=path), path.name, what)
+            _refused(subject.engine, replace(subject.spec, path=path), path.name, what)
 
 
-def an_unknown_setting_is_refused(asked: Asked) -> None:
-    """A setting that the adapter doesn't know is an EngineError that names it."""
-    settings = {**asked.spec.settings, "no_such_setting": 1}
-    spec = replace(asked.spec, settings=settings)
-    _refused(asked.engine, spec, "no_such_setting", "setting that it doesn't know")
+def an_unknown_setting_is_refused(subject: ConformanceSubject) -> None:
+    """Require an EngineError that names the setting, for an unknown setting."""
+    settings = {**subject.spec.settings, "no_such_setting": 1}
+    spec = replace(subject.spec, settings=settings)
+    _refused(subject.engine, spec, "no_such_setting", "setting that it doesn't know")
 
 
 def _refused(engine: Engine, spec: ModelSpec, name: str, what: str) -> None:

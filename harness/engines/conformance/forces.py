@@ -1,4 +1,4 @@
-"""Forces that are held over each step, and what small steps come to."""
+"""Checks of forces that are held over each step, and of the limit of small steps."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.conformance.asked import (
+from physics_crosscheck.harness.engines.conformance.subject import (
     BATCH,
     EVERY,
     STEPS,
-    Asked,
+    ConformanceSubject,
     Loaded,
     alike,
     ask,
@@ -18,15 +18,15 @@ from physics_crosscheck.harness.engines.conformance.asked import (
 from physics_crosscheck.harness.engines.protocol import StateForce
 
 ORDER_STEPS = (16, 32, 64, 128)
-"""In how many steps a short motion is made to see its order."""
+"""Step counts of a short motion from which its order is observed."""
 
 ORDER_SPAN = 12.0
-"""Length of that motion, in steps that the file ships with."""
+"""Length of that motion, in the file's own time steps."""
 
 
-def a_force_acts_in_its_own_step(asked: Asked) -> None:
-    """A force is held over one step: not before it, not after, and at once in the velocity."""
-    loaded = asked.load()
+def a_force_acts_in_its_own_step(subject: ConformanceSubject) -> None:
+    """Require that a force acts in its own step only, and at once in the velocity."""
+    loaded = subject.load()
     free = loaded.free(STEPS, 1)
     driven = False
     for coordinate in range(loaded.size):
@@ -46,9 +46,9 @@ def a_force_acts_in_its_own_step(asked: Asked) -> None:
     ask(driven, "no force moves it")
 
 
-def impulses_are_in_proportion(asked: Asked) -> None:
-    """Twice the force over a step changes the velocity by twice as much."""
-    loaded = asked.load()
+def impulses_are_in_proportion(subject: ConformanceSubject) -> None:
+    """Require that twice the force over a step changes the velocity by twice as much."""
+    loaded = subject.load()
     force = loaded.pushes(1)
     still, once, twice = (
         loaded.run(loaded.states(), 1, share * force, 1)[1] for share in (0.0, 1.0, 2.0)
@@ -59,29 +59,30 @@ def impulses_are_in_proportion(asked: Asked) -> None:
     ask(bool(np.all(error <= allowed)), "twice the force doesn't change velocities twice as much")
 
 
-def a_force_by_state_is_the_same_force(asked: Asked) -> None:
-    """`StateForce` with a map that copies its inputs moves a model as the plain array does."""
-    loaded = asked.load()
+def a_force_by_state_is_the_same_force(subject: ConformanceSubject) -> None:
+    """Require that a `StateForce` that copies its inputs gives the same motion as an array."""
+    loaded = subject.load()
     given = StateForce(loaded.pushes(STEPS), lambda _, u: tuple(u))
-    found = loaded.run(loaded.states(), STEPS, given, EVERY)
+    motion = loaded.run(loaded.states(), STEPS, given, EVERY)
     error = max(
-        float(np.max(np.abs(a - b))) for a, b in zip(found, loaded.pushed(every=EVERY), strict=True)
+        float(np.max(np.abs(a - b)))
+        for a, b in zip(motion, loaded.pushed(every=EVERY), strict=True)
     )
-    allowed = 1e3 * loaded.model.epsilon * max(1.0, *(float(np.abs(a).max()) for a in found))
+    allowed = 1e3 * loaded.model.epsilon * max(1.0, *(float(np.abs(a).max()) for a in motion))
     ask(error <= allowed, f"the same forces, given as a map, change the motion by {error:.1e}")
 
 
-def a_force_by_state_sees_the_start_of_its_step(asked: Asked) -> None:
-    """The map of a `StateForce` is asked once a step, with the positions at its start."""
-    loaded = asked.load()
+def a_force_by_state_sees_the_start_of_its_step(subject: ConformanceSubject) -> None:
+    """Require one call of a `StateForce` map per step, with the positions at its start."""
+    loaded = subject.load()
     q, v = (values[:1] for values in loaded.states())
     seen: list[list[float]] = []
 
-    def at(z: Sequence[float], _: Sequence[float]) -> list[float]:
+    def record(z: Sequence[float], _: Sequence[float]) -> list[float]:
         seen.append([float(x) for x in z])
         return [0.0] * loaded.size
 
-    given = StateForce(np.zeros((1, STEPS, 1)), at)
+    given = StateForce(np.zeros((1, STEPS, 1)), record)
     z, _ = loaded.run((q, v), STEPS, given, 1)
     ask(len(seen) == STEPS, f"its map was called {len(seen)} times in {STEPS} steps")
     passed = np.concatenate([q, z[0, :-1]])
@@ -93,31 +94,35 @@ def a_force_by_state_sees_the_start_of_its_step(asked: Asked) -> None:
     )
 
 
-def orders_are_as_claimed(asked: Asked) -> None:
-    """The error falls with the step as `exponents` says, free and under a varying input."""
-    loaded = asked.load()
+def orders_are_as_claimed(subject: ConformanceSubject) -> None:
+    """Require the order that `exponents` claims, without force and with a varying input."""
+    loaded = subject.load()
     for varying in (False, True):
         claimed = loaded.model.exponents(varying)[0]
-        found = _order(loaded, varying)
-        if found is not None:
+        observed = _order(loaded, varying)
+        if observed is not None:
             kind = "under an input that varies" if varying else "of a free motion"
-            ask(abs(found - claimed) < 0.35, f"the order {kind} is {found:.2f}, not {claimed}")
+            ask(
+                abs(observed - claimed) < 0.35, f"the order {kind} is {observed:.2f}, not {claimed}"
+            )
 
 
-def accelerations_are_those_of_small_steps(asked: Asked) -> None:
-    """What `accelerations` tells, under a force, is how velocities change over a small step."""
-    loaded = asked.load()
+def accelerations_are_those_of_small_steps(subject: ConformanceSubject) -> None:
+    """Require that `accelerations` equals the change of velocity over a small step, under a
+    force.
+    """
+    loaded = subject.load()
     model, v = loaded.model, loaded.states()[1]
-    # Where it is drawn, the rates of what turns are its velocities.
+    # At home the rates of rotation coordinates are angular velocities.
     q, force = np.tile(model.home, (BATCH, 1)), loaded.pushes(1)
-    told = model.accelerations(q, v, force[:, 0])
-    if told is None:
+    stated = model.accelerations(q, v, force[:, 0])
+    if stated is None:
         return
-    ask(told.shape == v.shape, f"accelerations have shape {told.shape}; expected {v.shape}")
+    ask(stated.shape == v.shape, f"accelerations have shape {stated.shape}; expected {v.shape}")
     h = loaded.h / 8
     coarse, fine = ((loaded.run((q, v), 1, force, 1, one)[1][:, 0] - v) / one for one in (h, h / 2))
-    known = np.isfinite(told).all(axis=1)
-    error = np.abs(told - (2 * fine - coarse))[known].max(initial=0.0)
+    finite = np.isfinite(stated).all(axis=1)
+    error = np.abs(stated - (2 * fine - coarse))[finite].max(initial=0.0)
     rounding = 1e3 * model.epsilon * (np.abs(v).max() / h + np.abs(coarse).max())
     allowed = np.abs(fine - coarse).max() + rounding
     ask(
@@ -127,7 +132,9 @@ def accelerations_are_those_of_small_steps(asked: Asked) -> None:
 
 
 def _order(loaded: Loaded, varying: bool) -> float | None:
-    """Observed from the last three of the step counts; None where rounding is all there is."""
+    """Return the order observed from the last three step counts; None if only rounding is
+    visible.
+    """
     span = ORDER_SPAN * loaded.h
     ends = []
     for n in ORDER_STEPS:
@@ -138,7 +145,7 @@ def _order(loaded: Loaded, varying: bool) -> float | None:
         ends.append(np.concatenate([z, w], axis=2)[:, 0])
     steps = np.abs(np.diff(ends, axis=0))
     scale = np.abs(ends[-1]).max()
-    # The component whose error is seen best above rounding.
+    # The component whose error is largest above rounding.
     rounding = 30 * loaded.model.epsilon * scale * np.sqrt(ORDER_STEPS[-1]) / span
     seen = steps[1:].min(axis=0)
     best = np.unravel_index(np.argmax(seen), seen.shape)

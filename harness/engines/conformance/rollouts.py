@@ -1,23 +1,23 @@
-"""Rollouts: their shapes, and that nothing but their arguments matters to them."""
+"""Checks of rollouts: their shapes, and that they depend on their arguments only."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.conformance.asked import (
+from physics_crosscheck.harness.engines.conformance.subject import (
     BATCH,
     EVERY,
     STEPS,
-    Asked,
+    ConformanceSubject,
     Motion,
     alike,
     ask,
 )
 
 
-def rollouts_have_their_shape(asked: Asked) -> None:
-    """Positions and velocities come as (B, n // every, nz) each, in double precision."""
-    loaded = asked.load()
+def rollouts_have_their_shape(subject: ConformanceSubject) -> None:
+    """Require positions and velocities of shape (B, n // every, nz), in double precision."""
+    loaded = subject.load()
     for n, every in ((STEPS, EVERY), (STEPS, STEPS), (STEPS, 1), (1, 1)):
         for values in loaded.free(n, every):
             wanted = BATCH, n // every, loaded.size
@@ -25,18 +25,18 @@ def rollouts_have_their_shape(asked: Asked) -> None:
             ask(values.dtype == np.float64, f"its numbers are {values.dtype}, not float64")
 
 
-def every_gives_the_ends_of_shorter_rollouts(asked: Asked) -> None:
-    """What `every` samples on the way is bitwise where a shorter rollout ends."""
-    loaded = asked.load()
+def every_gives_the_ends_of_shorter_rollouts(subject: ConformanceSubject) -> None:
+    """Require that samples by `every` are bitwise the ends of shorter rollouts."""
+    loaded = subject.load()
     sampled = loaded.free(STEPS, EVERY)
     for row, n in enumerate(range(EVERY, STEPS + 1, EVERY)):
         part = sampled[0][:, row : row + 1], sampled[1][:, row : row + 1]
         ask(alike(loaded.free(n), part), f"the sample after {n} steps differs from {n} steps")
 
 
-def arguments_are_left_alone(asked: Asked) -> None:
-    """A rollout writes into none of the arrays that it is given."""
-    loaded = asked.load()
+def arguments_are_left_alone(subject: ConformanceSubject) -> None:
+    """Require that a rollout does not change the arrays that it receives."""
+    loaded = subject.load()
     (q, v), force = loaded.states(), loaded.pushes(STEPS)
     kept = q.copy(), v.copy(), force.copy()
     loaded.model.rollout(q, v, loaded.h, STEPS, force, STEPS)
@@ -44,41 +44,41 @@ def arguments_are_left_alone(asked: Asked) -> None:
         ask(np.array_equal(old, new), f"a rollout has changed the {name} that it was given")
 
 
-def results_are_the_callers(asked: Asked) -> None:
-    """What a rollout has returned is not changed by a later one."""
-    loaded = asked.load()
+def results_are_the_callers(subject: ConformanceSubject) -> None:
+    """Require that a later rollout does not change an earlier result."""
+    loaded = subject.load()
     first = loaded.model.rollout(*loaded.states(), loaded.h, STEPS, None, STEPS)
     kept = first[0].copy(), first[1].copy()
     loaded.free(h=loaded.h / 3)
     ask(alike(first, kept), "a later rollout has changed what an earlier one returned")
 
 
-def a_rollout_repeats_bitwise(asked: Asked) -> None:
-    """The same call gives the same bits, at once and after others."""
-    loaded = asked.load()
+def a_rollout_repeats_bitwise(subject: ConformanceSubject) -> None:
+    """Require that the same call gives the same bits, at once and after other calls."""
+    loaded = subject.load()
     first = loaded.pushed()
     ask(alike(loaded.pushed(), first), "the same call gives a different motion the second time")
 
 
-def an_earlier_step_leaves_no_trace(asked: Asked) -> None:
-    """A rollout after one with another step is as it was before it."""
-    loaded = asked.load()
+def an_earlier_step_leaves_no_trace(subject: ConformanceSubject) -> None:
+    """Require that a rollout with another step does not change the next one."""
+    loaded = subject.load()
     first = loaded.free()
     loaded.free(n=2, h=7 * loaded.h)
     ask(alike(loaded.free(), first), "a rollout with another step has changed the next one")
 
 
-def an_earlier_force_leaves_no_trace(asked: Asked) -> None:
-    """A free rollout after a pushed one is free."""
-    loaded = asked.load()
+def an_earlier_force_leaves_no_trace(subject: ConformanceSubject) -> None:
+    """Require that a free rollout after a pushed one is free."""
+    loaded = subject.load()
     first = loaded.free()
     loaded.pushed()
     ask(alike(loaded.free(), first), "a force of an earlier rollout acts in a free one")
 
 
-def a_batch_is_its_rows_one_by_one(asked: Asked) -> None:
-    """A state's motion doesn't depend on those beside it, nor on its place among them."""
-    loaded = asked.load()
+def a_batch_is_its_rows_one_by_one(subject: ConformanceSubject) -> None:
+    """Require that a state's motion does not depend on the rest of the batch or its order."""
+    loaded = subject.load()
     (q, v), force = loaded.states(), loaded.pushes(STEPS)
 
     def run(rows: list[int]) -> Motion:
@@ -90,9 +90,9 @@ def a_batch_is_its_rows_one_by_one(asked: Asked) -> None:
         ask(alike(run(rows), part), f"rows {rows} of a batch move differently alone")
 
 
-def what_is_not_finite_is_returned_so(asked: Asked) -> None:
-    """From a state that is no number, none comes out; no reset, no error."""
-    loaded = asked.load()
+def what_is_not_finite_is_returned_so(subject: ConformanceSubject) -> None:
+    """Require that a NaN state gives NaN, without a reset or an error."""
+    loaded = subject.load()
     q, v = loaded.states()
     q[1] = np.nan
     z, w = loaded.run((q, v), STEPS, None, STEPS)
@@ -100,14 +100,14 @@ def what_is_not_finite_is_returned_so(asked: Asked) -> None:
     ask(not finite, "a motion from a NaN state returns finite numbers")
 
 
-def what_is_not_finite_spoils_nothing(asked: Asked) -> None:
-    """Neither the motions beside one that is no number, nor those after it."""
-    loaded = asked.load()
+def what_is_not_finite_spoils_nothing(subject: ConformanceSubject) -> None:
+    """Require that a NaN motion changes neither others of its batch nor later ones."""
+    loaded = subject.load()
     first = loaded.free()
     q, v = loaded.states()
     q[1] = np.nan
     z, w = loaded.run((q, v), STEPS, None, STEPS)
     rows = [0, 2]
-    beside = alike((z[rows], w[rows]), (first[0][rows], first[1][rows]))
-    ask(beside, "a NaN motion has changed other motions of the batch")
+    unchanged = alike((z[rows], w[rows]), (first[0][rows], first[1][rows]))
+    ask(unchanged, "a NaN motion has changed other motions of the batch")
     ask(alike(loaded.free(), first), "a NaN motion has changed later ones")

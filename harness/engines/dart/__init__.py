@@ -1,4 +1,4 @@
-"""DART: its adapter, and the worlds that it steps."""
+"""The DART adapter and the worlds that it steps."""
 
 from physics_crosscheck.harness.engines.dart.adapter import DartEngine
 

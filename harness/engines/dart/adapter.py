@@ -1,7 +1,8 @@
 """DART, on URDF and SDFormat: `World.step`, semi-implicit Euler.
 
-Joints' dampers are taken at the step's end. Shapes are left out: bodies of one skeleton don't touch
-unless that is asked for. Limits are read, and hold nothing unless `setLimitEnforcement` is called.
+DART evaluates joint dampers at the end of the step. Shapes are left out: by default DART does not
+collide bodies of one skeleton. It reads joint limits but enforces them only after
+`setLimitEnforcement`.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import each_alone
-from physics_crosscheck.harness.engines.sdf import SDF_IDLE, sample_sdf
+from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
 from physics_crosscheck.harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
 from physics_crosscheck.harness.engines.sdf_sidecar import DeclaredSdf
 from physics_crosscheck.harness.engines.source import folded
 from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.engines.urdf import IDLE, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
     TRIMMED,
     Change,
@@ -66,23 +67,24 @@ SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
-    # Whether a link without an inertial has 1 kg and 1 kg m^2, as DART has it, or nothing.
+    # Whether a link without an inertial has 1 kg and 1 kg m^2 (DART's default), or no mass.
     "bare_links": True,
-    # Whether numbers of a URDF that a blank follows are given to it without; DART drops the
-    # <inertial> in which one stands.
+    # Whether blanks after numbers of a URDF are removed; DART drops an <inertial> that contains
+    # one.
     "trimmed_numbers": False,
     # Whether <mimic> is a constraint on both joints (CouplerConstraint), or DART's own servo.
     "couplers": False,
-    # Whether a root that floats is turned here; DART itself drops the cubic term of small turns.
+    # Whether the adapter rotates a floating root; DART itself drops the cubic term of small
+    # rotations.
     "exact_turns": False,
-    # Whether an SDFormat inertial that is turned is written for it along the link's axes; DART
-    # itself takes its moments as if it were not.
+    # Whether a rotated SDFormat inertial is rewritten along the link's axes; DART itself ignores
+    # the rotation of its moments.
     "turned_inertials": False,
-    # Whether an SDFormat inertial with auto="true" is computed for it from the link's shapes; DART
-    # itself takes the mass and the moments that stand there, or 1 kg and 1 kg m^2.
+    # Whether an SDFormat inertial with auto="true" is computed for DART from the link's shapes;
+    # DART itself uses the stated mass and moments, or 1 kg and 1 kg m^2.
     "automatic_inertials": False,
     # Whether an SDFormat link with a mass and no <inertia> has the format's 1 kg m^2; DART itself
-    # takes its mass times 1 m^2.
+    # uses its mass times 1 m^2.
     "default_moments": False,
 })  # fmt: skip
 
@@ -99,7 +101,7 @@ class DartEngine(UrdfEngine):
     title = "DART"
     package, distribution, extra = "dartpy", "dartpy", "dart"
     formats = takes_springs = (".urdf", ".sdf")
-    idle = MappingProxyType({**IDLE, **SDF_IDLE})
+    non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **SDF_NON_PHYSICAL})
     defaults = DEFAULTS
     capabilities = (
         "joints: slide, hinge, floating root",
@@ -110,20 +112,20 @@ class DartEngine(UrdfEngine):
         "linearization: from steps",
         "steps: semi-implicit Euler, order 1",
     )
-    unstated = "1 ms and -9.81 m/s^2"
-    bare_link = "1 kg"
+    default_settings_note = "1 ms and -9.81 m/s^2"
+    massless_link_default = "1 kg"
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A file whose settings are in order."""
+        """Load a file whose settings are valid."""
         return DartModel(spec)
 
     def samples(self) -> tuple[Sample, ...]:
-        """One of each format."""
+        """Return one sample of each format."""
         return sample_urdf(), sample_sdf()
 
 
 class DartModel(UrdfModel):
-    """A tree of slides and hinges, fixed or not, stepped by its world."""
+    """A tree of slides and hinges, fixed or floating, stepped by its DART world."""
 
     integrator = "semi-implicit euler"
 
@@ -137,7 +139,7 @@ class DartModel(UrdfModel):
             refuse_newer(self.declared.file)
         elif not self.settings["trimmed_numbers"]:
             refuse_blanks(self.declared.source, "DART")
-        self._remedies = _remedies(self.declared, self.settings)
+        self._corrective_settings = _corrective_settings(self.declared, self.settings)
         self._body = self._skeleton()
         self._world = dart.simulation.World()
         self._world.setGravity(list(self.gravity))
@@ -159,30 +161,31 @@ class DartModel(UrdfModel):
         self._steps = WorldSteps(self._world, self._body, self.floats, springs, exact)
         self.stepper = self._steps
         if self.floats and not exact:
-            self._remedies[TURNS] = {"exact_turns": True}
+            self._corrective_settings[TURNS] = {"exact_turns": True}
         slides = any(joint.getCoulombFriction(0) for joint in joints)
         if not (self.declared.mimics or slides):
             self.forward = each_alone(self._steps.accelerations)
 
     def _skeleton(self) -> Any:
         load = sdf_skeleton if self._sdf else _urdf_skeleton
-        with captured((STDOUT, STDERR), again=False) as said:
-            found = load(self.declared.text, self.path, self.floats)
-        told = _COLOUR.sub("", folded(" ".join(said)))
-        if found is None:
-            raise EngineError(f"{self.path}: DART can't load it: {told}")
-        self._said = (told,) if told else ()
-        return found
+        with captured((STDOUT, STDERR), again=False) as printed:
+            skeleton = load(self.declared.text, self.path, self.floats)
+        message = _COLOUR.sub("", folded(" ".join(printed)))
+        if skeleton is None:
+            raise EngineError(f"{self.path}: DART can't load it: {message}")
+        self._printed = (message,) if message else ()
+        return skeleton
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 1 throughout."""
+        """Return order 1 for every input."""
         return 1, 1
 
     @property
     def step_rule(self) -> StepRule | None:
-        """Its springs and dampers at the step's end (GenericJoint.hpp, updateTotalForceDynamic).
+        """DART's rule: springs and dampers at the step's end (GenericJoint.hpp,
+        updateTotalForceDynamic).
 
-        A root that floats is turned by an exponential of its own.
+        There is no rule for a floating root, which DART rotates by an exponential.
         """
         if self.floats:
             return None
@@ -194,26 +197,28 @@ class DartModel(UrdfModel):
 
     @property
     def limits(self) -> Array:
-        """Of joints that DART holds, (nz, 2): its parser of SDFormat asks for that."""
+        """Limits of joints that DART enforces, (nz, 2): its SDFormat parser enables them."""
         stopped = self._sdf and not self.settings["smooth"]
         return self.stated_limits if stopped else super().limits
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What DART does on its own and the settings let stand, with what undoes it."""
-        return self._remedies
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """DART's own assumptions that the settings leave active, with the settings that correct
+        them.
+        """
+        return self._corrective_settings
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the file says in vain, and what joints that follow others are."""
+        """Yield ignored parts of the file, and mimic joints that are servos."""
         yield from super().remarks(z, w)
-        for one in () if self.settings["couplers"] else self.declared.mimics:
-            told, address = SERVO.format(one.joint), f"robot/joint[{one.joint}]"
-            yield Remark(kind="constraint", message=told, fault=True, address=address)
+        for mimic in () if self.settings["couplers"] else self.declared.mimics:
+            message, address = SERVO.format(mimic.joint), f"robot/joint[{mimic.joint}]"
+            yield Remark(kind="constraint", message=message, fault=True, address=address)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What DART has printed as it loaded the file."""
-        return self._said
+        """The text that DART printed while it loaded the file."""
+        return self._printed
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -222,7 +227,7 @@ class DartModel(UrdfModel):
         return tuple(f"{kind}:{name}" for kind in ("link", "centre") for name in names)
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics."""
+        """Return poses by DART's forward kinematics."""
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         for k, row in enumerate(z):
             self._steps.reset(row, 0 * row)
@@ -238,14 +243,16 @@ class DartModel(UrdfModel):
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step by step; what DART says of a motion that blows up is not printed."""
+        """Step through a rollout, without the text that DART prints about diverging motions."""
         self._world.setTimeStep(h)
         with captured((STDOUT, STDERR), again=False):
             return super().rollout(q, v, h, n, force, every)
 
 
 def _changes(spec: ModelSpec) -> list[Change]:
-    """What is changed in a file before DART sees it, besides what settings say to every engine."""
+    """Return the changes to a file before DART reads it, besides those that settings make for all
+    engines.
+    """
     smooth = bool(spec.settings.get("smooth", False))
     if spec.path.suffix == SDF:
         changes: list[Change] = [as_older]
@@ -263,22 +270,22 @@ _INERTIALS: Mapping[str, Change] = MappingProxyType({
     "default_moments": with_moments,
     "turned_inertials": with_turned,
 })  # fmt: skip
-"""Settings with which DART is given an SDFormat file's inertials as the format has them."""
+"""Settings that rewrite inertials of an SDFormat file for DART as the format defines them."""
 
 
-def _remedies(
+def _corrective_settings(
     declared: DeclaredUrdf, settings: Mapping[str, object]
 ) -> dict[str, Mapping[str, object]]:
-    """What DART makes of a file that it does not say, with the settings that undo it."""
+    """Return DART's own assumptions about a file, with the settings that correct them."""
     if declared.path.suffix == SDF:
-        found = {
+        checks = {
             "turned_inertials": (turned_links, turned_cause),
             "automatic_inertials": (automatic_links, automatic_cause),
             "default_moments": (momentless_links, momentless_cause),
         }
         return {
             cause(names): {key: True}
-            for key, (links, cause) in found.items()
+            for key, (links, cause) in checks.items()
             if not settings[key] and (names := links(declared.robot))
         }
     bare = bare_links(declared.robot) if settings["bare_links"] else []

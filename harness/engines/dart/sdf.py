@@ -1,4 +1,4 @@
-"""SDFormat for DART, whose parser knows versions 1.4 to 1.6 and leaves some of a file out."""
+"""SDFormat for DART, whose parser reads versions 1.4 to 1.6 and ignores parts of a file."""
 
 from __future__ import annotations
 
@@ -12,44 +12,46 @@ import numpy as np
 from physics_crosscheck.harness.engines.attitude import from_rpy
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import SdfFile, number
-from physics_crosscheck.harness.engines.sdf_check import SdfJoint, has_automatic
+from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, has_automatic
 from physics_crosscheck.harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
 from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
 from physics_crosscheck.harness.engines.source import written
 
-_KNOWN = ("1.4", "1.5", "1.6")
+_PARSED_VERSIONS = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
-    """What DART makes of it; None, with words on stderr, where it makes nothing."""
+    """Return DART's skeleton, or None with an explanation on stderr if it can't load the text."""
     import dartpy as dart
 
     parser = dart.utils.SdfParser
     options, roots = parser.Options(), parser.RootJointType
     options.mDefaultRootJointType = roots.FLOATING if floats else roots.FIXED
-    root = ET.fromstring(text)  # it is of what was parsed with entities off
+    root = ET.fromstring(text)  # text that was parsed with entities off
     if root.get("version") in _IN_MODEL:
         _axes_in_model(root)
-    if root.get("version") not in _KNOWN:
+    if root.get("version") not in _PARSED_VERSIONS:
         root.set("version", VERSION)
     with written(root, path) as file:
-        found = parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
-    if found is not None:
-        _mend(found, root, floats)
-    return found
+        skeleton = parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
+    if skeleton is not None:
+        _restore_root_and_masses(skeleton, root, floats)
+    return skeleton
 
 
 def _axes_in_model(root: ET.Element) -> None:
-    """Axes are told in the model's frame, which DART's parser does not know."""
+    """Mark axes as given in the model's frame, the default of old versions that DART ignores."""
     for axis in root.findall("model/joint/axis"):
         if axis.find("use_parent_model_frame") is None:
             ET.SubElement(axis, "use_parent_model_frame").text = "true"
 
 
-def _mend(skeleton: Any, root: ET.Element, floats: bool) -> None:
-    """A root that floats counts from the world, not from where it is drawn; no mass is none."""
+def _restore_root_and_masses(skeleton: Any, root: ET.Element, floats: bool) -> None:
+    """Count a floating root from the world instead of its drawn pose, and restore masses of
+    zero.
+    """
     import dartpy as dart
 
     if floats:
@@ -57,29 +59,29 @@ def _mend(skeleton: Any, root: ET.Element, floats: bool) -> None:
     for link in root.findall("model/link"):
         mass = link.find("inertial/mass")
         if mass is not None and (mass.text or "").strip() and float(mass.text or "") == 0.0:
-            skeleton.getBodyNode(link.get("name", "")).setMass(0.0)  # DART itself takes 1e-9 kg
+            skeleton.getBodyNode(link.get("name", "")).setMass(0.0)  # DART itself sets 1e-9 kg
 
 
 def turned_links(model: ET.Element) -> list[str]:
-    """Names of links whose inertials are turned in them, and have moments that feel it."""
-    found = []
+    """Return the names of links with rotated inertials whose moments the rotation changes."""
+    names = []
     for link in model.findall("link"):
         inertial = link.find("inertial")
         if inertial is not None and np.any(_pose(inertial)[3:]):
             moments = _tensor(inertial)
             turn = from_rpy(_pose(inertial)[3:])
             if np.abs(turn @ moments @ turn.T - moments).max() > 1e-15 * np.abs(moments).max():
-                found.append(link.get("name", ""))
-    return found
+                names.append(link.get("name", ""))
+    return names
 
 
 def turned_cause(names: Sequence[str]) -> str:
-    """What a diagnosis calls it."""
+    """Return the cause that a diagnosis reports."""
     return f"DART's taking of <inertial>s that are turned as if they were not ({_listed(names)})"
 
 
 def with_turned(model: ET.Element) -> None:
-    """Write inertials that are turned along the axes of their links."""
+    """Rewrite rotated inertials along the axes of their links."""
     for link in model.findall("link"):
         inertial = link.find("inertial")
         if inertial is None or not np.any(_pose(inertial)[3:]):
@@ -109,7 +111,7 @@ def automatic_links(model: ET.Element) -> list[str]:
 
 
 def automatic_cause(names: Sequence[str]) -> str:
-    """Return what a diagnosis calls it."""
+    """Return the cause that a diagnosis reports."""
     return f'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> ({_listed(names)})'
 
 
@@ -128,7 +130,7 @@ def momentless_links(model: ET.Element) -> list[str]:
 
 
 def momentless_cause(names: Sequence[str]) -> str:
-    """Return what a diagnosis calls it."""
+    """Return the cause that a diagnosis reports."""
     return f"DART's own moments, mass times 1 m^2, without <inertia> ({_listed(names)})"
 
 
@@ -154,7 +156,7 @@ def with_automatic(model: ET.Element) -> None:
 
 
 def without_collisions(model: ET.Element) -> None:
-    """Leave out all shapes that touch."""
+    """Remove all collision shapes."""
     for link in model.findall("link"):
         for part in link.findall("collision"):
             link.remove(part)
@@ -164,18 +166,18 @@ def _automatic(link: ET.Element) -> tuple[float, Array, Array]:
     """Return mass, center (3,) and moments about it (3, 3), along the link's axes."""
     parts = [_collision(link, one) for one in link.findall("collision")]
     mass = sum(one for one, _, _ in parts)
-    center = sum(one * at for one, at, _ in parts) / mass
+    center = sum(one * offset for one, offset, _ in parts) / mass
     moments = np.zeros((3, 3))
-    for own, at, about in parts:
-        apart = at - center
-        moments += about + own * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    for mass_of_shape, offset, about in parts:
+        apart = offset - center
+        moments += about + mass_of_shape * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     inertial = link.find("inertial")
     ratio = 1.0 if inertial is None else number(inertial, "mass", mass) / mass
     return mass * ratio, np.asarray(center), moments * ratio
 
 
 def _collision(link: ET.Element, collision: ET.Element) -> tuple[float, Array, Array]:
-    """Return the same of one shape, seen from the link."""
+    """Return mass, center and moments of one shape, in the link's frame."""
     shape = collision.find("geometry/*")
     inertial = link.find("inertial")
     if shape is None or shape.tag not in SIZES or inertial is None:
@@ -193,7 +195,7 @@ def _collision(link: ET.Element, collision: ET.Element) -> tuple[float, Array, A
 
 
 def refuse_newer(file: SdfFile) -> None:
-    """Refuse what version 1.6 can't say: frames that differ from the defaults.
+    """Refuse frames that differ from the defaults, which version 1.6 can't express.
 
     Raises:
         EngineError: naming file and line.
@@ -210,9 +212,9 @@ def refuse_newer(file: SdfFile) -> None:
 
 def _refuse_moved(file: SdfFile, element: ET.Element) -> None:
     joint = file.joints.get(element.get("name", "")) if element.tag == "joint" else None
-    own = {"joint": (element.findtext("child", "").strip(),), "model": ("world",)}
+    defaults = {"joint": (element.findtext("child", "").strip(),), "model": ("world",)}
     for pose in element.findall("pose"):
-        if pose.get("relative_to", "") not in ("", *own.get(element.tag, ("__model__",))):
+        if pose.get("relative_to", "") not in ("", *defaults.get(element.tag, ("__model__",))):
             raise _newer(file, pose, f"relative_to={pose.get('relative_to')!r}")
     for tag in ("inertial", "collision") if has_automatic(element) else ("inertial",):
         for pose in element.findall(f"{tag}/pose[@relative_to]"):
@@ -222,7 +224,7 @@ def _refuse_moved(file: SdfFile, element: ET.Element) -> None:
         _refuse_frames(file, joint)
 
 
-def _refuse_frames(file: SdfFile, joint: SdfJoint) -> None:
+def _refuse_frames(file: SdfFile, joint: CheckedJoint) -> None:
     element = joint.element
     for tag, link in (("parent", joint.parent), ("child", joint.child)):
         if element.findtext(tag, "").strip() != link:
@@ -239,7 +241,7 @@ def _newer(file: SdfFile, element: ET.Element, what: str) -> EngineError:
 
 
 def as_older(model: ET.Element) -> None:
-    """Say as version 1.6 does what that can say, and in so many words what DART wants said."""
+    """Rewrite the model as version 1.6, with the elements that DART requires written out."""
     for inertia in model.findall("link/inertial/inertia"):
         for key in TENSOR:
             if inertia.find(key) is None:
@@ -266,17 +268,17 @@ def _axes_as_older(model: ET.Element) -> None:
 
 
 def _pose(element: ET.Element) -> Array:
-    """Place and rpy, (6,)."""
+    """Return position and rpy, (6,)."""
     words = (element.findtext("pose") or "").split()
     return np.array(words, dtype=float) if words else np.zeros(6)
 
 
 def _tensor(inertial: ET.Element) -> Array:
-    """As it stands there, (3, 3); what is not told is the format's: 1 and 0 kg m^2."""
+    """Return the tensor as stated, (3, 3), with the format's defaults of 1 and 0 kg m^2."""
     inertia = inertial.find("inertia")
-    found = np.eye(3)
+    tensor = np.eye(3)
     for key in TENSOR:
         i, j = ("xyz".index(axis) for axis in key[1:])
         value = float(i == j) if inertia is None else number(inertia, key, float(i == j))
-        found[i, j] = found[j, i] = value
-    return found
+        tensor[i, j] = tensor[j, i] = value
+    return tensor

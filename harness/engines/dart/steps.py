@@ -1,4 +1,4 @@
-"""A skeleton of DART's in a world, its coordinates as the harness has them."""
+"""A DART skeleton in a world, with the harness's coordinates."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ INSTANT = 1e-200
 class WorldSteps(Stepper):
     """A skeleton in a world.
 
-    DART's coordinates of a free root are its rotation vector and its place; velocities are angular
-    and linear, along the world's axes, and forces likewise.
+    DART's coordinates of a free root are its rotation vector and its position. Velocities are
+    angular and linear, along the world's axes, and so are forces.
 
     Args:
-        world, body: DART's own.
-        floats: whether its root does.
+        world, body: DART's own objects.
+        floats: whether the root floats.
         springs: along slides and hinges.
-        exact: whether a root that floats is turned here, to the last digit; DART drops the cubic
-            term of the rotation by which it turns in a step, where that is below 1e-3 rad.
+        exact: whether the adapter rotates a floating root to full precision; DART drops the cubic
+            term of rotations below 1e-3 rad per step.
     """
 
     def __init__(
@@ -46,16 +46,16 @@ class WorldSteps(Stepper):
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state; constraints of an earlier motion are forgotten."""
+        """Set a state, and discard constraint impulses of earlier motions."""
         if self._floats:
             self._near = quaternion(q[3:FREE])
             spin = matrix(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
             q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
             v = np.concatenate([spin, v[:3], v[FREE:]])
-        self._put(q, v)
+        self._set_dart_state(q, v)
 
-    def _put(self, q: Array, v: Array) -> None:
-        """Coordinates and velocities as DART has them."""
+    def _set_dart_state(self, q: Array, v: Array) -> None:
+        """Set DART's coordinates and velocities."""
         self._body.resetCommands()
         self._body.clearConstraintImpulses()
         self._body.resetAccelerations()
@@ -63,7 +63,7 @@ class WorldSteps(Stepper):
         self._body.setVelocities(v)
 
     def position(self) -> Array:
-        """Where it is; of a rotation's two, those nearer to the last."""
+        """Return the position, with rotation coordinates nearer to the last ones."""
         q: Array = self._body.getPositions()
         if not self._floats:
             return q
@@ -73,7 +73,7 @@ class WorldSteps(Stepper):
         return np.concatenate([q[3:FREE], turned, q[FREE:]])
 
     def state(self) -> tuple[Array, Array]:
-        """Positions and velocities."""
+        """Return positions and velocities."""
         z, v = self.position(), self._body.getVelocities()
         if not self._floats:
             return z, v
@@ -81,7 +81,7 @@ class WorldSteps(Stepper):
         return z, np.concatenate([v[3:FREE], rate(z[3:FREE], spin), v[FREE:]])
 
     def step(self, h: float, force: Array | None) -> None:
-        """By its world, whose step is h."""
+        """Step the world, whose step is h."""
         if force is not None or not self._springs.empty:
             self._body.setForces(self._pushes(force))
         before = self._body.getPositions()[:3] if self._turned else np.zeros(3)
@@ -93,7 +93,7 @@ class WorldSteps(Stepper):
             self._body.setPositions(q)
 
     def coast(self, h: float, n: int) -> None:
-        """Its world alone, where no spring has to be asked."""
+        """Step the world alone if no spring acts."""
         if self._turned or not self._springs.empty:
             super().coast(h, n)
             return
@@ -102,15 +102,15 @@ class WorldSteps(Stepper):
             step()
 
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
-        """Of positions, velocities and forces, as `RungeKutta` has them."""
+        """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
         q, v = x, m
         if self._floats:
             turn = matrix(x[3:7])
             q = np.concatenate([_rotation_vector(x[3:7]), x[:3], x[7:]])
             v = np.concatenate([turn @ m[3:FREE], m[:3], m[FREE:]])
-        self._put(q, v)
+        self._set_dart_state(q, v)
         self._body.setForces(self._pushes(f))
-        # Dampers are taken at the end of a step: of one that is nothing beside its start.
+        # DART evaluates dampers at the end of a step, so the step is made negligibly short.
         step = self._body.getTimeStep()
         self._body.setTimeStep(INSTANT)
         self._body.computeForwardDynamics()
@@ -128,7 +128,7 @@ class WorldSteps(Stepper):
             turn = matrix(exponential(q[:3]))
             pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
         if not self._springs.empty:
-            pushes[free:] += self._springs.at(q[free:], v[free:])
+            pushes[free:] += self._springs.forces(q[free:], v[free:])
         return pushes
 
 

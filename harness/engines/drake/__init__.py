@@ -1,4 +1,4 @@
-"""Drake: its adapter, and the plants that it steps."""
+"""The Drake adapter and the plants that it steps."""
 
 from physics_crosscheck.harness.engines.drake.adapter import DrakeEngine
 

@@ -1,9 +1,9 @@
 """An MJCF in Drake.
 
-Its parser reads over springs, tendons, equalities of joints, and the armature of joints that no
-actuator drives. Of several joints of one body it places all but the last at the parent's origin.
-Ranges whose lower is above their upper, and moments without mass, end the process: neither gets
-there.
+Drake's parser ignores springs, tendons, joint equalities, and the armature of joints without
+actuators. If a body has several joints, Drake places all except the last at the parent's origin.
+Ranges with lower above upper, and moments of inertia without mass, would abort the process, so the
+adapter removes or refuses them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
         smooth, resolved = bool(self.settings["smooth"]), self.resolved
         root = copied(self.declared, limits=not smooth, touches=False, resolved=resolved)
-        heavy = [one for one in self.declared.singles if one.armature]
+        heavy = [joint for joint in self.declared.singles if joint.armature]
         self._heavy = heavy if self.settings["armature"] else []
         self._light = bool(heavy) and not self._heavy
         rows = [row for _, row in rows_of(self.declared.joints) if _misplaced(row)]
@@ -57,44 +57,44 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         self.take(ET.tostring(root, encoding="unicode"), "xml", held)
         if self.floats:
             self.drawn = self._drawn()
-        said = {one.name: one.damping for one in self.declared.singles}
-        own = [said[name] for name in self.coordinates[FREE if self.floats else 0 :]]
-        other = own != np.diag(self._damping).tolist() or any(_lost(self.declared))
+        stated = {joint.name: joint.damping for joint in self.declared.singles}
+        ordered = [stated[name] for name in self.coordinates[FREE if self.floats else 0 :]]
+        other = ordered != np.diag(self._damping).tolist() or any(_lost(self.declared))
         self.misread = not resolved and other
 
     def complete(self, plant: Any) -> None:
-        """Armature, as rotors of actuators that do nothing; and couplings, for SAP."""
-        for one in self._heavy:
-            joint = plant.GetJointByName(one.name)
-            plant.AddJointActuator(one.name, joint).set_default_rotor_inertia(one.armature)
+        """Add armature, as rotors of unused actuators, and couplings for SAP."""
+        for heavy in self._heavy:
+            joint = plant.GetJointByName(heavy.name)
+            plant.AddJointActuator(heavy.name, joint).set_default_rotor_inertia(heavy.armature)
         if self.stepping == SAP and plant.time_step():
             for mimic in self.mimics:
                 pair = (plant.GetJointByName(name) for name in (mimic.joint, mimic.leader))
                 plant.AddCouplerConstraint(*pair, mimic.multiplier, mimic.offset)
 
     def _drawn(self) -> Array:
-        """Coordinates of a body that floats, where Drake starts it."""
-        own = np.array(moving_joints(self._plant)[0].default_positions())
-        return np.concatenate([own[4:], coordinates(own[:4], own[:4])])
+        """Return the coordinates of a floating body at Drake's default state."""
+        positions = np.array(moving_joints(self._plant)[0].default_positions())
+        return np.concatenate([positions[4:], coordinates(positions[:4], positions[:4])])
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What Drake leaves out and the settings let stand, with what undoes it."""
-        found = self.remedied
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """Elements that Drake leaves out under the current settings, with corrections."""
+        settings = self.remedied
         if self._light:
-            found[ARMATURE] = {"armature": True}
+            settings[ARMATURE] = {"armature": True}
         if self._misplaced:
-            found[MISPLACED] = {"chained": True}
-        return {**found, EQUALITIES: {"stepping": SAP}} if self.let_go else found
+            settings[MISPLACED] = {"chained": True}
+        return {**settings, EQUALITIES: {"stepping": SAP}} if self.let_go else settings
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What Drake's parser has warned of, without lines: they are those of a copy."""
-        own = (re.sub(r"^\d+: (warning: )?", "", one) for one in super().warnings)
-        return tuple(dict.fromkeys(own))
+        """Warnings of Drake's parser, without line numbers, which refer to a copy."""
+        messages = (re.sub(r"^\d+: (warning: )?", "", one) for one in super().warnings)
+        return tuple(dict.fromkeys(messages))
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the MJCF says in vain, and what Drake says of it."""
+        """Yield ignored parts of the MJCF, and Drake's warnings."""
         yield from MjcfModel.remarks(self, z, w)
         if self._light:
             yield Remark(
@@ -114,9 +114,9 @@ class DrakeMjcf(DrakeModel, MjcfModel):
 
 
 def _lost(declared: DeclaredMjcf) -> Iterator[bool]:
-    """Yield whether a joint's class says nothing of joints, and Drake loses what those above say.
+    """Yield whether a joint's class states no joint defaults, so that Drake loses inherited ones.
 
-    Of what is lost so, axis and place show in no damping.
+    Lost axes and positions are visible, unlike damping.
     """
     silent: set[str] = set()
 
@@ -130,14 +130,14 @@ def _lost(declared: DeclaredMjcf) -> Iterator[bool]:
     for top in declared.source.root.findall("default"):
         search(top, False)
     for body, inherited in bodies_of(declared.source):
-        for one in body.findall("joint"):
-            said = declared.defaults.of(one, inherited)
-            whole = set(said) <= set(one.attrib)
-            yield not whole and one.get("class", inherited) in silent
+        for joint in body.findall("joint"):
+            attributes = declared.defaults.attributes(joint, inherited)
+            whole = set(attributes) <= set(joint.attrib)
+            yield not whole and joint.get("class", inherited) in silent
 
 
 def _misplaced(row: list[MjcfJoint]) -> bool:
-    """Whether it matters where joints of one body are, but for the last."""
+    """Return whether the positions of a body's joints, except the last, affect the motion."""
     body, first = row[0].body, row[:-1]
     turned = any(key in body.attrib for key in POSE if key != "pos")
     away = any(finite_numbers(body.get("pos", "0")) or [1.0])
@@ -145,14 +145,14 @@ def _misplaced(row: list[MjcfJoint]) -> bool:
 
 
 def _chain(body: ET.Element) -> None:
-    """Give each joint a body of its own, one in the other: what the body has is in the last."""
+    """Give each joint its own body, in a chain; the last body gets the content."""
     name, (first, *others) = body.get("name", ""), body.findall("joint")
-    last, inside = body, [one for one in body if one.tag != "joint"]
-    for one in list(body):
-        body.remove(one)
+    last, inside = body, [part for part in body if part.tag != "joint"]
+    for part in list(body):
+        body.remove(part)
     body.append(first)
-    for i, one in enumerate(others):
+    for i, part in enumerate(others):
         last.set("name", f"{name}_{i}_of_{len(others)}")
         last = ET.SubElement(last, "body", name=name)
-        last.append(one)
+        last.append(part)
     last.extend(inside)

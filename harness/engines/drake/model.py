@@ -1,4 +1,4 @@
-"""A tree in Drake, whatever its file's format: a plant for each step, or one that has none."""
+"""A tree in Drake, from any format: a discrete plant per step, or a continuous one."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ SAP, TAMSI, CONTINUOUS = "sap", "tamsi", "continuous"
 
 
 class DrakeModel(TreeModel):
-    """A tree of slides and hinges, fixed or not.
+    """A tree of slides and hinges, fixed or floating.
 
     Attributes:
-        coupled: whether couplings are given to discrete plants, or in the text.
-        stepping: how it steps.
+        coupled: whether couplings are added to discrete plants, or are in the text.
+        stepping: the integration method.
     """
 
     coupled: bool = False
     stepping: str = SAP
 
     def take(self, text: str, kind: str, hold: Sequence[Mimic]) -> None:
-        """Take what was read of the file.
+        """Build the plant from the file's text.
 
         Args:
-            text: as Drake is to read it.
-            kind: its format, as Drake calls it.
-            hold: joints that a continuous plant is to hold to those that they follow.
+            text: the file's text as Drake reads it.
+            kind: its format, as Drake names it.
+            hold: mimic joints that a continuous plant must constrain.
         """
-        self._text, self._kind, self._said = text, kind, list[str]()
+        self._text, self._kind, self._messages = text, kind, list[str]()
         self._continuous = self.stepping == CONTINUOUS
         self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
         plant = self._plant = self._built(0.0 if self._continuous else self.step)
@@ -66,10 +66,10 @@ class DrakeModel(TreeModel):
 
     @abstractmethod
     def complete(self, plant: Any) -> None:
-        """Add to a plant what its parser has not, before it is finished."""
+        """Add elements that Drake's parser ignores, before the plant is finalized."""
 
     def _built(self, h: float) -> Any:
-        """A plant of this step; 0: a continuous one."""
+        """Build a plant with this step; 0 gives a continuous plant."""
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
@@ -79,79 +79,83 @@ class DrakeModel(TreeModel):
         if h:
             plant.SetUseSampledOutputPorts(False)
         try:
-            with logged(self._said):
+            with logged(self._messages):
                 Parser(plant).AddModelsFromString(self._text, self._kind)
                 self.complete(plant)
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
-            told = re.sub(r"<(literal|data)-string>(\.\w+)?(:\d+)*", self.path.name, folded(error))
-            raise UnsupportedError(f"{self.path}: Drake can't load it: {told}") from None
+            message = re.sub(
+                r"<(literal|data)-string>(\.\w+)?(:\d+)*", self.path.name, folded(error)
+            )
+            raise UnsupportedError(f"{self.path}: Drake can't load it: {message}") from None
         return plant
 
     @cached_property
-    def _one(self) -> Plant:
-        """A continuous plant: one that is stepped tells no accelerations."""
-        return self._put(self._plant if self._continuous else self._built(0.0))
+    def _continuous_plant(self) -> Plant:
+        """A continuous plant, since a discrete one does not provide accelerations."""
+        return self._wrap(self._plant if self._continuous else self._built(0.0))
 
-    def _put(self, plant: Any) -> Plant:
+    def _wrap(self, plant: Any) -> Plant:
         return Plant(plant, self.floats, self._springs, self.lifts)
 
     def _discrete_of(self, h: float) -> DiscreteSteps:
         plant = self._plant if h == self.step else self._built(h)
-        one = self._put(plant)
-        return DiscreteSteps(one, self.floats, one.pulled)
+        wrapped = self._wrap(plant)
+        return DiscreteSteps(wrapped, self.floats, wrapped.pulled)
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
-        """Of one state's positions, velocities and forces, as `RungeKutta` has them."""
-        a = self._one.accelerations(x, m, f)
+        """Return accelerations of one state and its forces, in `RungeKutta`'s convention."""
+        a = self._continuous_plant.accelerations(x, m, f)
         if self._along is None:
             return a
-        mass = self._one.mass(x)
+        mass = self._continuous_plant.mass(x)
         return held_accelerations(mass, mass @ a, self._along)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step by step, in the plant of that step."""
+        """Step through a rollout, in the plant of that step."""
         if not self._continuous:
             self.stepper = self._discrete(h)
         return super().rollout(q, v, h, n, force, every)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 1 of discrete plants; of RK4 4, until an input is held over the step."""
+        """Return order 1 for discrete plants, and 4 for RK4 unless an input is held over the
+        step.
+        """
         return (4 if self._continuous and not varying_input else 1), 1
 
     @property
     def step_rule(self) -> StepRule | None:
-        """SAP has dampers at the step's end; no rule tells how a plant turns a root that floats."""
+        """The step rule: SAP evaluates dampers at the step's end; a floating root has no rule."""
         if self._continuous:
             return StepRule(scheme="Runge-Kutta 4")
         if self.floats:
             return None
-        late = self._damping if self.stepping == SAP and self._damping.any() else None
+        damping = self._damping if self.stepping == SAP and self._damping.any() else None
         soft = "couplings, which are soft" if self.mimics and not self.let_go else ""
-        return StepRule(scheme="semi-implicit Euler", damping=late, besides=soft)
+        return StepRule(scheme="semi-implicit Euler", damping=damping, besides=soft)
 
     @property
     def integrators(self) -> Mapping[str, Mapping[str, object]]:
-        """RK4, where nothing is to be held by constraints."""
-        alone = not self._continuous and not self.mimics
-        return {"Runge-Kutta 4": {"stepping": CONTINUOUS}} if alone else {}
+        """RK4, for models without constraints."""
+        is_available = not self._continuous and not self.mimics
+        return {"Runge-Kutta 4": {"stepping": CONTINUOUS}} if is_available else {}
 
     @property
     def limits(self) -> Array:
-        """Of joints that discrete plants hold, (nz, 2)."""
+        """Limits of joints that discrete plants enforce, (nz, 2)."""
         stopped = not (self._continuous or self.settings["smooth"])
         return self.stated_limits if stopped else super().limits
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What Drake's parser has warned of."""
-        return tuple(dict.fromkeys(self._said))
+        """Warnings of Drake's parser."""
+        return tuple(dict.fromkeys(self._messages))
 
     def said_remarks(self) -> Iterator[Remark]:
-        """What Drake says of the file."""
+        """Yield Drake's warnings about the file."""
         yield from (
             Remark(kind="warning", message=f"Drake: {word}", address="") for word in self.warnings
         )
@@ -162,16 +166,16 @@ class DrakeModel(TreeModel):
         """Bodies and their centres of mass."""
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics."""
-        one = self._put(self._plant)
+        """Return poses by Drake's forward kinematics."""
+        wrapped = self._wrap(self._plant)
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         for k, row in enumerate(z):
             x, m = to_state(row, 0 * row) if self.floats else (row, 0 * row)
-            one.put(x, m)
+            wrapped.set_state(x, m)
             for f, place in enumerate(places):
                 kind, _, name = place.partition(":")
                 body = self._plant.GetBodyByName(name)
-                pose = body.EvalPoseInWorld(one.context)
+                pose = body.EvalPoseInWorld(wrapped.context)
                 inward = body.default_com() if kind == "centre" else np.zeros(3)
                 origins[k, f] = pose.multiply(inward)
                 turns[k, f] = pose.rotation().matrix()

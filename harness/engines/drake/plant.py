@@ -1,7 +1,7 @@
-"""A plant of Drake's in one state, its coordinates as the harness has them.
+"""A Drake plant in one state, with the harness's coordinates.
 
-Drake's of a free root are its quaternion, real part first, and its place; velocities are angular
-and linear, along the world's axes, and forces likewise.
+Drake's coordinates of a free root are its quaternion, real part first, and its position. Velocities
+are angular and linear, along the world's axes, and so are forces.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ QUATERNION = 4
 
 
 def moving_joints(plant: Any) -> list[Any]:
-    """Of a finalized plant, in the order of their velocities, a root that floats first."""
-    found = [plant.get_joint(i) for i in plant.GetJointIndices()]
+    """Return the moving joints of a finalized plant in the order of velocities, a floating root
+    first.
+    """
+    joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
     return sorted(
-        (j for j in found if j.num_velocities()),
+        (j for j in joints if j.num_velocities()),
         key=lambda j: (j.num_velocities() != FREE, int(j.velocity_start())),
     )
 
@@ -40,10 +42,10 @@ class Plant:
     """A finalized plant with a context.
 
     Args:
-        plant: of slides and hinges, after a root that may float.
-        floats: whether it does.
+        plant: of slides and hinges, after an optional floating root.
+        floats: whether the root floats.
         springs: along slides and hinges.
-        lifts: weights that are taken from bodies.
+        lifts: weights that gravity compensation cancels.
     """
 
     def __init__(
@@ -65,8 +67,8 @@ class Plant:
         self._own_q, self._own_v = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
         self._port = plant.get_applied_generalized_force_input_port()
 
-    def put(self, x: Array, m: Array) -> None:
-        """Put it into a state: positions and velocities as `RungeKutta` has them."""
+    def set_state(self, x: Array, m: Array) -> None:
+        """Set positions and velocities in `RungeKutta`'s convention."""
         joints, speeds = (x[7:], m[FREE:]) if self._floats else (x, m)
         self._own_q[self._q], self._own_v[self._v] = joints, speeds
         if self._floats:
@@ -78,7 +80,7 @@ class Plant:
         self._plant.SetVelocities(self.context, self._own_v)
 
     def state(self) -> tuple[Array, Array]:
-        """Positions and velocities of now."""
+        """Return the current positions and velocities."""
         q, v = self._plant.GetPositions(self.context), self._plant.GetVelocities(self.context)
         if not self._floats:
             return q[self._q], v[self._v]
@@ -88,26 +90,26 @@ class Plant:
         return x, np.concatenate([linear, matrix(turn).T @ spin, v[self._v]])
 
     def push(self, x: Array, m: Array, f: Array) -> None:
-        """Let forces act, the springs', and what lifts bodies; in the state where it was put."""
-        own = np.zeros_like(self._own_v)
-        own[self._v] = f[FREE:] if self._floats else f
+        """Apply forces, springs and gravity compensation in the state that was set."""
+        forces = np.zeros_like(self._own_v)
+        forces[self._v] = f[FREE:] if self._floats else f
         if not self._springs.empty:
-            at, rates = (x[7:], m[FREE:]) if self._floats else (x, m)
-            own[self._v] += self._springs.at(at, rates)
+            positions, rates = (x[7:], m[FREE:]) if self._floats else (x, m)
+            forces[self._v] += self._springs.forces(positions, rates)
         if self._floats:
             moment = matrix(x[3:7]) @ f[3:FREE]
-            own[self._root_v :][:FREE] = np.concatenate([moment, f[:3]])
+            forces[self._root_v :][:FREE] = np.concatenate([moment, f[:3]])
         if self._lifts:
-            own += self._lifted()
-        self._port.FixValue(self.context, own)
+            forces += self._lifted()
+        self._port.FixValue(self.context, forces)
 
     @property
     def pulled(self) -> bool:
-        """Whether forces act that depend on the state."""
+        """True if forces act that depend on the state."""
         return not self._springs.empty or bool(self._lifts)
 
     def _lifted(self) -> Array:
-        """Return generalized forces of gravity compensation where it was put."""
+        """Return generalized forces of gravity compensation in the current state."""
         from pydrake.multibody.math import SpatialForce
         from pydrake.multibody.tree import MultibodyForces
 
@@ -115,14 +117,14 @@ class Plant:
         world = self._plant.world_frame()
         for body, centre, force in self._lifts:
             outward = body.EvalPoseInWorld(self.context).rotation().multiply(centre)
-            pull = SpatialForce(np.zeros(3), force)
-            body.AddInForce(self.context, outward, pull, world, forces)
-        found: Array = self._plant.CalcGeneralizedForces(self.context, forces)
-        return found
+            lift = SpatialForce(np.zeros(3), force)
+            body.AddInForce(self.context, outward, lift, world, forces)
+        result: Array = self._plant.CalcGeneralizedForces(self.context, forces)
+        return result
 
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
-        """Of a continuous plant, as `RungeKutta` has them."""
-        self.put(x, m)
+        """Return accelerations of a continuous plant, in `RungeKutta`'s convention."""
+        self.set_state(x, m)
         self.push(x, m, f)
         rates = self._plant.EvalTimeDerivatives(self.context).CopyToVector()
         a = rates[self._plant.num_positions() :]
@@ -132,23 +134,25 @@ class Plant:
         return np.concatenate([linear, matrix(x[3:7]).T @ spin, a[self._v]])
 
     def mass(self, x: Array) -> Array:
-        """The mass matrix where it was put, for velocities as `RungeKutta` has them."""
+        """Return the mass matrix in the current state, for velocities in `RungeKutta`'s
+        convention.
+        """
         n = len(self._v) + (FREE if self._floats else 0)
         turned = np.zeros((len(self._own_v), n))
         turned[self._v, np.arange(n - len(self._v), n)] = 1.0
         if self._floats:
             root = turned[self._root_v :]
             root[:3, 3:FREE], root[3:FREE, :3] = matrix(x[3:7]), np.eye(3)
-        found: Array = turned.T @ self._plant.CalcMassMatrix(self.context) @ turned
-        return found
+        result: Array = turned.T @ self._plant.CalcMassMatrix(self.context) @ turned
+        return result
 
     def update(self) -> None:
-        """A step of a discrete plant."""
+        """Step a discrete plant."""
         self.context.SetDiscreteState(self._plant.EvalUniquePeriodicDiscreteUpdate(self.context))
 
 
 class DiscreteSteps(Stepper):
-    """A discrete plant, which goes on by its own step.
+    """A discrete plant, which advances by its own step.
 
     Args:
         plant: in a context.
@@ -161,18 +165,18 @@ class DiscreteSteps(Stepper):
         self._lost = self._pushed = False
 
     def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state, under no force."""
+        """Set a state, without forces."""
         x, m = to_state(q, v) if self._floats else (q, v)
         self._lost = False
-        self._plant.put(x, m)
+        self._plant.set_state(x, m)
         self._plant.push(x, m, np.zeros_like(m))
 
     def position(self) -> Array:
-        """Where it is."""
+        """Return the position."""
         return self.state()[0]
 
     def state(self) -> tuple[Array, Array]:
-        """Positions and velocities; no numbers, once Drake has refused to go on."""
+        """Return positions and velocities; NaN velocities after Drake has failed."""
         x, m = self._plant.state()
         if self._lost:
             m = np.full_like(m, np.nan)
@@ -182,12 +186,12 @@ class DiscreteSteps(Stepper):
         return z, rates(z, m)
 
     def step(self, h: float, force: Array | None) -> None:
-        """By an update of the plant."""
+        """Step by an update of the plant."""
         if force is not None or self._pulled or self._pushed:
             x, m = self._plant.state()
             self._plant.push(x, m, np.zeros_like(m) if force is None else force)
             self._pushed = force is not None
         try:
             self._plant.update()
-        except RuntimeError:  # of a motion that has blown up
+        except RuntimeError:  # a diverging motion
             self._lost = True

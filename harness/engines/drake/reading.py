@@ -1,4 +1,4 @@
-"""What Drake's parser warns of, and what it takes in place of what it can't take."""
+"""Warnings of Drake's parser, and the inertias that it substitutes for impossible ones."""
 
 from __future__ import annotations
 
@@ -15,43 +15,49 @@ from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.source import folded
 
 BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
-"""Moments of the ball as dense as water that stands for what is no inertia: of 1 kg, kg m^2."""
+"""Moments of inertia, kg m^2, of a 1 kg ball of water: Drake's substitute for an impossible
+inertia.
+"""
 
 
 def refuse_balls(plant: Any, moments_of: Mapping[str, float], path: Path) -> None:
-    """Refuse links that move and for whose inertias Drake has taken those of a ball.
+    """Refuse moving links whose inertias Drake has replaced by those of a ball.
 
     Args:
         plant: finalized.
-        moments_of: what its links state for ixx, kg m^2.
-        path: of it.
+        moments_of: the links' stated ixx, kg m^2.
+        path: of the file.
 
     Raises:
         EngineError: naming file and link.
     """
     for name, stated in moments_of.items():
         body = plant.GetBodyByName(name)
-        own = body.default_spatial_inertia()
-        central = own.Shift(own.get_com()) if own.get_mass() else own  # it is put at the centre
-        moments = central.CalcRotationalInertia().get_moments() if own.get_mass() else np.zeros(3)
-        ball = BALL * own.get_mass() ** (5 / 3)
-        taken = ball > 0 and bool(np.all(np.abs(moments - ball) < 1e-6 * ball))
-        if taken and abs(stated - ball) > 1e-4 * ball and not plant.IsAnchored(body):
+        inertia = body.default_spatial_inertia()
+        central = (
+            inertia.Shift(inertia.get_com()) if inertia.get_mass() else inertia
+        )  # at the centre
+        moments = (
+            central.CalcRotationalInertia().get_moments() if inertia.get_mass() else np.zeros(3)
+        )
+        ball = BALL * inertia.get_mass() ** (5 / 3)
+        is_ball = ball > 0 and bool(np.all(np.abs(moments - ball) < 1e-6 * ball))
+        if is_ball and abs(stated - ball) > 1e-4 * ball and not plant.IsAnchored(body):
             raise EngineError(
-                f"{path}: Drake takes a ball of {own.get_mass():.4g} kg for the "
+                f"{path}: Drake takes a ball of {inertia.get_mass():.4g} kg for the "
                 f"impossible inertia of link {body.name()!r}; correct the inertia, "
                 "or remove it"
             )
 
 
 @contextmanager
-def logged(said: list[str]) -> Iterator[None]:
-    """What Drake logs meanwhile, a sentence each, in place of on stderr."""
+def logged(messages: list[str]) -> Iterator[None]:
+    """Collect Drake's log messages in a list instead of on stderr."""
 
     class Kept(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            told = folded(record.getMessage())
-            said.append(re.sub(r"^<(literal|data)-string>(\.\w+)?:", "", told))
+            message = folded(record.getMessage())
+            messages.append(re.sub(r"^<(literal|data)-string>(\.\w+)?:", "", message))
 
     logger, handler = logging.getLogger("drake"), Kept(logging.WARNING)
     others, spread = list(logger.handlers), logger.propagate

@@ -1,4 +1,4 @@
-"""SDFormat for Drake, whose parser reads over `<mimic>` and has an element of its own for it."""
+"""SDFormat for Drake, whose parser ignores `<mimic>` and defines its own element."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from physics_crosscheck.harness.engines.sdf import mimic_of
 
 SPACE = "http://drake.mit.edu"
 
-ET.register_namespace("drake", SPACE)  # its parser knows its elements by that prefix
+ET.register_namespace("drake", SPACE)  # Drake's parser requires this prefix
 
 
 def without_own(model: ET.Element) -> None:
-    """Leave out what only Drake reads of a joint, such as inertias of rotors."""
+    """Remove joint elements that only Drake reads, such as rotor inertias."""
     for joint in model.findall("joint"):
         for part in list(joint):
             if part.tag.startswith(f"{{{SPACE}}}"):
@@ -25,16 +25,16 @@ def own_mimics(model: ET.Element) -> None:
     for joint in model.findall("joint"):
         mimic = mimic_of(joint)
         if mimic is not None:
-            told = {
+            attributes = {
                 "joint": mimic.leader,
                 "multiplier": repr(mimic.multiplier),
                 "offset": repr(mimic.offset),
             }
-            ET.SubElement(joint, f"{{{SPACE}}}mimic", told)
+            ET.SubElement(joint, f"{{{SPACE}}}mimic", attributes)
 
 
 def weightless(model: ET.Element) -> tuple[str, ...]:
-    """Return the names of links that gravity is not to pull on: Drake ignores `<gravity>`."""
+    """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
     return tuple(
         link.get("name", "")
         for link in model.findall("link")
@@ -43,6 +43,6 @@ def weightless(model: ET.Element) -> tuple[str, ...]:
 
 
 def weight_cause(names: Sequence[str]) -> str:
-    """Return what a diagnosis calls it."""
+    """Return the cause that a diagnosis reports."""
     listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
     return f"Drake's ignoring of <gravity>false</gravity> ({listed})"

@@ -52,21 +52,25 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         refuse_balls(self._plant, self.declared.moments, spec.path)
 
     def complete(self, plant: Any) -> None:
-        """Weld its root to the world, unless it floats, or is the world by its name."""
+        """Weld the root to the world, unless it floats or is the world itself."""
         root = self.declared.root
         if not self.floats and root != plant.world_frame().name():
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
 
     @property
-    def remedies(self) -> Mapping[str, Mapping[str, object]]:
-        """What Drake leaves out, of joints as it is stepped here, with what undoes it."""
-        found: dict[str, Mapping[str, object]] = {MIMICS: {"stepping": SAP}} if self.let_go else {}
+    def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
+        """Elements that Drake leaves out with this stepping, with the settings that correct
+        them.
+        """
+        settings: dict[str, Mapping[str, object]] = (
+            {MIMICS: {"stepping": SAP}} if self.let_go else {}
+        )
         if self._weightless and not self.lifts:
-            found[weight_cause(self._weightless)] = {"weightless_links": True}
-        return found
+            settings[weight_cause(self._weightless)] = {"weightless_links": True}
+        return settings
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the file says in vain, and what Drake says of it."""
+        """Yield ignored parts of the file, and Drake's warnings."""
         yield from UrdfModel.remarks(self, z, w)
         yield from self.said_remarks()
 
@@ -78,10 +82,12 @@ class DrakeUrdf(DrakeModel, UrdfModel):
 
 
 def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
-    """What is changed in a file before Drake sees it, besides what settings say to every engine."""
+    """Return the changes to a file before Drake reads it, besides those that settings make for all
+    engines.
+    """
     smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
     if spec.path.suffix == SDF:
         bounds = [sdf_without_bounds, without_own] if smooth else []
         return [*bounds, sdf_mimics_of(()) if free else own_mimics]
-    own = without_bounds if smooth else without_crossed_bounds
-    return [without_shapes, own, *([mimics_of(())] if free else [])]
+    bounds_change = without_bounds if smooth else without_crossed_bounds
+    return [without_shapes, bounds_change, *([mimics_of(())] if free else [])]

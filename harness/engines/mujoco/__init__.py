@@ -1,4 +1,4 @@
-"""MuJoCo, on MJCF and on URDF, in C and in JAX."""
+"""MuJoCo, on MJCF and URDF, in C and in JAX."""
 
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
 from physics_crosscheck.harness.engines.mujoco.mjx import MjxEngine

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
 
 
 def compiled_actuator(m: Any, i: int) -> CompiledActuator:
-    """Return the actuator numbered `i`."""
+    """Return the actuator with index `i`."""
     import mujoco
 
     kinds = (
@@ -41,7 +41,7 @@ def compiled_actuator(m: Any, i: int) -> CompiledActuator:
 
 
 def _target(m: Any, i: int) -> str:
-    """Return the name of what it acts on; empty for none."""
+    """Return the name of the element that it acts on; empty for other transmissions."""
     import mujoco
 
     kind, target = mujoco.mjtTrn(m.actuator_trntype[i]), int(m.actuator_trnid[i][0])
@@ -59,7 +59,7 @@ def _target(m: Any, i: int) -> str:
 
 
 def _numbers(m: Any, i: int) -> Iterator[tuple[str, Numbers]]:
-    """Yield those on which its force depends while its control is held."""
+    """Yield the numbers that its force depends on while its control is held."""
     yield "gear", _row(m.actuator_gear[output(m, i)])
     yield "gain and bias", (*_row(m.actuator_gainprm[i]), *_row(m.actuator_biasprm[i]))
     yield "dynamics", _row(m.actuator_dynprm[i])
@@ -70,10 +70,10 @@ def _numbers(m: Any, i: int) -> Iterator[tuple[str, Numbers]]:
 
 
 def _ranges(m: Any, i: int) -> Iterator[tuple[str, Numbers]]:
-    """Yield those in which it saturates, and what acts as its control changes."""
-    at = control(m, i)
+    """Yield its saturation ranges, and features that act as its control changes."""
+    index = control(m, i)
     for what, limited, bounds in (
-        ("control", m.actuator_ctrllimited[at], m.actuator_ctrlrange[at]),
+        ("control", m.actuator_ctrllimited[index], m.actuator_ctrlrange[index]),
         ("state", m.actuator_actlimited[i], m.actuator_actrange[i]),
         ("force", m.actuator_forcelimited[i], m.actuator_forcerange[i]),
     ):

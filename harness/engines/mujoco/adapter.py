@@ -1,4 +1,4 @@
-"""MuJoCo, on MJCF and on URDF."""
+"""MuJoCo, on MJCF and URDF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
-from physics_crosscheck.harness.engines.mjcf_engine import MJCF_IDLE
+from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL
 from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
 from physics_crosscheck.harness.engines.mujoco.forward import (
     equality_errors,
@@ -28,7 +28,7 @@ from physics_crosscheck.harness.engines.mujoco.mjcf import (
     refusal,
     sources,
 )
-from physics_crosscheck.harness.engines.mujoco.poses import Poses
+from physics_crosscheck.harness.engines.mujoco.poses import PoseEvaluator
 from physics_crosscheck.harness.engines.mujoco.remarks import (
     UNCOMPENSATED,
     file_remarks,
@@ -62,7 +62,12 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import XmlSource, engine_errors
 from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.engines.urdf import IDLE, SETTINGS, read_urdf, sample_urdf
+from physics_crosscheck.harness.engines.urdf import (
+    SETTINGS,
+    URDF_NON_PHYSICAL,
+    read_urdf,
+    sample_urdf,
+)
 from physics_crosscheck.harness.engines.urdf_copy import followers_of, rewritten
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
@@ -70,9 +75,14 @@ _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjIN
 
 _SOFT = "soft equality (solref, solimp)"
 _SAME = "inertial frames within 1e-6 of their bodies' frames are taken for these"
-_OWN: Mapping[str, object] = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
+_DEFAULT_SOFTNESS: Mapping[str, object] = {
+    "solref": [0.02, 1.0],
+    "solimp": [0.9, 0.95, 0.001, 0.5, 2.0],
+}
 _STIFF: Mapping[str, object] = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
-"""Equalities as soft as MuJoCo makes them, and as stiff as a step allows, settled after one."""
+"""The default softness of equalities, and the stiffest that a step allows, which settles in one
+step.
+"""
 
 _SAMPLE = """<mujoco><option timestep="0.004" integrator="{}" jacobian="dense"/>
 <compiler angle="radian"/><worldbody>
@@ -100,10 +110,10 @@ class MujocoEngine(Engine):
         "linearization: from steps",
         "steps: Euler, implicit, implicitfast: order 1; RK4: order 4",
     )
-    unstated = "2 ms and -9.81"
+    default_settings_note = "2 ms and -9.81"
     takes_springs = (".urdf",)
     stated_settings = MappingProxyType({"integrator": "Euler"})
-    idle = MappingProxyType({**IDLE, **MJCF_IDLE})
+    non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **MJCF_NON_PHYSICAL})
     choices = (
         r".*@(contype|conaffinity|condim|group|priority|.*iterations|count)"
         r"|.*/(texture|global|quality|hfield|size)@\w+|.*/numeric@size"
@@ -112,12 +122,15 @@ class MujocoEngine(Engine):
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls", "activations"})
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = (
         LeftOut(
-            name="soft equality, solref left out", within="equality", defaults=_OWN, cause=_SOFT
+            name="soft equality, solref left out",
+            within="equality",
+            defaults=_DEFAULT_SOFTNESS,
+            cause=_SOFT,
         ),
     )
 
     def version(self) -> str | None:
-        """Version of the installed package, or None."""
+        """Return the version of the installed package, or None."""
         return version_of("mujoco", "mujoco")
 
     def load(self, spec: ModelSpec) -> MujocoModel:
@@ -125,7 +138,7 @@ class MujocoEngine(Engine):
         import mujoco
 
         robot = read_urdf(spec.path) if spec.path.suffix == ".urdf" else None
-        found, warnings = sources(spec.path), Warnings()
+        xml_sources, warnings = sources(spec.path), Warnings()
         try:
             with warnings.heard(), rewritten(robot, spec.path, changes(spec)) as path:
                 tree = mujoco.MjSpec.from_file(str(path))
@@ -138,7 +151,7 @@ class MujocoEngine(Engine):
         except EngineError:
             raise
         except Exception as error:
-            raise refusal(error, spec.path, found) from None
+            raise refusal(error, spec.path, xml_sources) from None
         if is_on(spec, "exact_frames", otherwise=False):
             model.body_sameframe[:] = 0
         if is_on(spec, "compensated", otherwise=False):
@@ -146,8 +159,8 @@ class MujocoEngine(Engine):
         hold(model, followers_of(spec.settings, f"{spec.path}.toml"))
         if is_on(spec, "smooth", otherwise=False):
             leave_out(model)
-        checked_step(model.opt.timestep, found, spec, mujoco.mjMINVAL)
-        checked_numbers(_not_finite(model), found, spec.path)
+        checked_step(model.opt.timestep, xml_sources, spec, mujoco.mjMINVAL)
+        checked_numbers(_not_finite(model), xml_sources, spec.path)
         if not model.njnt:
             raise EngineError(f"{spec.path}: it has no moving joint")
         if (model.nu or model.na) and not is_on(spec, "smooth", otherwise=False):
@@ -156,25 +169,25 @@ class MujocoEngine(Engine):
                 "joints; remove them"
             )
         controls = held_controls(model, spec)
-        # A run that blows up must stay blown up: the automatic reset would return zeros, and every
-        # rung would agree with itself.
+        # A diverged run must stay diverged: the automatic reset would return zeros, so that all
+        # step sizes would agree.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return self.model_of(model, spec, found, warnings, controls)
+        return self.model_of(model, spec, xml_sources, warnings, controls)
 
     def model_of(self, *compiled: Any) -> MujocoModel:
-        """What is stepped of a compiled model, with what `MujocoModel` takes beside it."""
+        """Return the model to step; the arguments are those of `MujocoModel`."""
         return MujocoModel(*compiled)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Of a URDF, step and gravity; MuJoCo's own are the same."""
+        """Return the settings of a URDF: step and gravity, with MuJoCo's own defaults."""
         return SETTINGS if suffix == ".urdf" else {}
 
     def parts(self, path: Path) -> tuple[Path, ...]:
-        """An MJCF and those that it includes."""
+        """Return an MJCF and its includes."""
         return included(path)
 
     def file_remarks(self, path: Path) -> Iterator[Remark]:
-        """Masses and inertias that the compiler replaces, and what acts on nothing."""
+        """Yield masses and inertias that the compiler replaces, and elements without effect."""
         robot = read_urdf(path) if path.suffix == ".urdf" else None
         if robot is not None and robot.find("mujoco/compiler") is None:
             return
@@ -182,30 +195,30 @@ class MujocoEngine(Engine):
             yield from file_remarks(copy, path)
 
     def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
-        """An MJCF as MuJoCo compiles it."""
+        """Return an MJCF as MuJoCo compiles it."""
         return compiled_tree(path, texts or {})
 
     def samples(self) -> tuple[Sample, ...]:
-        """Every order and treatment of damping, in MJCF; the first in a URDF too."""
+        """Return MJCF samples with every order and treatment of damping, and a URDF."""
         names = ("Euler", "implicit", "implicitfast", "RK4")
         mjcf = (Sample(file=f"{name}.xml", text=_SAMPLE.format(name)) for name in names)
         return (*mjcf, sample_urdf())
 
 
 def _not_finite(model: Any) -> dict[str, object]:
-    """Fields of a compiled model that are not finite; ranges may well be."""
+    """Return fields of a compiled model that are not finite, except ranges."""
     parts = ((model, _reals("model")), (model.opt, _reals("options")))
     fields = {name: getattr(part, name) for part, names in parts for name in names}
     return {name: value for name, value in fields.items() if not np.isfinite(value).all()}
 
 
 @cache
-def _reals(of: str) -> tuple[str, ...]:
-    """Which attributes of a model, or of its options, are arrays of real numbers."""
+def _reals(owner: str) -> tuple[str, ...]:
+    """Return the attributes of a model, or of its options, that are real arrays."""
     import mujoco
 
     empty = mujoco.MjSpec().compile()
-    part = empty if of == "model" else empty.opt
+    part = empty if owner == "model" else empty.opt
     return tuple(
         name
         for name in dir(part)
@@ -221,7 +234,7 @@ class MujocoModel(Model):
         self,
         model: Any,
         spec: ModelSpec,
-        found: tuple[XmlSource, ...],
+        xml_sources: tuple[XmlSource, ...],
         warnings: Warnings,
         controls: tuple[Array, Array],
     ) -> None:
@@ -229,10 +242,10 @@ class MujocoModel(Model):
 
         self._controls, self._activations = controls
 
-        self.model, self._spec, self._sources, self._warnings = model, spec, found, warnings
+        self.model, self._spec, self._sources, self._warnings = model, spec, xml_sources, warnings
         self._states = States(model)
         self.coordinates = self._states.names
-        # The step is read now: every rollout sets another.
+        # Read the step now: every rollout sets another.
         self.step = float(model.opt.timestep)
         name: str = mujoco.mjtIntegrator(model.opt.integrator).name
         self.integrator = name.removeprefix("mjINT_").lower()
@@ -240,55 +253,57 @@ class MujocoModel(Model):
 
     @property
     def home(self) -> Array:
-        """Positions as the file draws the mechanism, (nz,)."""
+        """Positions in the drawn configuration, (nz,)."""
         qpos = np.array(self.model.qpos0, dtype=float)
-        return np.array(self._states.at(qpos, None))
+        return np.array(self._states.coordinates_of(qpos, None))
 
     @property
-    def reach(self) -> Array:
-        """Where positions may be drawn, (nz, 2): limits, a turn of a hinge, 1 m or 1 rad of all
-        others.
+    def sampling_range(self) -> Array:
+        """Sampling range of positions, (nz, 2): limits, or one turn of a hinge, or 1 m or 1 rad
+        each way.
         """
         import mujoco
 
-        own = self._states.joints
-        hinge = np.array(self.model.jnt_type)[own] == mujoco.mjtJoint.mjJNT_HINGE
+        joints = self._states.joints
+        hinge = np.array(self.model.jnt_type)[joints] == mujoco.mjtJoint.mjJNT_HINGE
         half = np.where(hinge, np.pi, 1.0)
         free = np.stack([self.home - half, self.home + half], axis=1)
         limited = self._limited
-        return within(free, np.where(limited[:, None], self.model.jnt_range[own], free))
+        return within(free, np.where(limited[:, None], self.model.jnt_range[joints], free))
 
     @property
     def limits(self) -> Array:
-        """Of limited joints, less the margin at which their stops begin to act, (nz, 2)."""
-        own = self._states.joints
-        margin = np.array(self.model.jnt_margin)[own, None] * [1.0, -1.0]
-        bounds = self.model.jnt_range[own] + margin
+        """Joint limits, less the margin at which their forces begin, (nz, 2)."""
+        joints = self._states.joints
+        margin = np.array(self.model.jnt_margin)[joints, None] * [1.0, -1.0]
+        bounds = self.model.jnt_range[joints] + margin
         return np.where(self._limited[:, None], bounds, [-np.inf, np.inf])
 
     @property
     def _limited(self) -> NDArray[np.bool_]:
-        """Which coordinates have limits of their own, (nz,)."""
+        """Mask of coordinates with limits, (nz,)."""
         limited = np.array(self.model.jnt_limited, dtype=bool)[self._states.joints]
-        found: NDArray[np.bool_] = np.logical_and(limited, self._states.single)
-        return found
+        result: NDArray[np.bool_] = np.logical_and(limited, self._states.single)
+        return result
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What stiffens equalities, compensates gravity, and has bodies' frames computed."""
-        found: dict[str, Mapping[str, object]] = {_SOFT: dict(_STIFF)} if self.model.neq else {}
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """Settings that stiffen equalities, compensate gravity, or compute body frames exactly."""
+        settings: dict[str, Mapping[str, object]] = {_SOFT: dict(_STIFF)} if self.model.neq else {}
         if idle_compensation(self.model):
-            found[UNCOMPENSATED] = {"compensated": True}
-        return {**found, _SAME: {"exact_frames": True}} if rounded_frames(self.model) else found
+            settings[UNCOMPENSATED] = {"compensated": True}
+        return (
+            {**settings, _SAME: {"exact_frames": True}} if rounded_frames(self.model) else settings
+        )
 
     @property
     def integrators(self) -> dict[str, dict[str, object]]:
-        """Not with equalities: their limits are resolved with Euler alone."""
+        """Another integrator; none with equalities, which only Euler resolves implicitly."""
         other = "Euler" if self.integrator == "rk4" else "RK4"
         return {} if equalities_act(self.model) else {other: {"integrator": other}}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What MuJoCo and its formats add or drop."""
+        """Yield changes that MuJoCo and its formats make to the model."""
         with self._warnings.heard():
             yield from model_remarks(self.model, self._spec, self._sources, self._states.qpos(z), w)
         for warning in self._warnings:
@@ -296,14 +311,14 @@ class MujocoModel(Model):
 
     @property
     def step_rule(self) -> StepRule | None:
-        """By its integrator."""
+        """The step rule of its integrator."""
         with self._warnings.heard():
             return step_rule(self.model)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """By `mj_forward`; where `smooth` asks equalities to hold at once, as if they held exactly.
+        """Return accelerations by `mj_forward`; under `smooth`, equalities hold exactly.
 
-        None of a model with soft equalities, whose softness they would show.
+        None for a model with soft equalities, whose softness would affect them.
         """
         if equalities_act(self.model) and not self._equalities_hold:
             return None
@@ -312,7 +327,7 @@ class MujocoModel(Model):
             return forward(self.model, self._data, self._states, (z, w, force), held)
 
     def equality_errors(self, z: Array) -> Array | None:
-        """By the rows of equalities that `accelerations` takes to hold exactly."""
+        """Return the errors of equalities that `accelerations` holds exactly."""
         if not self._equalities_hold:
             return None
         with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():
@@ -320,45 +335,45 @@ class MujocoModel(Model):
 
     @cached_property
     def _equalities_hold(self) -> bool:
-        """Whether they are to hold at once, and all are straight lines between joints."""
+        """True if equalities must hold exactly and all are linear in joint positions."""
         smooth = is_on(self._spec, "smooth", otherwise=False)
         return smooth and equalities_act(self.model) and holds_exactly(self.model)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What MuJoCo has warned of, on loading and since."""
+        """Warnings of MuJoCo, since the file was loaded."""
         return tuple(self._warnings)
 
     @cached_property
-    def _poses(self) -> Poses:
+    def _poses(self) -> PoseEvaluator:
         import mujoco
 
         if self._spec.path.suffix != ".urdf":
-            return Poses(self.model, "body")
-        # By default links on fixed joints, such as a tool's, become part of what they are fixed to.
+            return PoseEvaluator(self.model, "body")
+        # By default MuJoCo fuses links on fixed joints, such as a tool's, with their parents.
         robot = read_urdf(self._spec.path)
         with (
             self._warnings.heard(),
             rewritten(robot, self._spec.path, changes(self._spec)) as path,
         ):
             tree = mujoco.MjSpec.from_file(str(path))
-            complete_urdf(tree, self._spec, robot)  # a root that floats has coordinates
+            complete_urdf(tree, self._spec, robot)  # a floating root has coordinates
             tree.compiler.fusestatic = False
-            return Poses(tree.compile(), "link")
+            return PoseEvaluator(tree.compile(), "link")
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Bodies, their centres, sites and geoms that have a name."""
+        """Bodies, their centres, and sites and geoms with a name."""
         return self._poses.places
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics, without a step."""
-        return self._poses.at(places, self._states.qpos(z))
+        """Return poses by MuJoCo's forward kinematics, without a step."""
+        return self._poses.evaluate(places, self._states.qpos(z))
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """RK4 keeps order 4 until an input is held over the step; the others have order 1.
+        """Return order 4 for RK4 unless an input is held over the step, and 1 for the others.
 
-        States of exact filters that move under RK4 have order 1 as well (seen in 4.0.0).
+        Exact filters whose states move under RK4 have order 1 as well (observed in 4.0.0).
         """
         import mujoco
 
@@ -382,7 +397,7 @@ class MujocoModel(Model):
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Batched in C (`mujoco.rollout`), each state with a fresh warm start."""
+        """Run a batch in C (`mujoco.rollout`), with a fresh warm start for each state."""
         quiet = np.errstate(all="ignore")
         with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard(), quiet:
             if isinstance(force, StateForce):
@@ -398,7 +413,8 @@ class MujocoModel(Model):
         # A rollout without controls keeps the forces that an earlier one left in its data.
         mujoco.mj_resetData(self.model, self._data)
         qpos, nq, nv = self._states.qpos(q), self.model.nq, self.model.nv
-        # The full physics state is (time, qpos, qvel), the activations and more, which is zero.
+        # The full physics state is (time, qpos, qvel), activations, and further entries that stay
+        # zero.
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         state = np.zeros((len(q), size))
         state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv] = qpos, self._states.qvel(q, v)
@@ -410,13 +426,15 @@ class MujocoModel(Model):
         states, _ = self._rollout.rollout(
             self.model, self._data, state, force, nstep=n, control_spec=held
         )
-        # A run that blows up ends early, and its last state fills the rest: its clock stands still.
+        # A diverged run ends early and its last state fills the rest, so its clock stands still.
         states[states[:, :, 0] < h * (np.arange(n) + 0.5)] = np.nan
         kept = states[:, every - 1 :: every]
-        return self._states.taken(kept[:, :, 1 : 1 + nq], kept[:, :, 1 + nq : 1 + nq + nv], qpos)
+        return self._states.motion_of(
+            kept[:, :, 1 : 1 + nq], kept[:, :, 1 + nq : 1 + nq + nv], qpos
+        )
 
     def _with_controls(self, force: Array | None, shape: tuple[int, int]) -> Array:
-        """Controls come before applied forces."""
+        """Return controls, followed by applied forces."""
         applied = np.zeros((*shape, self.model.nv)) if force is None else force
         same = np.broadcast_to(self._controls, (*shape, len(self._controls)))
         return np.concatenate([same, applied], axis=2)
@@ -437,8 +455,10 @@ class MujocoModel(Model):
             data.act[:] = self._activations
             held = force.inputs[b].tolist()
             for i in range(n):
-                data.qfrc_applied[:] = force.at(self._states.at(data.qpos, q[b]), held[i])
+                data.qfrc_applied[:] = force.evaluate(
+                    self._states.coordinates_of(data.qpos, q[b]), held[i]
+                )
                 mujoco.mj_step(self.model, data)
                 if (i + 1) % every == 0:
                     out_q[b, i // every], out_v[b, i // every] = data.qpos, data.qvel
-        return self._states.taken(out_q, out_v, qpos)
+        return self._states.motion_of(out_q, out_v, qpos)

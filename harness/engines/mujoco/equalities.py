@@ -1,4 +1,4 @@
-"""Equalities of a compiled model that make slides and hinges follow others by straight lines."""
+"""Equalities of a compiled model that couple slides and hinges linearly."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from physics_crosscheck.harness.engines.mujoco.pulls import acts
 from physics_crosscheck.harness.engines.mujoco.ways import of_tendon
 
 _CURVED = slice(2, 5)
-"""Coefficients of an equality's polynomial that make it no straight line."""
+"""Coefficients of an equality's polynomial that make it nonlinear."""
 
 
 @dataclass(frozen=True)
-class _Following:
-    """A joint's position as an offset and multiples of those of others, by their indices."""
+class _LinearCoupling:
+    """A joint's position as an offset and multiples of others' positions, by index."""
 
     follower: int
     leaders: Mapping[int, float]
@@ -24,14 +24,14 @@ class _Following:
 
 
 def couplings(m: Any) -> Iterator[CompiledCoupling]:
-    """Joints that equalities make follow others, or stand still, by a straight line."""
-    for one in straight_equalities(m).values():
-        (leader, multiplier), *others = one.leaders.items() or [(None, 0.0)]
+    """Yield joints that linear equalities couple to others or fix."""
+    for coupling in straight_equalities(m).values():
+        (leader, multiplier), *others = coupling.leaders.items() or [(None, 0.0)]
         yield CompiledCoupling(
-            follower=one.follower,
+            follower=coupling.follower,
             leader=leader,
             multiplier=multiplier,
-            offset=one.offset,
+            offset=coupling.offset,
             others=tuple((joint, share) for joint, share in others if joint is not None),
         )
 
@@ -41,26 +41,28 @@ def equalities_act(m: Any) -> bool:
     return bool(m.eq_active0.any()) and acts(m, "EQUALITY") and acts(m, "CONSTRAINT")
 
 
-def straight_equalities(m: Any) -> dict[int, _Following]:
-    """Those that are active, of joints or fixed tendons, by their indices, and what follows.
+def straight_equalities(m: Any) -> dict[int, _LinearCoupling]:
+    """Return active linear equalities of joints or fixed tendons, by index.
 
-    Each is the first for its joint, and no leader follows one of its followers.
+    Each is the first for its follower, and no leader follows one of its followers.
     """
-    found: dict[int, _Following] = {}
+    couplings_by_row: dict[int, _LinearCoupling] = {}
     leaders: dict[int, set[int]] = {}
     for i in range(m.neq) if equalities_act(m) else ():
         if not m.eq_active0[i] or m.eq_data[i][_CURVED].any():
             continue
-        for one in _followings(m, i):
-            if one.follower not in leaders and one.follower not in _above(one.leaders, leaders):
-                found[i] = one
-                leaders[one.follower] = set(one.leaders)
+        for coupling in _followings(m, i):
+            if coupling.follower not in leaders and coupling.follower not in _above(
+                coupling.leaders, leaders
+            ):
+                couplings_by_row[i] = coupling
+                leaders[coupling.follower] = set(coupling.leaders)
                 break
-    return found
+    return couplings_by_row
 
 
 def _above(joints: Mapping[int, float], leaders: Mapping[int, set[int]]) -> set[int]:
-    """Joints, and all that they follow."""
+    """Return these joints and all their leaders, direct and indirect."""
     passed: set[int] = set()
     waiting = list(joints)
     while waiting:
@@ -71,20 +73,20 @@ def _above(joints: Mapping[int, float], leaders: Mapping[int, set[int]]) -> set[
     return passed
 
 
-def _followings(m: Any, i: int) -> Iterator[_Following]:
-    """An equality as a joint that follows: of a tendon's, any of them, the most felt first."""
+def _followings(m: Any, i: int) -> Iterator[_LinearCoupling]:
+    """Yield an equality as possible couplings; for a tendon, its largest coefficient first."""
     import mujoco
 
-    one, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+    first, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
     start, slope = float(m.eq_data[i][0]), float(m.eq_data[i][1])
     if m.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
         leaders = {other: slope} if other >= 0 else {}
-        offset = start + _drawn(m, one) - sum(x * _drawn(m, k) for k, x in leaders.items())
-        yield _Following(one, leaders, offset)
+        offset = start + _drawn(m, first) - sum(x * _drawn(m, k) for k, x in leaders.items())
+        yield _LinearCoupling(first, leaders, offset)
     if m.eq_type[i] != mujoco.mjtEq.mjEQ_TENDON:
         return
     shares: dict[int, float] = {}
-    for tendon, by in ((one, 1.0), *(((other, -slope),) if other >= 0 else ())):
+    for tendon, by in ((first, 1.0), *(((other, -slope),) if other >= 0 else ())):
         way = of_tendon(m, tendon, by)
         if not isinstance(way, tuple):
             return
@@ -92,12 +94,12 @@ def _followings(m: Any, i: int) -> Iterator[_Following]:
             shares[joint] = shares.get(joint, 0.0) + share
     whole = start + sum(share * _drawn(m, joint) for joint, share in shares.items())
     for joint in sorted(shares, key=lambda joint: -abs(shares[joint])):
-        own = shares[joint]
-        if own:
-            rest = {k: -share / own for k, share in shares.items() if k != joint and share}
-            yield _Following(joint, rest, whole / own)
+        coefficient = shares[joint]
+        if coefficient:
+            rest = {k: -share / coefficient for k, share in shares.items() if k != joint and share}
+            yield _LinearCoupling(joint, rest, whole / coefficient)
 
 
 def _drawn(m: Any, joint: int) -> float:
-    """Its position where the file draws it."""
+    """Return a joint's position in the drawn configuration."""
     return float(m.qpos0[m.jnt_qposadr[joint]])

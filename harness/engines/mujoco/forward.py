@@ -1,8 +1,8 @@
-"""Accelerations of a compiled model at given states: no step is taken.
+"""Accelerations of a compiled model at given states, without a step.
 
-A soft equality gives way to each step in another way, so that `mj_forward` with one has no
-accelerations to compare. Without it there are: MuJoCo's mass matrix M, forces f and the equality's
-own Jacobian J fix those with which J a = 0 holds exactly, by work that the equality does not do.
+With a soft equality, accelerations by `mj_forward` depend on its softness and can't be compared.
+MuJoCo's mass matrix M, forces f and the equality's Jacobian J determine the accelerations with J a
+= 0, for constraint forces that do no work.
 """
 
 from __future__ import annotations
@@ -22,79 +22,79 @@ def forward(
     model: Any,
     data: Any,
     states: States,
-    at: tuple[Array, Array, Array],
+    inputs: tuple[Array, Array, Array],
     held: tuple[Array, Array],
 ) -> Array:
-    """Return accelerations of the velocities, (B, nv); nan where a soft constraint acts.
+    """Return accelerations of the velocities, (B, nv); NaN where a soft constraint acts.
 
     Args:
         model: compiled.
-        data: of it, whose state is lost.
+        data: of the model; its state is overwritten.
         states: its coordinates.
-        at: positions, rates and forces on the coordinates, (B, nv) each.
+        inputs: positions, rates and forces on the coordinates, (B, nv) each.
         held: controls (nu,) and activations (na,).
     """
     import mujoco
 
-    z, w, force = at
+    z, w, force = inputs
     followers = following_dofs(model)
-    found = np.full_like(w, np.nan)
+    result = np.full_like(w, np.nan)
     mujoco.mj_resetData(model, data)
     data.ctrl[:], data.act[:] = held
     for k, (qpos, qvel) in enumerate(zip(states.qpos(z), states.qvel(z, w), strict=True)):
         data.qpos[:], data.qvel[:], data.qfrc_applied[:] = qpos, qvel, force[k]
         if followers:
-            found[k] = _held(model, data, followers)
+            result[k] = _held(model, data, followers)
             continue
         mujoco.mj_forward(model, data)
         if not data.nefc:
-            found[k] = data.qacc
-    return found
+            result[k] = data.qacc
+    return result
 
 
 def holds_exactly(model: Any) -> bool:
-    """Whether every equality that acts makes a slide or a hinge follow others by a straight line.
+    """Return whether every active equality couples a slide or hinge linearly to others.
 
-    Their rows alone fix what follows.
+    Their rows then determine the followers.
     """
     active = np.count_nonzero(model.eq_active0) if acts(model, "EQUALITY") else 0
     return active == len(following_dofs(model))
 
 
 def following_dofs(model: Any) -> list[int]:
-    """Return the degrees of freedom that active equalities make follow others, one a row."""
+    """Return the degrees of freedom that active equalities make follow others, one per row."""
     return [int(model.jnt_dofadr[e.follower]) for e in straight_equalities(model).values()]
 
 
 def equality_errors(model: Any, data: Any, qpos: Array) -> Array:
-    """Return how far positions (B, nq) are from where equalities put them, (B, nv).
+    """Return the distance of positions (B, nq) from those that equalities require, (B, nv).
 
-    Zero for all that follows nothing; nan where other constraints act. The rows' own positions,
-    `efc_pos`, as those of the joints that follow.
+    Zero for joints without a leader; NaN where other constraints act. Computed from the rows' own
+    positions, `efc_pos`.
     """
     import mujoco
 
     followers = following_dofs(model)
-    found = np.zeros((len(qpos), model.nv))
+    errors = np.zeros((len(qpos), model.nv))
     mujoco.mj_resetData(model, data)
-    for row, data.qpos[:] in zip(found, qpos, strict=True):
+    for row, data.qpos[:] in zip(errors, qpos, strict=True):
         mujoco.mj_fwdPosition(model, data)
         jacobian = _jacobian(model, data, followers)
         row[followers] = np.nan
         if jacobian is not None:
             row[followers] = np.linalg.solve(jacobian[:, followers], data.efc_pos)
-    return found
+    return errors
 
 
 def _jacobian(model: Any, data: Any, followers: list[int]) -> Array | None:
-    """The equalities' rows, (followers, nv); None where there are other constraints."""
+    """Return the equalities' rows, (followers, nv), or None if other constraints act."""
     if data.nefc != len(followers):
         return None
     return np.array(data.efc_J).reshape(data.nefc, model.nv)
 
 
 def _held(model: Any, data: Any, followers: list[int]) -> Array | float:
-    """Accelerations (nv,) that keep the equalities; nan where other constraints act."""
+    """Return accelerations (nv,) that satisfy the equalities; NaN where other constraints act."""
     import mujoco
 
     mujoco.mj_fwdPosition(model, data)

@@ -1,4 +1,4 @@
-"""The medium of a compiled model: what of it is a drag of boxes, and what is not."""
+"""The fluid of a compiled model: drag on boxes, and drag that is not covered."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from physics_crosscheck.harness.engines.compiled import CompiledMedium
 from physics_crosscheck.harness.engines.mujoco.pulls import acts
 
 FAINT = 1e-300
-"""Share of an ellipsoid's forces that is left: with none, its body's box would be dragged."""
+"""A remaining share of an ellipsoid's forces: at zero, MuJoCo would drag its body's box."""
 
 
-def medium(m: Any) -> CompiledMedium | None:
-    """Of the inertia model; None where nothing flows, or flags switch all passive forces off."""
+def box_fluid(m: Any) -> CompiledMedium | None:
+    """Return the fluid of the inertia model, or None if no fluid or passive force acts."""
     if not (m.opt.density > 0 or m.opt.viscosity > 0) or not (
         acts(m, "SPRING") or acts(m, "DAMPER")
     ):
@@ -26,16 +26,18 @@ def medium(m: Any) -> CompiledMedium | None:
 
 
 def ellipsoids(m: Any) -> Any:
-    """Which geoms the medium acts on as on ellipsoids, (ngeom,): their bodies are no boxes then."""
+    """Return which geoms, (ngeom,), the fluid model treats as ellipsoids: their bodies have no box
+    drag.
+    """
     return np.array(m.geom_fluid)[:, 0] > 0
 
 
 def without_ellipsoids(m: Any) -> None:
-    """Let nothing act on these geoms and their bodies."""
+    """Remove the fluid forces on these geoms and their bodies."""
     m.geom_fluid[ellipsoids(m), 0] = FAINT
 
 
 def boxed(m: Any, body: int) -> bool:
-    """Whether the medium acts on a body as on a box."""
+    """Return whether the fluid acts on a body as on a box."""
     first, count = int(m.body_geomadr[body]), int(m.body_geomnum[body])
     return not (count and ellipsoids(m)[first : first + count].any())

@@ -1,4 +1,4 @@
-"""An MJCF, or what a URDF says to MuJoCo, before it is compiled: what is stated, and where."""
+"""An MJCF, or a URDF for MuJoCo, before compilation: stated values and their places."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
-from physics_crosscheck.harness.engines.remark import PULL, Remark
+from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
 from physics_crosscheck.harness.engines.source import (
     NoXmlError,
     XmlSource,
@@ -20,74 +20,76 @@ from physics_crosscheck.harness.engines.source import (
 )
 
 _OVERRIDING = {"step": "timestep", "gravity": "gravity", "integrator": "integrator"}
-"""Settings of a sidecar, and what each overrides of an `<option>`."""
+"""Settings of a sidecar, and the `<option>` attribute that each overrides."""
 
 _DECLARED = re.compile(r"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 
 
 def sources(path: Path) -> tuple[XmlSource, ...]:
-    """A file and those that it includes, as far as they are XML; MuJoCo reads some more leniently.
+    """Return a file and its includes, if they are XML; MuJoCo's parser accepts more.
 
     Raises:
-        EngineError: for what no engine should see: pipes, a DTD, a second root, of which MuJoCo
-            reads the first alone.
+        EngineError: for files that no engine should read: pipes, a DTD, or a second root, of which
+            MuJoCo reads only the first.
     """
-    return tuple(one for one in _found(path).values() if one is not None)
+    return tuple(one for one in _sources_by_path(path).values() if one is not None)
 
 
 def included(path: Path) -> tuple[Path, ...]:
-    """A file and those that it includes, also those that are no XML.
+    """Return a file and its includes, also those that are not XML.
 
     Raises:
         EngineError: as `sources`.
     """
-    return tuple(_found(path))
+    return tuple(_sources_by_path(path))
 
 
-def _found(path: Path) -> dict[Path, XmlSource | None]:
-    found: dict[Path, XmlSource | None] = {}
-    _collect(path, path.parent, found)
-    return found
+def _sources_by_path(path: Path) -> dict[Path, XmlSource | None]:
+    by_path: dict[Path, XmlSource | None] = {}
+    _collect(path, path.parent, by_path)
+    return by_path
 
 
-def _collect(path: Path, folder: Path, found: dict[Path, XmlSource | None]) -> None:
-    if path in found:
+def _collect(path: Path, folder: Path, by_path: dict[Path, XmlSource | None]) -> None:
+    if path in by_path:
         return
-    text = read_source(path, mend=True)
-    found[path] = None
+    text = read_source(path, tolerant=True)
+    by_path[path] = None
     try:
         source = read_xml(text, path)
     except NoXmlError as error:
         if error.second_root or _DECLARED.search(_COMMENT.sub("", text)):
             raise
-        return  # two hyphens in a comment, say: MuJoCo reads them
-    found[path] = source
+        return  # two hyphens in a comment, say: MuJoCo accepts them
+    by_path[path] = source
     for include in source.root.iter("include"):
         name = include.get("file", "")
-        if name and (folder / name).exists():  # these stand beside the first
+        if name and (folder / name).exists():  # paths are relative to the first file
             if not (folder / name).is_file():
                 raise source.refused(include, f"<include file> has {name!r}, which is not a file")
-            _collect(folder / name, folder, found)
+            _collect(folder / name, folder, by_path)
 
 
-def stated(found: Sequence[XmlSource], attribute: str) -> Iterator[tuple[str, str]]:
-    """What each `<option>` states of an attribute, with its file and line."""
-    for source in found:
+def stated(xml_sources: Sequence[XmlSource], attribute: str) -> Iterator[tuple[str, str]]:
+    """Yield the value of an attribute in each `<option>`, with its file and line."""
+    for source in xml_sources:
         for option in source.root.iter("option"):
             if attribute in option.attrib:
                 yield option.attrib[attribute], f"{source.path}:{source.lines[option]}"
 
 
-def checked_step(step: float, found: Sequence[XmlSource], spec: ModelSpec, least: float) -> float:
-    """The step of a compiled model, which must be one.
+def checked_step(
+    step: float, xml_sources: Sequence[XmlSource], spec: ModelSpec, least: float
+) -> float:
+    """Return the step of a compiled model if it is valid.
 
     Raises:
         EngineError: naming file and line.
     """
     if least <= step < math.inf:
         return step
-    places = [where for _, where in stated(found, "timestep")]
+    places = [where for _, where in stated(xml_sources, "timestep")]
     where = places[-1] if places else str(spec.path)
     raise EngineError(
         f"{(f'{spec.path}.toml' if 'step' in spec.settings else where)}: the time "
@@ -95,12 +97,14 @@ def checked_step(step: float, found: Sequence[XmlSource], spec: ModelSpec, least
     )
 
 
-def checked_numbers(arrays: Mapping[str, object], found: Sequence[XmlSource], path: Path) -> None:
-    """Refuse a model in which a number is none, or went beyond all.
+def checked_numbers(
+    arrays: Mapping[str, object], xml_sources: Sequence[XmlSource], path: Path
+) -> None:
+    """Refuse a model with a number that is not finite.
 
     Args:
         arrays: fields of the compiled model that are not finite.
-        found: its files.
+        xml_sources: its files.
         path: the first of them.
 
     Raises:
@@ -108,19 +112,19 @@ def checked_numbers(arrays: Mapping[str, object], found: Sequence[XmlSource], pa
     """
     if not arrays:
         return
-    words = list(_words(found))
+    words = list(_words(xml_sources))
     if error := _not_a_number(words):
         raise error
     fields = ", ".join(arrays)
-    told = f"{fields} of the compiled model {'is' if len(arrays) == 1 else 'are'} not finite"
+    problem = f"{fields} of the compiled model {'is' if len(arrays) == 1 else 'are'} not finite"
     if not words:
-        raise EngineError(f"its numbers; {told}", file=path)
+        raise EngineError(f"its numbers; {problem}", file=path)
     largest = max(words, key=lambda word: word.size)
-    raise EngineError(f"{largest.sentence}; {told}", file=largest.file, line=largest.line)
+    raise EngineError(f"{largest.sentence}; {problem}", file=largest.file, line=largest.line)
 
 
 class _Word(NamedTuple):
-    """The size of a number, and what is said of it, with its place."""
+    """The size of a number, and a sentence about it, with its place."""
 
     size: float
     sentence: str
@@ -128,24 +132,24 @@ class _Word(NamedTuple):
     line: int
 
 
-def _words(found: Sequence[XmlSource]) -> Iterator[_Word]:
-    """Every number."""
-    for source in found:
+def _words(xml_sources: Sequence[XmlSource]) -> Iterator[_Word]:
+    """Yield every number."""
+    for source in xml_sources:
         for element in source.root.iter():
             for key, words in element.attrib.items():
                 if key in ("name", "class") or "range" in key:
                     continue
                 for word, value in _numbers(words):
-                    told = f"<{element.tag} {key}> has {word!r}"
-                    yield _Word(abs(value), told, source.path, source.lines[element])
+                    sentence = f"<{element.tag} {key}> has {word!r}"
+                    yield _Word(abs(value), sentence, source.path, source.lines[element])
 
 
 def _not_a_number(words: Iterable[_Word]) -> EngineError | None:
-    """That a number is none, or beyond all; None where all are finite."""
+    """Return an error about the first number that is not finite, or None."""
     for word in words:
         if not math.isfinite(word.size):
-            told = f"{word.sentence}; expected a finite number"
-            return EngineError(told, file=word.file, line=word.line)
+            sentence = f"{word.sentence}; expected a finite number"
+            return EngineError(sentence, file=word.file, line=word.line)
     return None
 
 
@@ -157,13 +161,13 @@ def _numbers(words: str) -> Iterator[tuple[str, float]]:
             return
 
 
-def override_remarks(found: Sequence[XmlSource], spec: ModelSpec) -> Iterator[Remark]:
-    """What the file states and the sidecar's settings override."""
+def override_remarks(xml_sources: Sequence[XmlSource], spec: ModelSpec) -> Iterator[Remark]:
+    """Yield values of the file that the sidecar's settings override."""
     for key, attribute in _OVERRIDING.items():
         if key not in spec.settings:
             continue
         given = spec.settings[key]
-        for words, _ in list(stated(found, attribute))[-1:]:
+        for words, _ in list(stated(xml_sources, attribute))[-1:]:
             if not _same(words, given):
                 yield Remark(
                     kind="setting",
@@ -171,14 +175,16 @@ def override_remarks(found: Sequence[XmlSource], spec: ModelSpec) -> Iterator[Re
                         f"the sidecar's {key} = {given} overrides the file's {attribute}, {words}"
                     ),
                     address=f"option@{attribute}",
-                    beside=f"sidecar:settings.{key}",
-                    shows_in=PULL if key == "gravity" else (),
+                    related_address=f"sidecar:settings.{key}",
+                    shows_in=POSITION_FORCE_TERMS if key == "gravity" else (),
                 )
 
 
-def doubled_remarks(found: Sequence[XmlSource]) -> Iterator[Remark]:
-    """Second elements where most files have one: MuJoCo merges them, the last word counts."""
-    for source in found:
+def doubled_remarks(xml_sources: Sequence[XmlSource]) -> Iterator[Remark]:
+    """Yield repeated elements that most files have once: MuJoCo merges them, and the last value
+    counts.
+    """
+    for source in xml_sources:
         for tag in ("worldbody", "option", "compiler"):
             for second in source.root.findall(tag)[1:]:
                 yield Remark(
@@ -189,25 +195,27 @@ def doubled_remarks(found: Sequence[XmlSource]) -> Iterator[Remark]:
 
 
 def _same(words: str, given: object) -> bool:
-    """Whether an attribute says what a setting does."""
+    """Return whether an attribute equals a setting."""
     if isinstance(given, str):
         return words.strip().lower() == given.lower()
     values = given if isinstance(given, list) else [given]
     return [value for _, value in _numbers(words)] == values
 
 
-def refusal(error: Exception, path: Path, found: Sequence[XmlSource]) -> EngineError:
-    """What MuJoCo says on several lines, on one, and at its line where that is in this file.
+def refusal(error: Exception, path: Path, xml_sources: Sequence[XmlSource]) -> EngineError:
+    """Return MuJoCo's message as one line, with the line number if it is in this file.
 
     Raises:
-        MemoryError: where it says that memory ran out, whatever is in the file.
+        MemoryError: if MuJoCo reports that memory ran out.
     """
     check_memory(error)
-    if wrong := _not_a_number(_words(found)):
+    if wrong := _not_a_number(_words(xml_sources)):
         return wrong
     reason = folded(error)
-    # MuJoCo has no other way to say the line.
+    # MuJoCo reports the line in its text only.
     line = re.search(r",? line (\d+)", reason)
-    alone = len(found) == 1 and not any(True for _ in found[0].root.iter("include"))
-    known = int(line[1]) if line and alone else None
-    return EngineError(f"MuJoCo can't load it: {reason}", file=path, line=known)
+    is_only_file = len(xml_sources) == 1 and not any(
+        True for _ in xml_sources[0].root.iter("include")
+    )
+    known_line = int(line[1]) if line and is_only_file else None
+    return EngineError(f"MuJoCo can't load it: {reason}", file=path, line=known_line)

@@ -1,8 +1,8 @@
-"""MJX, MuJoCo's dynamics in JAX: all that MuJoCo compiles, stepped by compiled loops.
+"""MJX, MuJoCo's dynamics in JAX: models that MuJoCo compiles, in compiled loops.
 
-A file is loaded as MuJoCo loads it, with the same settings, remarks, rules and coordinates; what is
-stepped is a batch. Batches are filled up to a few sizes and steps are counted while it runs, so
-that one compilation serves all step counts, steps and forces of a size.
+MuJoCo loads the file, with the same settings, remarks, rules and coordinates. Steps are batched.
+Batches are padded to a few sizes, and the number of steps is an argument, so that one compilation
+serves all step counts, step sizes and forces of a batch size.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.source import engine_errors
 
 BITS = 64
-"""Of its numbers; the setting `bits = 32` makes them those that JAX has unless told."""
+"""Bits of its numbers; `bits = 32` selects JAX's default precision."""
 
 HELD = 512
-"""Steps of which forces are handed over at once."""
+"""Steps whose forces are passed at once."""
 
-FILLED = 4
-"""Batches are of 1, 4, 16, ... states."""
+BATCH_GROWTH = 4
+"""Batches have 1, 4, 16, ... states."""
 
 
 class MjxEngine(MujocoEngine):
@@ -61,38 +61,40 @@ class MjxEngine(MujocoEngine):
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
 
     def version(self) -> str | None:
-        """Version of the installed package, or None."""
+        """Return the version of the installed package, or None."""
         try:
-            found = importlib.metadata.version("mujoco-mjx")  # nothing is imported for it
+            version = importlib.metadata.version("mujoco-mjx")  # without an import
         except importlib.metadata.PackageNotFoundError:
             return None
-        return found if super().version() is not None else None
+        return version if super().version() is not None else None
 
     def load(self, spec: ModelSpec) -> MujocoModel:
         """Load an MJCF or URDF file."""
         bits = spec.settings.get("bits", BITS)
         if bits not in (32, 64):
-            told = f"[settings] bits is {bits!r}; expected 32 or 64"
-            raise EngineError(f"{spec.path}.toml: {told}")
+            problem = f"[settings] bits is {bits!r}; expected 32 or 64"
+            raise EngineError(f"{spec.path}.toml: {problem}")
         rest = {key: value for key, value in spec.settings.items() if key != "bits"}
         model = super().load(replace(spec, settings=rest))
         assert isinstance(model, MjxModel)
         with engine_errors(spec.path, self.title):
-            model.put(bits)
+            model.transfer(bits)
         return model
 
     def samples(self) -> tuple[Sample, ...]:
-        """MuJoCo's, but for the integrator that MJX hasn't."""
+        """Return MuJoCo's samples, except the integrator that MJX lacks."""
         return tuple(one for one in super().samples() if one.file != "implicit.xml")
 
     def model_of(self, *compiled: Any) -> MujocoModel:
-        """A model that JAX steps."""
+        """Return a model that JAX steps."""
         return MjxModel(*compiled)
 
 
 @cache
 def _keep_compiled() -> None:
-    """Have JAX keep on disk what it compiles, unless it was told where: seconds a batch's size."""
+    """Let JAX store compiled code on disk unless it is configured: compilation takes seconds per
+    batch size.
+    """
     import jax
 
     if jax.config.jax_compilation_cache_dir is None:
@@ -102,10 +104,11 @@ def _keep_compiled() -> None:
 
 @cache
 def _advance(make: Any) -> Any:
-    """Compiled: (q, v, act, warm start) of states along `count` steps of h, under forces.
+    """Compile a function that advances states (q, v, act, warm start) by `count` steps of h, under
+    forces.
 
-    Models of one make share it: what differs in numbers alone is an argument, as plain arrays,
-    since to take a model apart costs more than its step.
+    Models of the same structure share it. Numbers of the model are arguments, as plain arrays,
+    since flattening a model takes longer than a step.
     """
     import jax
     from mujoco import mjx
@@ -132,7 +135,9 @@ def _advance(make: Any) -> Any:
 
 @cache
 def _forward(make: Any) -> Any:
-    """Compiled: accelerations of states (q, v, act) under forces; arguments as of `_advance`."""
+    """Compile a function that returns accelerations of states (q, v, act); arguments as in
+    `_advance`.
+    """
     import jax
     from mujoco import mjx
 
@@ -140,11 +145,11 @@ def _forward(make: Any) -> Any:
         model, empty = jax.tree_util.tree_unflatten(make, parts)
         empty = empty.replace(ctrl=ctrl)
 
-        def one(q: Any, v: Any, act: Any, f: Any) -> Any:
-            at = empty.replace(qpos=q, qvel=v, act=act, qfrc_applied=f)
-            return mjx.forward(model, at).qacc
+        def acceleration(q: Any, v: Any, act: Any, f: Any) -> Any:
+            data = empty.replace(qpos=q, qvel=v, act=act, qfrc_applied=f)
+            return mjx.forward(model, data).qacc
 
-        return jax.vmap(one)(*states, force)
+        return jax.vmap(acceleration)(*states, force)
 
     return jax.jit(forward)
 
@@ -152,12 +157,12 @@ def _forward(make: Any) -> Any:
 class MjxModel(MujocoModel):
     """A compiled model, stepped by JAX."""
 
-    def put(self, bits: int) -> None:
-        """Hand the model over to JAX, in numbers of so many bits.
+    def transfer(self, bits: int) -> None:
+        """Transfer the model to JAX, in numbers of this many bits.
 
         Raises:
-            EngineError: for what MJX reads over.
-            NotImplementedError: for what it says itself that it hasn't.
+            EngineError: for elements that MJX ignores.
+            NotImplementedError: for elements that MJX itself rejects.
         """
         import jax
         from mujoco import mjx
@@ -168,39 +173,39 @@ class MjxModel(MujocoModel):
         self._bits = bits
         self.epsilon = float(np.finfo(f"float{bits}").eps)
         with self._numbers():
-            put = mjx.put_model(self.model)
-            parts, make = jax.tree_util.tree_flatten((put, mjx.make_data(put)))
+            device_model = mjx.put_model(self.model)
+            parts, make = jax.tree_util.tree_flatten((device_model, mjx.make_data(device_model)))
             self._parts, self._advance = tuple(parts), _advance(make)
             self._forward = _forward(make)
 
     def _numbers(self) -> Any:
-        """Within which JAX has numbers of these bits."""
+        """Return a context in which JAX uses numbers of these bits."""
         import jax
 
         return jax.enable_x64(self._bits == BITS)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """By `mjx.forward`, at states where MuJoCo has no constraint act."""
-        told = super().accelerations(z, w, force)
-        if told is None:
+        """Return accelerations by `mjx.forward`, at states without active constraints in MuJoCo."""
+        reference = super().accelerations(z, w, force)
+        if reference is None:
             return None
         with engine_errors(self._spec.path, "MJX"), np.errstate(all="ignore"), self._numbers():
-            *states, _ = self._filled(self._states.qpos(z), self._states.qvel(z, w))
+            *states, _ = self._padded(self._states.qpos(z), self._states.qvel(z, w))
             held = np.pad(force, ((0, len(states[0]) - len(z)), (0, 0)))
-            found = np.array(self._forward(self._parts, self._controls, states, held), dtype=float)
-        own: Array = np.where(np.isnan(told), np.nan, found[: len(z)])
-        return own
+            raw = np.array(self._forward(self._parts, self._controls, states, held), dtype=float)
+        result: Array = np.where(np.isnan(reference), np.nan, raw[: len(z)])
+        return result
 
-    def _filled(self, qpos: Array, qvel: Array) -> tuple[Array, ...]:
-        """Positions, velocities, activations and warm starts of as many states as fill a batch."""
-        size = FILLED ** math.ceil(math.log(len(qpos), FILLED))
+    def _padded(self, qpos: Array, qvel: Array) -> tuple[Array, ...]:
+        """Return positions, velocities, activations and warm starts, padded to a batch size."""
+        size = BATCH_GROWTH ** math.ceil(math.log(len(qpos), BATCH_GROWTH))
         q, v = (np.pad(one, ((0, size - len(one)), (0, 0)), mode="edge") for one in (qpos, qvel))
         return q, v, np.tile(self._activations, (size, 1)), np.zeros_like(v)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """All states at once, as many more as fill a batch."""
+        """Step all states at once, padded to a batch size."""
         quiet = np.errstate(all="ignore")
         with engine_errors(self._spec.path, "MJX"), quiet, self._numbers():
             return self._rolled(q, v, h, n, force, every)
@@ -211,7 +216,7 @@ class MjxModel(MujocoModel):
         import jax
 
         start, near, count = self._states.qpos(q), q, len(q)
-        states = tuple(map(jax.numpy.asarray, self._filled(start, self._states.qvel(q, v))))
+        states = tuple(map(jax.numpy.asarray, self._padded(start, self._states.qvel(q, v))))
         size = len(states[0])
         length = 1 if isinstance(force, StateForce) else HELD
         held = np.zeros((length, size, self.model.nv))
@@ -219,23 +224,27 @@ class MjxModel(MujocoModel):
         for done in range(0, n, length):
             more = min(length, n - done)
             if isinstance(force, StateForce):
-                at = np.asarray(states[0][:count], dtype=float)
-                near = np.array([self._states.at(*row) for row in zip(at, near, strict=True)])
+                positions = np.asarray(states[0][:count], dtype=float)
+                near = np.array(
+                    [self._states.coordinates_of(*row) for row in zip(positions, near, strict=True)]
+                )
                 rows = zip(near.tolist(), force.inputs[:, done].tolist(), strict=True)
-                held[0, :count] = [force.at(z, u) for z, u in rows]
+                held[0, :count] = [force.evaluate(z, u) for z, u in rows]
             elif force is not None:
                 held[:more, :count] = force[:, done : done + more].swapaxes(0, 1)
             arguments = self._parts, self._controls, states, held, h, more
             states, along = self._advance(*arguments)
             kept = np.arange(done + 1, done + more + 1)
             kept = kept[kept % every == 0]
-            for out, one in zip((out_q, out_v), along, strict=True):
-                out[:, kept // every - 1] = np.asarray(one)[kept - done - 1, :count].swapaxes(0, 1)
-        return self._states.taken(out_q, out_v, start)
+            for out, values in zip((out_q, out_v), along, strict=True):
+                out[:, kept // every - 1] = np.asarray(values)[kept - done - 1, :count].swapaxes(
+                    0, 1
+                )
+        return self._states.motion_of(out_q, out_v, start)
 
 
 def _unread(m: Any) -> Iterator[str]:
-    """What MuJoCo 4 has and MJX takes no account of."""
+    """Yield elements of MuJoCo 4 that MJX ignores."""
     counts = {
         "dof_damping": m.nv, "jnt_stiffness": m.njnt,
         "tendon_damping": m.ntendon, "tendon_stiffness": m.ntendon,

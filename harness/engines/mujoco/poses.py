@@ -1,4 +1,4 @@
-"""Where the bodies, sites and geoms of a compiled model are."""
+"""Poses of the bodies, sites and geoms of a compiled model."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from physics_crosscheck.harness.engines.protocol import Array
 
 
-class Poses:
-    """Places of a model by `kind:name`; `centre` is a body's centre of mass, in its own axes.
+class PoseEvaluator:
+    """Poses by `kind:name`; `centre` is a body's centre of mass, in the body's axes.
 
     Args:
-        model: compiled; of a URDF with the links that fixed joints hold kept apart.
-        body: what a body is called in the file: `body`, in a URDF `link`.
+        model: compiled; for a URDF, without fusing links on fixed joints.
+        body: the file's word for a body: `body`, or `link` in a URDF.
     """
 
     def __init__(self, model: Any, body: str) -> None:
@@ -37,11 +37,11 @@ class Poses:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """All that have a name."""
+        """All places with a name."""
         return tuple(self._rows)
 
-    def at(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """Origins (K, F, 3) and rotations (K, F, 3, 3) at positions z, (K, nz)."""
+    def evaluate(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """Return origins (K, F, 3) and rotations (K, F, 3, 3) at positions z, (K, nz)."""
         import mujoco
 
         wanted = [self._rows[place] for place in places]
@@ -49,7 +49,7 @@ class Poses:
         for k, qpos in enumerate(z):
             self._data.qpos[:] = qpos
             mujoco.mj_kinematics(self._model, self._data)
-            for f, (at, turn, i) in enumerate(wanted):
-                origins[k, f] = getattr(self._data, at)[i]
+            for f, (positions_field, turn, i) in enumerate(wanted):
+                origins[k, f] = getattr(self._data, positions_field)[i]
                 turns[k, f] = getattr(self._data, turn)[i]
         return origins, turns.reshape(len(z), len(wanted), 3, 3)

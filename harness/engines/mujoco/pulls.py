@@ -12,19 +12,19 @@ from physics_crosscheck.harness.engines.compiled import CompiledPull, CompiledWa
 from physics_crosscheck.harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
 
 UNCOUPLED = "armature of a tendon across branches couples no joints"
-"""What a diagnosis calls it."""
+"""The cause that a diagnosis reports."""
 
 _SPRING, _DAMPER, _ACTUATION = "SPRING", "DAMPER", "ACTUATION"
 
 
 def pulls(m: Any) -> Iterator[CompiledPull]:
-    """All that have a formula: those of tendons that pull, and of actuators.
+    """Yield all forces that have a formula: of tendons and of actuators.
 
-    What a file's flags switch off pulls nothing.
+    Forces that a file's flags disable are left out.
     """
     for i in range(m.ntendon):
         if covered_tendon(m, i) and pulls_by_itself(m, i):
-            yield _pull(
+            yield _compiled_pull(
                 m.tendon(i).name or f"tendon_{i}",
                 of_tendon(m, i),
                 stiffness=powers(m, "tendon_stiffness", i) if acts(m, _SPRING) else (),
@@ -38,50 +38,49 @@ def pulls(m: Any) -> Iterator[CompiledPull]:
 
 
 def actuators(m: Any) -> int:
-    """How many there are; in MuJoCo 4 some have more inputs than one."""
+    """Return the number of actuators; in MuJoCo 4 one can have several inputs."""
     return int(getattr(m, "nactuator", m.nu))
 
 
 def output(m: Any, i: int) -> int:
-    """An actuator's row among those that are one for each of its forces."""
+    """Return an actuator's row in arrays with one row per force."""
     return int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
 
 
 def control(m: Any, i: int) -> int:
-    """An actuator's first input."""
+    """Return the index of an actuator's first input."""
     return int(m.actuator_ctrladr[i]) if hasattr(m, "actuator_ctrladr") else i
 
 
 def acts(m: Any, what: str) -> bool:
-    """Whether a file's flags leave it on."""
+    """Return whether a file's flags leave a feature on."""
     import mujoco
 
     return not int(m.opt.disableflags) & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{what}"))
 
 
 def covered_tendon(m: Any, i: int) -> bool:
-    """Whether it is a combination of joints, or of lines between sites."""
+    """Return whether a tendon is a combination of joints, or of segments between sites."""
     return of_tendon(m, i) is not None
 
 
 def spatial_tendon(m: Any, i: int) -> bool:
-    """Whether it goes through space."""
+    """Return whether a tendon is spatial."""
     import mujoco
 
     return bool(m.wrap_type[m.tendon_adr[i]] != mujoco.mjtWrap.mjWRAP_JOINT)
 
 
 def pulls_by_itself(m: Any, i: int) -> bool:
-    """Whether a tendon has a spring, a damper or an armature."""
-    own = (*powers(m, "tendon_stiffness", i), *powers(m, "tendon_damping", i))
-    return bool(any(own) or m.tendon_armature[i])
+    """Return whether a tendon has a spring, a damper or an armature."""
+    coefficients = (*powers(m, "tendon_stiffness", i), *powers(m, "tendon_damping", i))
+    return bool(any(coefficients) or m.tendon_armature[i])
 
 
 def covered_actuator(m: Any, i: int) -> bool:
-    """Whether its force is affine in a length that has a formula, and that length's rate.
+    """Return whether its force is affine in a length that has a formula, and that length's rate.
 
-    It has one input, which its gain multiplies, without a delay; or a state of its own, which is
-    held.
+    It has one input, which its gain multiplies, without a delay; or a constant state.
     """
     import mujoco
 
@@ -96,14 +95,14 @@ def covered_actuator(m: Any, i: int) -> bool:
     if not kept or not affine:
         return False
     way = of_actuator(m, i, _gear(m, i))
-    # Of its own dampers and armature, those on balls and free joints have no formula here.
+    # Its own dampers and armature have no formula here on ball and free joints.
     return way is not None and not (
-        isinstance(way, CompiledWay) and way.joint >= 0 and any(_own(m, i))
+        isinstance(way, CompiledWay) and way.joint >= 0 and any(_armature_and_damping(m, i))
     )
 
 
 def held_state(m: Any, i: int) -> int:
-    """Index of an actuator's state, where a held input lets it stand; -1 for none."""
+    """Return the index of an actuator's state that a held input keeps constant, or -1."""
     import mujoco
 
     able = (
@@ -117,12 +116,12 @@ def held_state(m: Any, i: int) -> int:
 
 
 def joint_name(m: Any, i: int) -> str:
-    """Its own, or what it is called without one."""
+    """Return a joint's name, or a name by its index."""
     return str(m.joint(i).name) or f"joint_{i}"
 
 
 def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
-    """Its force; and its own damper and armature, which count from the motor's side (gear^2)."""
+    """Yield its force, and its own damper and armature, which scale with gear^2 (motor side)."""
     import mujoco
 
     gear = _gear(m, i)
@@ -131,7 +130,7 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
         affine = m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE
         turning = m.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_AFFINE
         gain = [float(one) for one in m.actuator_gainprm[i][:3]]
-        yield _pull(
+        yield _compiled_pull(
             name,
             of_actuator(m, i, gear),
             bias=_triple(m.actuator_biasprm[i]) if affine else (0.0, 0.0, 0.0),
@@ -139,11 +138,11 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
             control=control(m, i),
             range=_range(m, i),
         )
-    armature, *damping = _own(m, i)
+    armature, *damping = _armature_and_damping(m, i)
     way = of_actuator(m, i, (1.0, *gear[1:]))
     on_frame = isinstance(way, CompiledWay) and way.frame is not None
-    if any(_own(m, i)) and not on_frame:
-        yield _pull(
+    if any(_armature_and_damping(m, i)) and not on_frame:
+        yield _compiled_pull(
             name,
             way,
             damping=tuple(gear[0] ** 2 * d for d in damping) if acts(m, _DAMPER) else (),
@@ -151,22 +150,22 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
         )
 
 
-def _pull(name: str, way: Combination | CompiledWay | None, **rest: Any) -> CompiledPull:
+def _compiled_pull(name: str, way: Combination | CompiledWay | None, **rest: Any) -> CompiledPull:
     if isinstance(way, CompiledWay):
         return CompiledPull(name=name, along=way, **rest)
     return CompiledPull(name=name, joints=way or (), **rest)
 
 
 def _range(m: Any, i: int) -> tuple[float, float] | None:
-    """Within which its input is to be held, or its state; None for anywhere."""
+    """Return the range of its input or state, or None."""
     if held_state(m, i) >= 0 and m.actuator_actlimited[i]:
         return _pair(m.actuator_actrange[i])
-    at = control(m, i)
-    return _pair(m.actuator_ctrlrange[at]) if m.actuator_ctrllimited[at] else None
+    index = control(m, i)
+    return _pair(m.actuator_ctrlrange[index]) if m.actuator_ctrllimited[index] else None
 
 
 def _off(m: Any, i: int) -> bool:
-    """Whether its group is switched off."""
+    """Return whether its group is disabled."""
     group = int(m.actuator_group[i])
     return 0 <= group <= 30 and bool(int(m.opt.disableactuator) >> group & 1)
 
@@ -175,15 +174,15 @@ def _gear(m: Any, i: int) -> Numbers:
     return tuple(map(float, m.actuator_gear[output(m, i)]))
 
 
-def _own(m: Any, i: int) -> Numbers:
-    """Its own armature and dampers, of MuJoCo 4."""
+def _armature_and_damping(m: Any, i: int) -> Numbers:
+    """Return the armature and dampers of the actuator itself (MuJoCo 4)."""
     if not hasattr(m, "actuator_armature"):
         return (0.0,)
     return (float(m.actuator_armature[i]), *powers(m, "actuator_damping", i))
 
 
 def powers(m: Any, name: str, index: int) -> Numbers:
-    """A stiffness or damping; MuJoCo 4 has polynomials."""
+    """Return a stiffness or damping; MuJoCo 4 has polynomials."""
     higher = getattr(m, f"{name}poly")[index] if hasattr(m, f"{name}poly") else ()
     return tuple(float(v) for v in np.ravel([*np.ravel(getattr(m, name)[index]), *higher]))
 
@@ -194,47 +193,47 @@ def _pair(values: Any) -> tuple[float, float]:
 
 
 def _triple(values: Any) -> tuple[float, float, float]:
-    one, two, three = (float(value) for value in values[:3])
-    return one, two, three
+    first, second, third = (float(value) for value in values[:3])
+    return first, second, third
 
 
 def split_tendons(m: Any) -> Iterator[tuple[int, tuple[str, str]]]:
     """Yield fixed tendons with an armature across branches, each with two joints of different ones.
 
-    The mass matrix has no place for what couples joints of which none carries the other:
-    `mj_tendonArmature` leaves that out.
+    The sparse mass matrix has no entry for two joints on different branches: `mj_tendonArmature`
+    leaves their coupling out.
     """
     for i in range(m.ntendon):
         pairs = _pairs(m, i, related=False) if m.tendon_armature[i] else []
         if pairs:
-            one, other = pairs[0]
-            yield i, (joint_name(m, one), joint_name(m, other))
+            first, other = pairs[0]
+            yield i, (joint_name(m, first), joint_name(m, other))
 
 
 def pulls_taken(m: Any) -> tuple[CompiledPull, ...]:
-    """All pulls, with the armatures of tendons as MuJoCo takes them: uncoupled across branches."""
+    """Return all forces, with tendon armatures uncoupled across branches as in MuJoCo."""
     split = dict(split_tendons(m))
     names = {m.tendon(i).name or f"tendon_{i}": i for i in split}
-    found: list[CompiledPull] = []
-    for pull in pulls(m):
-        i = names.get(pull.name)
-        if i is None or not pull.armature:
-            found.append(pull)
+    result: list[CompiledPull] = []
+    for force in pulls(m):
+        i = names.get(force.name)
+        if i is None or not force.armature:
+            result.append(force)
             continue
-        found.append(replace(pull, armature=0.0))
-        shares, related = dict(pull.joints), _pairs(m, i, related=True)
-        for pair in related:  # which brings the two joints' own inertias along
+        result.append(replace(force, armature=0.0))
+        shares, related = dict(force.joints), _pairs(m, i, related=True)
+        for pair in related:  # includes the two joints' own inertias
             joints = tuple((joint, shares[joint]) for joint in pair)
-            found.append(CompiledPull(name=pull.name, joints=joints, armature=pull.armature))
-        for joint, share in pull.joints:
-            own = pull.armature * (1 - sum(joint in pair for pair in related))
-            alone = ((joint, share),)
-            found.append(CompiledPull(name=pull.name, joints=alone, armature=own))
-    return tuple(found)
+            result.append(CompiledPull(name=force.name, joints=joints, armature=force.armature))
+        for joint, share in force.joints:
+            armature = force.armature * (1 - sum(joint in pair for pair in related))
+            single = ((joint, share),)
+            result.append(CompiledPull(name=force.name, joints=single, armature=armature))
+    return tuple(result)
 
 
 def _pairs(m: Any, i: int, *, related: bool) -> list[tuple[int, int]]:
-    """Pairs of a fixed tendon's joints of which one carries the other, or of which none does."""
+    """Return pairs of a fixed tendon's joints on the same branch, or on different ones."""
     way = () if spatial_tendon(m, i) else of_tendon(m, i)
     joints = [j for j, share in way if share] if isinstance(way, tuple) else []
     return [
@@ -246,7 +245,7 @@ def _pairs(m: Any, i: int, *, related: bool) -> list[tuple[int, int]]:
 
 
 def _carries(m: Any, joint: int, other: int) -> bool:
-    """Whether a joint moves another one, or is on the same body."""
+    """Return whether a joint moves another one, or is on the same body."""
     body, above = int(m.jnt_bodyid[other]), int(m.jnt_bodyid[joint])
     while body and body != above:
         body = int(m.body_parentid[body])

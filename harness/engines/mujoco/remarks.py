@@ -1,4 +1,4 @@
-"""What MuJoCo adds to a model, or drops from it, on its own: read in the compiled model."""
+"""Changes that MuJoCo makes to a model, read from the compiled model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
 from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
-from physics_crosscheck.harness.engines.remark import PULL, Remark, limit_remarks
+from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark, limit_remarks
 from physics_crosscheck.harness.engines.source import XmlSource
 from physics_crosscheck.harness.engines.urdf import UrdfReader, urdf_remarks
 
@@ -32,11 +32,11 @@ _URDF = UrdfReader(name="mujoco", no_inertial="its geoms' masses, or none")
 
 
 def model_remarks(
-    m: Any, spec: ModelSpec, found: Sequence[XmlSource], z: Array, w: Array
+    m: Any, spec: ModelSpec, xml_sources: Sequence[XmlSource], z: Array, w: Array
 ) -> Iterator[Remark]:
-    """All there is to say of a compiled model along the states (z, w), (K, nz) each.
+    """Yield all remarks about a compiled model along the states (z, w), (K, nz) each.
 
-    `z` are (K, nq), as in qpos; `found`: its files, as far as they are XML.
+    `z` are (K, nq), as in qpos; `xml_sources` are its files that are XML.
     """
     import mujoco
 
@@ -47,11 +47,11 @@ def model_remarks(
     for i in range(m.njnt):
         if int(m.jnt_type[i]) in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             yield from _joint(m, i, "robot" if urdf else "body", z[:, m.jnt_qposadr[i]])
-    yield from _options(m, spec, found)
-    yield from override_remarks(found, spec)
-    yield from doubled_remarks(found)
+    yield from _options(m, spec, xml_sources)
+    yield from override_remarks(xml_sources, spec)
+    yield from doubled_remarks(xml_sources)
     yield from _equalities(m, urdf)
-    if not urdf:  # there they are the sidecar's, with a rest of their own
+    if not urdf:  # a URDF's tendons are the sidecar's springs, with their own rest lengths
         yield from _tendons(m, spec.path)
     yield from _contacts(m, z)
 
@@ -103,7 +103,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
             subject=(name, "springref"),
             address=f"{address}@springref",
             value=rest,
-            shows_in=PULL,
+            shows_in=POSITION_FORCE_TERMS,
         )
     if m.qpos0[m.jnt_qposadr[i]]:
         value = float(m.qpos0[m.jnt_qposadr[i]])
@@ -112,23 +112,25 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
             subject=(name, "ref"),
             address=f"{address}@ref",
             value=value,
-            shows_in=PULL,
+            shows_in=POSITION_FORCE_TERMS,
         )
 
 
-def _options(m: Any, spec: ModelSpec, found: Sequence[XmlSource]) -> Iterator[Remark]:
+def _options(m: Any, spec: ModelSpec, xml_sources: Sequence[XmlSource]) -> Iterator[Remark]:
     gravity = [float(g) for g in m.opt.gravity]
     shown = ", ".join(f"{g:g}" for g in gravity)
     if sum(g != 0 for g in gravity) > 1:
         yield Remark(
             message=f"gravity is tilted: ({shown}) is not along an axis",
             address=f"{'sidecar:settings.' if 'gravity' in spec.settings else 'option@'}gravity",
-            shows_in=PULL,
+            shows_in=POSITION_FORCE_TERMS,
         )
-    # What only MuJoCo can read may well state it.
-    if "gravity" not in spec.settings and found and not any(stated(found, "gravity")):
+    # Files that only MuJoCo can read may state it.
+    if "gravity" not in spec.settings and xml_sources and not any(stated(xml_sources, "gravity")):
         yield Remark(
-            message=f"the file sets no gravity: MuJoCo uses ({shown})", address="", shows_in=PULL
+            message=f"the file sets no gravity: MuJoCo uses ({shown})",
+            address="",
+            shows_in=POSITION_FORCE_TERMS,
         )
     acting = [key for key in ("wind", "density", "viscosity") if np.any(getattr(m.opt, key))]
     if acting:
@@ -190,7 +192,7 @@ def _tendons(m: Any, file: Path) -> Iterator[Remark]:
                 subject=(str(tendon.name or i + 1), "springlength"),
                 address=address,
                 value=value,
-                shows_in=PULL,
+                shows_in=POSITION_FORCE_TERMS,
             )
         if m.tendon_limited[i] or m.tendon_frictionloss[i]:
             yield Remark(
@@ -216,8 +218,10 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
         mujoco.mj_comPos(m, data)
         mujoco.mj_collision(m, data)
         touching |= {(int(c.geom[0]), int(c.geom[1])) for c in data.contact}
-    for one, other in sorted(touching):
-        names = [m.geom(g).name or f"of body {m.body(m.geom_bodyid[g]).name}" for g in (one, other)]
+    for first, second in sorted(touching):
+        names = [
+            m.geom(g).name or f"of body {m.body(m.geom_bodyid[g]).name}" for g in (first, second)
+        ]
         yield Remark(
             kind="contact",
             message=f"geoms {names[0]} and {names[1]} touch during the motions",
@@ -236,23 +240,23 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
 
 
 UNCOMPENSATED = "actuatorgravcomp without an actuator compensates no gravity"
-"""What a diagnosis calls it."""
+"""The cause that a diagnosis reports."""
 
 LISTED = 3
-"""Bodies that are named in a remark; the others are counted."""
+"""The most bodies that a remark names; it counts the others."""
 
 _OFF: Mapping[str, object] = {
     "settotalmass": -1.0, "boundmass": 0.0, "boundinertia": 0.0, "balanceinertia": False,
 }  # fmt: skip
-"""What replaces masses and inertias, and the value with which it replaces none."""
+"""Attributes that replace masses and inertias, and the values that disable them."""
 
 
 def file_remarks(copy: Path, path: Path) -> Iterator[Remark]:
-    """What MuJoCo's compiler makes of a file's numbers.
+    """Yield remarks about numbers that MuJoCo's compiler changes.
 
     Args:
-        copy: what MuJoCo is to read.
-        path: the file that it stands for.
+        copy: the file that MuJoCo reads.
+        path: the original file.
 
     Raises:
         EngineError: naming file and reason.
@@ -265,7 +269,7 @@ def file_remarks(copy: Path, path: Path) -> Iterator[Remark]:
             yield Remark(
                 kind="replaced",
                 message=f"<compiler {key}> replaces {what}",
-                fault=path.suffix == ".urdf",  # which other engines read without it
+                fault=path.suffix == ".urdf",  # other engines read a URDF without it
                 address=f"{address}@{key}",
                 shows_in=("inertia",),
             )
@@ -285,7 +289,7 @@ def file_remarks(copy: Path, path: Path) -> Iterator[Remark]:
 
 
 def _read(copy: Path, path: Path, off: Sequence[str]) -> tuple[Any, Any]:
-    """A specification and its model, with some attributes of the compiler switched off.
+    """Read a specification and its model, with some attributes of the compiler disabled.
 
     Raises:
         EngineError: naming file and reason.
@@ -303,23 +307,23 @@ def _read(copy: Path, path: Path, off: Sequence[str]) -> tuple[Any, Any]:
         raise refusal(error, path, ()) from None
 
 
-def _replaced(key: str, taken: tuple[Any, Any], copy: Path, path: Path) -> Iterator[str]:
-    """What an attribute of the compiler replaces: the file's number, and MuJoCo's."""
-    tree, m = taken
+def _replaced(key: str, compiled: tuple[Any, Any], copy: Path, path: Path) -> Iterator[str]:
+    """Yield values that a compiler attribute replaces: the file's, and MuJoCo's."""
+    tree, m = compiled
     if key == "balanceinertia":
         _, unscaled = _read(copy, path, ("settotalmass",))
         yield from _listed("inertia", list(_balanced(tree, unscaled)))
         return
-    _, own = _read(copy, path, (key,))
+    _, original = _read(copy, path, (key,))
     if key == "settotalmass":
-        before, after = float(np.sum(own.body_mass)), float(np.sum(m.body_mass))
+        before, after = float(np.sum(original.body_mass)), float(np.sum(m.body_mass))
         if before != after:
             yield f"the total mass: {before:g} kg in the file, {after:g} kg in MuJoCo"
         return
-    _, scaled = _read(copy, path, ("settotalmass",))  # which would change each mass once more
-    _, own = _read(copy, path, (key, "settotalmass"))
+    _, scaled = _read(copy, path, ("settotalmass",))  # settotalmass also scales each mass
+    _, original = _read(copy, path, (key, "settotalmass"))
     mass = key == "boundmass"
-    before, after = (x.body_mass if mass else x.body_inertia for x in (own, scaled))
+    before, after = (x.body_mass if mass else x.body_inertia for x in (original, scaled))
     changed = [
         (_name(m, i), _numbers(before[i]), _numbers(after[i]))
         for i in range(1, m.nbody)
@@ -329,24 +333,24 @@ def _replaced(key: str, taken: tuple[Any, Any], copy: Path, path: Path) -> Itera
 
 
 _Change = tuple[str, str, str]
-"""A body, what the file says of it, and what MuJoCo takes."""
+"""A body, the file's value and MuJoCo's."""
 
 
 def _balanced(tree: Any, m: Any) -> Iterator[_Change]:
-    """Bodies whose moments broke the triangle rule, and are their mean now."""
+    """Yield bodies whose moments violated the triangle inequality and were set to their mean."""
     for i, body in enumerate(tree.bodies):
         full = np.array(body.fullinertia)
         moments = np.array(body.inertia)
         if np.isfinite(full[0]):
             xx, yy, zz, xy, xz, yz = full
             moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        one, two, three = np.sort(moments)
-        if body.explicitinertial and one + two < three:
+        smallest, middle, largest = np.sort(moments)
+        if body.explicitinertial and smallest + middle < largest:
             yield _name(m, i), _numbers(moments), _numbers(m.body_inertia[i])
 
 
 def _listed(what: str, changes: list[_Change]) -> Iterator[str]:
-    """Changes in a phrase, the first few by their bodies."""
+    """Yield the changes as a phrase that names the first bodies."""
     if not changes:
         return
     shown = "; ".join(
@@ -367,7 +371,9 @@ def _numbers(values: Any) -> str:
 
 
 def idle_compensation(m: Any) -> list[int]:
-    """Joints that leave it to actuators to compensate gravity, in a file in which none acts."""
+    """Return joints whose gravity compensation acts through actuators, in a file in which no
+    actuator acts.
+    """
     if (actuators(m) and acts(m, "ACTUATION")) or not np.any(m.body_gravcomp):
         return []
     return [int(joint) for joint in np.flatnonzero(m.jnt_actgravcomp)]
@@ -383,5 +389,5 @@ def _idle_compensation(m: Any) -> Iterator[Remark]:
             fault=True,
             address=f"body/joint{f'[{name}]' if name else ''}@actuatorgravcomp",
             cause=UNCOMPENSATED,
-            shows_in=PULL,
+            shows_in=POSITION_FORCE_TERMS,
         )

@@ -1,12 +1,13 @@
-"""MuJoCo's integrators as rules for one step (Computation, Numerical integration, in its manual).
+"""MuJoCo's integrators as rules for one step (its manual: Computation, Numerical integration).
 
-Euler takes joint dampers at the step's end, unless the flag `eulerdamp` is off, and tendons' at its
-start; `implicitfast` takes those and actuators' dampers at the end, in the sparsity of M;
-`implicit` all that depends on velocity, Coriolis forces too. Neither takes what a tendon's or a
-motor's damper couples across trees or branches: the derivative has no place for it (D_colind; seen
-in 4.0: two masses on the world between which a damper acts). Where a damper is no constant, no rule
-is told for these. RK4 turns bodies by Munthe-Kaas's rule (seen in 4.0: velocities equal the
-classical rule's, rotations that one's to the last digit).
+Euler evaluates joint dampers at the step's end, unless the flag `eulerdamp` is off, and tendon
+dampers at its start. `implicitfast` evaluates these and actuator dampers at the end, in the
+sparsity of M. `implicit` evaluates all forces that depend on velocity at the end, including
+Coriolis forces. Both omit damping that a tendon or motor couples across trees or branches: the
+derivative has no entry for it (D_colind; observed in 4.0 with a damper between two masses on the
+world). If a damper is not constant, these integrators have no rule here. RK4 rotates bodies by
+Munthe-Kaas's rule (observed in 4.0: velocities equal the classical rule's, rotations match
+Munthe-Kaas's to the last digit).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
-from physics_crosscheck.harness.engines.mujoco.medium import medium
+from physics_crosscheck.harness.engines.mujoco.medium import box_fluid
 from physics_crosscheck.harness.engines.mujoco.pulls import acts, actuators, powers
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.step_rule import StepRule
@@ -26,7 +27,7 @@ SOFT = "equalities, which are soft at any step"
 
 
 def step_rule(m: Any) -> StepRule | None:
-    """Of a compiled model."""
+    """Return the step rule of a compiled model, or None."""
     import mujoco
 
     kinds = mujoco.mjtIntegrator
@@ -34,7 +35,7 @@ def step_rule(m: Any) -> StepRule | None:
     match kinds(m.opt.integrator):
         case kinds.mjINT_RK4:
             return StepRule(scheme="Runge-Kutta 4", besides=besides)
-        case kinds.mjINT_IMPLICIT if not (_bent(m) or _drags(m) or _moves(m)):
+        case kinds.mjINT_IMPLICIT if not (_has_nonlinear_damping(m) or _drags(m) or _moves(m)):
             return StepRule(
                 scheme="semi-implicit Euler",
                 by_velocity=True,
@@ -42,52 +43,56 @@ def step_rule(m: Any) -> StepRule | None:
                 besides=besides,
             )
         case kinds.mjINT_EULER:
-            late = _joint_dampers(m)
+            implicit_damping = _joint_dampers(m)
         case kinds.mjINT_IMPLICITFAST if not _moves(m):
-            late = _dampers(m)
+            implicit_damping = _dampers(m)
         case _:
             return None
-    if late is None:
+    if implicit_damping is None:
         return None
-    damping = late if late.any() else None
+    damping = implicit_damping if implicit_damping.any() else None
     return StepRule(scheme="semi-implicit Euler", damping=damping, besides=besides)
 
 
 def _joint_dampers(m: Any) -> Array | None:
-    """What Euler takes at the end, (nv, nv); None where it is no constant."""
+    """Return the damping that Euler evaluates at the end, (nv, nv), or None if it is not
+    constant.
+    """
     if not (acts(m, "DAMPER") and acts(m, "EULERDAMP")):
         return np.zeros((m.nv, m.nv))
-    if _bent(m):
+    if _has_nonlinear_damping(m):
         return None
-    if not np.any(m.dof_damping > 0):  # negative ones alone are explicit
+    if not np.any(m.dof_damping > 0):  # MuJoCo treats dampers as explicit if none is positive
         return np.zeros((m.nv, m.nv))
     return np.diag(np.array(m.dof_damping, dtype=float))
 
 
 def _coupled(m: Any) -> NDArray[np.bool_] | None:
-    """Pairs of degrees of freedom of which its derivative has an entry, (nv, nv); None: all."""
-    found = np.zeros((m.nv, m.nv), dtype=bool)
-    found[np.repeat(np.arange(m.nv), m.D_rownnz), m.D_colind] = True
-    return None if found.all() else found
+    """Return the pairs of degrees of freedom with an entry in the derivative, (nv, nv); None for
+    all.
+    """
+    entries = np.zeros((m.nv, m.nv), dtype=bool)
+    entries[np.repeat(np.arange(m.nv), m.D_rownnz), m.D_colind] = True
+    return None if entries.all() else entries
 
 
-def _bent(m: Any) -> bool:
-    """Whether a joint's damper is no constant."""
+def _has_nonlinear_damping(m: Any) -> bool:
+    """Return whether a joint's damper is not constant."""
     return any(any(powers(m, "dof_damping", i)[1:]) for i in range(m.nv))
 
 
 def _drags(m: Any) -> bool:
-    """Whether a force has no slope by a velocity that differences find: of a medium, or |w| w."""
+    """Return whether a force has no finite-difference slope in velocity: of a fluid, or |w| w."""
     tendons = (powers(m, "tendon_damping", i) for i in range(m.ntendon))
     motors = (
         powers(m, "actuator_damping", i)
         for i in (range(actuators(m)) if hasattr(m, "actuator_damping") else ())
     )
-    return medium(m) is not None or any(any(one[1:]) for one in (*tendons, *motors))
+    return box_fluid(m) is not None or any(any(one[1:]) for one in (*tendons, *motors))
 
 
 def _moves(m: Any) -> bool:
-    """Whether motors act on frames, whose dampers may have no place in the sparsity of M."""
+    """Return whether motors act on frames, whose dampers may have no entry in the sparsity of M."""
     import mujoco
 
     fixed = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_TENDON))
@@ -95,19 +100,21 @@ def _moves(m: Any) -> bool:
 
 
 def _dampers(m: Any) -> Array | None:
-    """What `implicitfast` takes at the end, (nv, nv), as MuJoCo has it; None: it is no constant."""
+    """Return the damping that `implicitfast` evaluates at the end, (nv, nv), or None if not
+    constant.
+    """
     import mujoco
 
-    found = []
+    matrices = []
     for speed in (0.0, 1.0):
         data = mujoco.MjData(m)
         mujoco.mj_integratePos(m, data.qpos, np.full(m.nv, 0.3), speed)
         data.qvel[:] = speed
         mujoco.mj_step(m, data)
-        late = np.zeros((m.nv, m.nv))
+        matrix = np.zeros((m.nv, m.nv))
         rows = np.repeat(np.arange(m.nv), m.D_rownnz)
-        late[rows, m.D_colind] = -np.array(data.qDeriv)
-        found.append(late)
-    size = np.max(np.abs(found[0]), initial=0.0)
-    still, moving = found
+        matrix[rows, m.D_colind] = -np.array(data.qDeriv)
+        matrices.append(matrix)
+    size = np.max(np.abs(matrices[0]), initial=0.0)
+    still, moving = matrices
     return still if np.allclose(still, moving, rtol=0, atol=1e-12 * size) else None

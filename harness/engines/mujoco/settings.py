@@ -1,4 +1,4 @@
-"""What settings ask of MuJoCo: of a specification before it is compiled, and of a rollout."""
+"""Settings for MuJoCo: of a specification before it is compiled, and of a rollout."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineError, Mode
 
 
 def is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
-    """A setting that switches something on or off.
+    """Return a boolean setting.
 
     Raises:
-        EngineError: where it is neither true nor false.
+        EngineError: if it is neither true nor false.
     """
     value = spec.settings.get(key, otherwise)
     if not isinstance(value, bool):
-        told = f"[settings] {key} is {value!r}; expected true or false"
-        raise EngineError(f"{spec.path}.toml: {told}")
+        problem = f"[settings] {key} is {value!r}; expected true or false"
+        raise EngineError(f"{spec.path}.toml: {problem}")
     return value
 
 
 def apply_settings(tree: Any, spec: ModelSpec) -> None:
-    """Change a specification.
+    """Apply settings to a specification.
 
     Raises:
         EngineError: naming the setting that MuJoCo does not have.
@@ -42,7 +42,7 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
         "actuators",
         "exact_frames",
         "compensated",
-    ):  # of a rollout; and done
+    ):  # settings of a rollout, or already applied
         settings.pop(key, None)
     if "step" in settings:
         tree.option.timestep = settings.pop("step")
@@ -66,10 +66,11 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
 
 
 def rounded_frames(model: Any) -> bool:
-    """Whether a body's inertial frame is taken for the body's own, though it is another.
+    """Return whether MuJoCo treats a body's inertial frame as the body's own although it differs.
 
-    So it is where no position is 1e-6 m off and no component of the quaternion 1e-6 (`kFrameEps` in
-    user_model.cc): `body_sameframe` says so, and kinematics then copies the body's frame.
+    It does so if position components differ by less than 1e-6 m and quaternion components by less
+    than 1e-6 (`kFrameEps` in user_model.cc). Then `body_sameframe` is set, and kinematics copies
+    the body's frame.
     """
     import mujoco
 
@@ -82,14 +83,14 @@ def rounded_frames(model: Any) -> bool:
 
 
 def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
-    """At which all controls are held, and the states of actuators; zero unless the settings say.
+    """Return held controls and the states of actuators; zero unless the settings state them.
 
-    Of an actuator with a state they say that: an integrator stands without an input, a filter
-    under an input that is as large. Where `activations` gives the states that runs start with,
-    controls are controls, and states move.
+    For an actuator with a state, the control sets that state: an integrator is constant without an
+    input, a filter is constant if its input equals its state. If `activations` gives the initial
+    states, controls are inputs and states move.
 
     Raises:
-        EngineError: where they are not as many numbers as there are controls, or states.
+        EngineError: if the numbers are not one per control, or per state.
     """
     import mujoco
 
@@ -99,18 +100,18 @@ def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
         return inputs, _listed(spec, "activations", int(model.na))
     for i in range(actuators(model)):
         if (state := held_state(model, i)) >= 0:
-            at = control(model, i)
-            states[state] = inputs[at]
+            index = control(model, i)
+            states[state] = inputs[index]
             if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR:
-                inputs[at] = 0.0
+                inputs[index] = 0.0
     return inputs, states
 
 
 def _listed(spec: ModelSpec, key: str, count: int) -> Array:
-    """Return the numbers that a setting lists, (count,); zeros where it is not there.
+    """Return the numbers that a setting lists, (count,); zeros if it is not set.
 
     Raises:
-        EngineError: where it is anything else.
+        EngineError: for any other value.
     """
     given = spec.settings.get(key, [0.0] * count)
     numbers = isinstance(given, list) and all(type(one) in (int, float) for one in given)

@@ -1,6 +1,6 @@
-"""Meshes and textures on which no smooth motion depends: replaced by small ones of no file.
+"""Replacement of meshes and textures that do not affect smooth motions by small built-in ones.
 
-To compile them takes hundreds of times as long as all else, and files may lack them.
+They take hundreds of times longer to compile than the rest, and their files may be missing.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ _FACES = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]
 
 
 def without_idle_files(tree: Any) -> None:
-    """Take from a specification the files of textures, and of meshes that make no inertia."""
+    """Remove the files of textures, and of meshes without inertia, from a specification."""
     needed = set(_meshes_with_inertia(tree))
     for mesh in tree.meshes:
         name = mesh.name or Path(mesh.file).stem
         if name not in needed and mesh.file and not mesh.plugin.active:
-            # One without a name is called as its file, by versions before 3.4 when it is compiled.
+            # Versions before 3.4 name an unnamed mesh after its file when they compile it.
             mesh.name = name
             mesh.file, mesh.uservert, mesh.userface = "", _CORNERS, _FACES
             mesh.refpos, mesh.refquat, mesh.scale = [0, 0, 0], [1, 0, 0, 0], [1, 1, 1]
@@ -33,16 +33,16 @@ def without_idle_files(tree: Any) -> None:
 
 
 def files_of_shapes(tree: Any) -> tuple[str, ...]:
-    """Files that a specification is compiled of: meshes, height fields and skins, as it names them.
+    """Return the files of meshes, height fields and skins, as the specification names them.
 
-    Each once.
+    Each file appears once.
     """
     shapes = (*tree.meshes, *tree.hfields, *tree.skins)
     return tuple(dict.fromkeys(one.file for one in shapes if one.file))
 
 
 def _meshes_with_inertia(tree: Any) -> Iterator[str]:
-    """Names of meshes from which the inertia of a body follows."""
+    """Yield the names of meshes that determine the inertia of a body."""
     import mujoco
 
     always = tree.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE

@@ -1,4 +1,4 @@
-"""What MuJoCo has beyond smooth dynamics: switched off where that is asked, and counted."""
+"""Features of MuJoCo beyond smooth dynamics: switched off under `smooth`, and counted."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act, straight_equalities
-from physics_crosscheck.harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
+from physics_crosscheck.harness.engines.mujoco.medium import (
+    box_fluid,
+    ellipsoids,
+    without_ellipsoids,
+)
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     acts,
     actuators,
@@ -22,16 +26,19 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
 from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
 
 _SOLREF, _SOLIMP = [1e-12, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
-"""Of equalities as stiff as a step allows, settled after one: steps may be 1e-8 s and shorter."""
+"""Equalities as stiff as a step allows, which settle in one step; steps can be 1e-8 s or less."""
 
 _HEAVIER = 1e-2
-"""With it, limits of what tendons tie are known to 3e-12, without to 2e-9; of two fingers whose
-joints have seven times their mass in armature, to 3e-12 and 1e-9: what a soft equality gives way by
-at the start is gone after a step."""
+"""A factor of the inverse weights that scale the softness of equalities.
+
+With it, limits of tendon equalities are known to 3e-12, without it to 2e-9. For two fingers with
+seven times their mass in armature these are 3e-12 and 1e-9. The initial error of a soft equality is
+gone after one step.
+"""
 
 
 def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
-    """Leave out of a specification what `smooth` and `actuators` of a sidecar say."""
+    """Disable the features that `smooth` and `actuators` of a sidecar exclude."""
     import mujoco
 
     names = ("CONTACT", "LIMIT", "FRICTIONLOSS", "CLAMPCTRL") if smooth else ()
@@ -42,7 +49,7 @@ def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
 
 
 def hold(m: Any, followers: Collection[str] | None) -> None:
-    """Let those equalities alone act that make these joints follow others; None: all."""
+    """Activate only those equalities whose followers are named; None activates all."""
     if followers is not None:
         held = {
             i
@@ -54,10 +61,10 @@ def hold(m: Any, followers: Collection[str] | None) -> None:
 
 
 def leave_out(m: Any) -> None:
-    """Take from a compiled model what has no formula here, and all saturation.
+    """Remove features without a formula here, and all saturation, from a compiled model.
 
-    Equalities that are left hold at once, by a solver that goes on to the last digit, and under
-    Euler's steps, since with others their limits can't be told.
+    The remaining equalities settle in one step. Their solver iterates to the last digit, under
+    Euler steps, since their limits are not known for the other integrators.
     """
     import mujoco
 
@@ -65,39 +72,40 @@ def leave_out(m: Any) -> None:
     if m.eq_active0.any():
         m.opt.tolerance, m.opt.iterations = 0.0, 100
         m.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        # Dampers taken implicitly act after the solver, so that they would let go of equalities.
+        # Implicit dampers act after the solver, so they would break equalities.
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
         # Without this safeguard an equality as stiff as here would diverge at any step.
         m.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
-        # By which the softness of an equality is scaled: far above what a tendon feels, and where
-        # a body stands at its own center without the armature of its joint.
+        # The inverse weights scale the softness of an equality. They are much larger than a
+        # tendon's
+        # effective inverse mass, and for a body at its own center they omit the joint's armature.
         m.tendon_invweight0[:] *= _HEAVIER
         m.dof_invweight0[:] *= _HEAVIER
     limited = ("actuator_forcelimited", "actuator_actlimited", "jnt_actfrclimited")
     for name in (*limited, "tendon_actfrclimited"):
         getattr(m, name)[:] = 0
     without_ellipsoids(m)
-    own = ("damping", "dampingpoly", "armature")
+    own_fields = ("damping", "dampingpoly", "armature")
     force = (
         "gainprm",
         "biasprm",
         "gaintype",
         "biastype",
         "dyntype",
-    )  # of type 0 they are constants
-    _zero(m, "actuator", (*force, *own), _bent_actuators(m))
+    )  # type 0 is constant
+    _zero(m, "actuator", (*force, *own_fields), _bent_actuators(m))
     _zero(m, "tendon", ("armature",), _heavy_cords(m))
     _zero(m, "actuator", ("armature",), _heavy_motors(m))
-    _zero(m, "tendon", ("stiffness", "stiffnesspoly", *own), _bent_tendons(m))
+    _zero(m, "tendon", ("stiffness", "stiffnesspoly", *own_fields), _bent_tendons(m))
 
 
-def _zero(m: Any, of: str, names: tuple[str, ...], rows: Iterable[int]) -> None:
-    """Set some fields of some rows to zero; those of later versions where they are there."""
+def _zero(m: Any, prefix: str, names: tuple[str, ...], rows: Iterable[int]) -> None:
+    """Set fields of some rows to zero, if this version has them."""
     wanted = list(rows)
     for name in names:
-        if hasattr(m, f"{of}_{name}"):
-            getattr(m, f"{of}_{name}")[wanted] = 0
+        if hasattr(m, f"{prefix}_{name}"):
+            getattr(m, f"{prefix}_{name}")[wanted] = 0
 
 
 def _bent_actuators(m: Any) -> list[int]:
@@ -109,12 +117,12 @@ def _bent_tendons(m: Any) -> list[int]:
 
 
 def _heavy_cords(m: Any) -> list[int]:
-    """Tendons through space with an armature."""
+    """Return spatial tendons with an armature."""
     return [i for i in range(m.ntendon) if spatial_tendon(m, i) and m.tendon_armature[i]]
 
 
 def _heavy_motors(m: Any) -> list[int]:
-    """Actuators with an armature on such tendons."""
+    """Return actuators with an armature on such tendons."""
     import mujoco
 
     if not hasattr(m, "actuator_armature"):
@@ -129,26 +137,26 @@ def _heavy_motors(m: Any) -> list[int]:
 
 
 def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
-    """Take joints out of a specification, so that what they carry stands where it is drawn.
+    """Remove joints from a specification, so that their bodies stay at the drawn positions.
 
-    Those without a name are called as the adapter calls them. Actuators, sensors and equalities
-    of such a joint go with it, and all keyframes, which have a position of it.
+    Unnamed joints have the adapter's names. Actuators, sensors and equalities of such a joint are
+    removed with it, and so are all keyframes, which contain its position.
     """
     users = (
-        *((one, (one.target,)) for one in tree.actuators),
-        *((one, (one.objname,)) for one in tree.sensors),
-        *((one, (one.name1, one.name2)) for one in tree.equalities),
+        *((user, (user.target,)) for user in tree.actuators),
+        *((user, (user.objname,)) for user in tree.sensors),
+        *((user, (user.name1, user.name2)) for user in tree.equalities),
     )
-    gone = [one for one, targets in users if set(targets) & set(joints)]
+    gone = [user for user, targets in users if set(targets) & set(joints)]
     gone += list(tree.keys) if joints else []
     rows = enumerate(tree.joints)
     gone += [joint for i, joint in rows if (joint.name or f"joint_{i}") in joints]
-    for one in gone:
-        tree.delete(one)
+    for user in gone:
+        tree.delete(user)
 
 
 def besides(m: Any) -> tuple[tuple[str, int], ...]:
-    """What of a compiled model these settings leave out, with its number."""
+    """Return the features of a compiled model that these settings leave out, with their counts."""
     held = int(np.count_nonzero(m.eq_active0)) if equalities_act(m) else 0
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
     counts: dict[str, Any] = {
@@ -163,25 +171,25 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
         "dry friction": np.count_nonzero(m.dof_frictionloss)
         + np.count_nonzero(m.tendon_frictionloss),
         "contact geometry": np.count_nonzero(touching),
-        "ellipsoids in a medium": np.count_nonzero(ellipsoids(m)) if medium(m) else 0,
+        "ellipsoids in a medium": np.count_nonzero(ellipsoids(m)) if box_fluid(m) else 0,
     }
     return tuple((what, int(count)) for what, count in counts.items() if count)
 
 
 def _saturation(m: Any) -> Iterator[bool]:
-    """Yield whether each actuator has a bound of its control, its state or its force."""
+    """Yield whether each actuator limits its control, its state or its force."""
     for i in range(actuators(m)):
         limited = m.actuator_ctrllimited[control(m, i)], m.actuator_actlimited[i]
         yield any((*limited, m.actuator_forcelimited[i]))
 
 
 def uncovered(m: Any) -> tuple[str, ...]:
-    """What acts whatever these settings say, and is in no tree of bodies."""
+    """Return features that act under all settings and that no tree of bodies represents."""
     lifted = bool(np.any(m.body_gravcomp)) and bool(np.any(m.jnt_actgravcomp))
-    found = {
+    features = {
         "flexible bodies": bool(getattr(m, "nflex", 0)),
         "plugins": bool(m.nplugin),
         # MuJoCo counts it among the forces of actuators, which this flag takes away.
         "gravity compensation by actuators that are off": lifted and not acts(m, "ACTUATION"),
     }
-    return tuple(what for what, there in found.items() if there)
+    return tuple(what for what, there in features.items() if there)

@@ -1,4 +1,4 @@
-"""Coordinates of a compiled model, as many as it has freedoms, and its own qpos and qvel."""
+"""Coordinates of a compiled model, one per degree of freedom, and its own qpos and qvel."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from physics_crosscheck.harness.engines.mujoco.pulls import joint_name
 from physics_crosscheck.harness.engines.protocol import Array
 
 
-class _Turning(NamedTuple):
-    """A ball or free joint's rotation: where it stands in qpos, and in qvel."""
+class _RotationSlices(NamedTuple):
+    """The indices of a ball or free joint's rotation in qpos and qvel."""
 
     quaternion: slice
     angular: slice
 
 
 class States:
-    """In the order of qvel: a free joint's place, in the world, comes before its rotation.
+    """Coordinates in the order of qvel; a free joint's position precedes its rotation.
 
-    MuJoCo's velocity of a free joint is linear in the world's axes and angular in the body's own.
+    MuJoCo's velocity of a free joint is linear in the world's axes and angular in the body's axes.
 
     Attributes:
         names: of the coordinates.
@@ -53,7 +53,7 @@ class States:
         self.single = np.isin(kinds, _SINGLE)
 
     def qpos(self, z: Array) -> Array:
-        """(..., nq) of (..., nv)."""
+        """Return qpos (..., nq) of coordinates (..., nv)."""
         if not self._turning:
             return z
         out = np.empty((*z.shape[:-1], self._nq))
@@ -63,17 +63,17 @@ class States:
         return out
 
     def qvel(self, z: Array, w: Array) -> Array:
-        """(..., nv)."""
+        """Return qvel (..., nv) of coordinates and rates."""
         out = np.array(w, dtype=float)
         for turning in self._turning:
-            at = turning.angular
-            out[..., at] = angular_velocity(z[..., at], w[..., at])
+            angular = turning.angular
+            out[..., angular] = angular_velocity(z[..., angular], w[..., angular])
         return out
 
-    def taken(self, qpos: Array, qvel: Array, start: Array) -> tuple[Array, Array]:
-        """Coordinates and rates along motions (B, samples, ...) that begin at qpos (B, nq).
+    def motion_of(self, qpos: Array, qvel: Array, start: Array) -> tuple[Array, Array]:
+        """Return coordinates and rates along motions (B, samples, ...) that begin at qpos (B, nq).
 
-        Of a quaternion's two signs each sample has that which is nearer to the one before.
+        Each sample's quaternion has the sign that is nearer to the sample before.
         """
         if not self._turning:
             return qpos.copy(), qvel.copy()
@@ -82,18 +82,20 @@ class States:
         for turning in self._turning:
             near = start[:, turning.quaternion]
             for k in range(qpos.shape[1]):
-                own = qpos[:, k, turning.quaternion]
-                z[:, k, turning.angular] = coordinates(own, near)
+                turn = qpos[:, k, turning.quaternion]
+                z[:, k, turning.angular] = coordinates(turn, near)
                 near = quaternion(z[:, k, turning.angular])
             w[..., turning.angular] = rate(z[..., turning.angular], qvel[..., turning.angular])
         return z, w
 
-    def at(self, qpos: Array, near: Array | None) -> list[float]:
-        """Coordinates of one qpos, as plain numbers; those of rotations are near to others."""
+    def coordinates_of(self, qpos: Array, near: Array | None) -> list[float]:
+        """Return the coordinates of one qpos as plain numbers, with rotations near to given
+        ones.
+        """
         if not self._turning:
             return list(qpos.tolist())
         start = (qpos if near is None else self.qpos(near))[None]
-        return list(self.taken(qpos[None, None], np.zeros((1, 1, self._nv)), start)[0][0, 0])
+        return list(self.motion_of(qpos[None, None], np.zeros((1, 1, self._nv)), start)[0][0, 0])
 
 
 FREE, BALL = 0, 1
@@ -109,15 +111,15 @@ def _names(model: Any, j: int) -> tuple[str, ...]:
 
 
 def _straight(q: int, d: int, kind: int) -> Iterator[tuple[int, int]]:
-    """Where the coordinates that are qpos's own numbers stand in it, and in qvel."""
+    """Yield the indices of plain coordinates in qpos and in qvel."""
     count = {FREE: 3, BALL: 0}.get(kind, 1)
     return ((q + i, d + i) for i in range(count))
 
 
-def _turning(model: Any) -> Iterator[_Turning]:
+def _turning(model: Any) -> Iterator[_RotationSlices]:
     for q, d, kind in zip(model.jnt_qposadr, model.jnt_dofadr, model.jnt_type, strict=True):
         q, d = int(q), int(d)
         if int(kind) == FREE:
-            yield _Turning(slice(q + 3, q + 7), slice(d + 3, d + 6))
+            yield _RotationSlices(slice(q + 3, q + 7), slice(d + 3, d + 6))
         if int(kind) == BALL:
-            yield _Turning(slice(q, q + 4), slice(d, d + 3))
+            yield _RotationSlices(slice(q, q + 4), slice(d, d + 3))

@@ -1,4 +1,4 @@
-"""An MJCF as MuJoCo compiles it, taken apart."""
+"""An MJCF as MuJoCo compiles it, as data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from physics_crosscheck.harness.engines.compiled import (
 )
 from physics_crosscheck.harness.engines.mujoco.actuators import compiled_actuator
 from physics_crosscheck.harness.engines.mujoco.equalities import couplings
-from physics_crosscheck.harness.engines.mujoco.medium import boxed, medium
+from physics_crosscheck.harness.engines.mujoco.medium import box_fluid, boxed
 from physics_crosscheck.harness.engines.mujoco.mjcf import included, refusal, sources
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     UNCOUPLED,
@@ -37,12 +37,12 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
 
     Args:
         path: of the file.
-        texts: what is read instead of it, and of files that it includes.
+        texts: replacements of it and of its includes.
 
     Raises:
         EngineError: naming file and reason.
     """
-    found = () if texts else sources(path)
+    xml_sources = () if texts else sources(path)
     try:
         with Warnings().heard():
             tree = _spec(path, texts)
@@ -50,7 +50,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
             shapes = files_of_shapes(tree)
             m: Any = tree.compile()
     except Exception as error:
-        raise refusal(error, path, found) from None
+        raise refusal(error, path, xml_sources) from None
     x, y, z = map(float, m.opt.gravity if acts(m, "GRAVITY") else np.zeros(3))
     return CompiledTree(
         pulls=tuple(pulls(m)),
@@ -58,14 +58,14 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         controls=int(getattr(m, "nctrl", m.nu)),
         bodies=tuple(_body(m, i) for i in range(1, m.nbody)),
         gravity=(x, y, z),
-        medium=medium(m),
+        fluid=box_fluid(m),
         name=tree.modelname,
         besides=besides(m),
         uncovered=uncovered(m),
         actuators=tuple(compiled_actuator(m, i) for i in range(actuators(m))),
         states=int(m.na),
         shapes=shapes,
-        taken=((UNCOUPLED, pulls_taken(m)),) if any(split_tendons(m)) else (),
+        engine_variants=((UNCOUPLED, pulls_taken(m)),) if any(split_tendons(m)) else (),
     )
 
 
@@ -77,8 +77,8 @@ def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:
     others = {}
     for part in included(path)[1:]:
         others[str(part.relative_to(path.parent))] = texts.get(part) or part.read_bytes()
-    own = texts.get(path) or path.read_bytes()
-    tree = mujoco.MjSpec.from_string(own.decode("utf-8"), include=others or None)
+    text = texts.get(path) or path.read_bytes()
+    tree = mujoco.MjSpec.from_string(text.decode("utf-8"), include=others or None)
     tree.modelfiledir = f"{path.parent}/"
     return tree
 
@@ -88,7 +88,7 @@ def _body(m: Any, i: int) -> CompiledBody:
     return CompiledBody(
         name=m.body(i).name,
         parent=int(m.body_parentid[i]),
-        at=_numbers(m.body_pos[i]),
+        position=_numbers(m.body_pos[i]),
         turn=_numbers(m.body_quat[i]),
         mass=float(m.body_mass[i]),
         centre=_numbers(m.body_ipos[i]),
@@ -110,7 +110,7 @@ def _joint(m: Any, j: int) -> CompiledJoint:
     return CompiledJoint(
         name=m.joint(j).name,
         kind=kind,
-        at=_numbers(m.jnt_pos[j]),
+        position=_numbers(m.jnt_pos[j]),
         axis=_numbers(m.jnt_axis[j]),
         zero=float(m.qpos0[q]) if single else 0.0,
         rest=float(m.qpos_spring[q]) if single else 0.0,
@@ -125,7 +125,7 @@ def _joint(m: Any, j: int) -> CompiledJoint:
 
 
 def _on(m: Any, what: str, values: Numbers) -> Numbers:
-    """The values, or zeros where a file's flags switch such forces off."""
+    """Return the values, or zeros if a file's flags disable such forces."""
     return values if acts(m, what) else tuple(0.0 for _ in values)
 
 

@@ -1,4 +1,4 @@
-"""A URDF in MuJoCo: what settings change in the file, and what the format cannot say."""
+"""A URDF in MuJoCo: changes by settings, and elements that the format lacks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 
 
 def complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
-    """Add what a URDF cannot say to MuJoCo: a floating root, Gazebo's and the sidecar's springs."""
+    """Add a floating root and the springs of Gazebo and the sidecar, which a URDF can't state for
+    MuJoCo.
+    """
     if is_on(spec, "floating", otherwise=False):
         root = tree.worldbody.first_body()
         if root is None:
@@ -45,26 +47,29 @@ def complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
 
 
 def spring_terms(value: float, there: Any) -> Any:
-    """A stiffness or damping as MuJoCo has it: a polynomial, in earlier versions a number.
+    """Return a stiffness or damping as MuJoCo stores it: a polynomial, or a number in earlier
+    versions.
 
     Args:
         value: in N m/rad, N/m or these times seconds.
-        there: what stands in its place.
+        there: the value that it replaces.
     """
     return [value, 0.0, 0.0] if np.ndim(there) else value
 
 
 def changes(spec: ModelSpec) -> list[Change]:
-    """What settings change in a URDF before it is loaded."""
-    found: list[Change] = [_without_idle_shapes] if is_on(spec, "smooth", otherwise=False) else []
+    """Return the changes that settings make to a URDF before it is loaded."""
+    changes_made: list[Change] = (
+        [_without_idle_shapes] if is_on(spec, "smooth", otherwise=False) else []
+    )
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
-        found.append(mimics_of(followers))
-    return [*found, with_held(held)] if (held := held_joints(spec)) else found
+        changes_made.append(mimics_of(followers))
+    return [*changes_made, with_held(held)] if (held := held_joints(spec)) else changes_made
 
 
 def _without_idle_shapes(robot: ET.Element) -> None:
-    """Leave shapes out, unless the file asks that inertias are made of them."""
-    made = (one.get("inertiafromgeom") for one in robot.iterfind("mujoco/compiler"))
-    if "true" not in made:
+    """Remove shapes, unless the file computes inertias from them."""
+    modes = (one.get("inertiafromgeom") for one in robot.iterfind("mujoco/compiler"))
+    if "true" not in modes:
         without_shapes(robot)

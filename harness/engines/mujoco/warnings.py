@@ -1,4 +1,4 @@
-"""What MuJoCo warns of: kept, and not written to a log file in the working folder."""
+"""Warnings of MuJoCo, collected instead of written to a log file in the working folder."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-MOST = 20
-"""Warnings that are kept, each kind once."""
+MAX_WARNINGS = 20
+"""The most warnings that are kept; each kind counts once."""
 
 _TIME = re.compile(r"\s*Time = \S+$")
 
 
 class Warnings:
-    """Sentences, each kind of them once, in the order in which they came."""
+    """Warnings as sentences, each kind once, in the order of arrival."""
 
     def __init__(self) -> None:
         self._kinds: dict[str, str] = {}
 
     def __call__(self, message: str) -> None:
-        """Take one from MuJoCo."""
+        """Add a warning of MuJoCo."""
         sentence = " ".join(message.split())
-        if len(self._kinds) < MOST:
+        if len(self._kinds) < MAX_WARNINGS:
             self._kinds.setdefault(_TIME.sub("", sentence), sentence)
 
     def __iter__(self) -> Iterator[str]:
@@ -30,16 +30,17 @@ class Warnings:
 
     @contextmanager
     def heard(self) -> Iterator[None]:
-        """Take all that MuJoCo warns of meanwhile, in its own way or in Python's."""
+        """Collect all warnings that MuJoCo gives in this block, its own and Python's."""
         import mujoco
 
         mujoco.set_mju_user_warning(self)
         try:
-            # As it reads a file it warns in Python's: an error where a user has made them errors.
-            with warnings.catch_warnings(record=True) as told:
+            # While it reads a file, MuJoCo uses Python's warnings, which a user may have made
+            # errors.
+            with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 yield
         finally:
             mujoco.set_mju_user_warning(None)
-            for one in told:
-                self(str(one.message))
+            for warning in caught:
+                self(str(warning.message))

@@ -1,4 +1,4 @@
-"""What tendons and actuators of a compiled model pull along: joints, points, frames."""
+"""Lengths that tendons and actuators of a compiled model act along: joints, points, frames."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ Combination = tuple[tuple[int, float], ...]
 
 
 def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledWay | None:
-    """A combination of joints, or lines between sites; None where it wraps around shapes."""
+    """Return a combination of joints, or segments between sites; None if the tendon wraps
+    shapes.
+    """
     import mujoco
 
     first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
@@ -35,7 +37,7 @@ def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledWay | 
 
 
 def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledWay | None:
-    """Likewise; None for slider-cranks, bodies, and what later versions have."""
+    """Return the same for an actuator; None for slider-cranks, bodies and later transmissions."""
     import mujoco
 
     kind = mujoco.mjtTrn(m.actuator_trntype[i])
@@ -51,14 +53,14 @@ def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledWay | No
     joint = mujoco.mjtJoint(m.jnt_type[target])
     if joint in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         return ((target, gear[0]),)
-    many = 3 if joint == mujoco.mjtJoint.mjJNT_BALL else 6
-    return CompiledWay(joint=target, gear=gear[:many], in_parent=inside)
+    size = 3 if joint == mujoco.mjtJoint.mjJNT_BALL else 6
+    return CompiledWay(joint=target, gear=gear[:size], in_parent=inside)
 
 
 def mark(m: Any, site: int) -> CompiledMark:
-    """A site."""
+    """Return a site."""
     return CompiledMark(
         body=int(m.site_bodyid[site]),
-        at=tuple(map(float, np.ravel(m.site_pos[site]))),
+        position=tuple(map(float, np.ravel(m.site_pos[site]))),
         turn=tuple(map(float, np.ravel(m.site_quat[site]))),
     )

@@ -1,4 +1,4 @@
-"""Newton: its adapter, what it reads, and the worlds that it steps."""
+"""The Newton adapter, its parsers and the worlds that it steps."""
 
 from physics_crosscheck.harness.engines.newton.adapter import NewtonEngine
 

@@ -1,6 +1,6 @@
-"""Newton, on URDF and MJCF: its own solver of generalized coordinates, in numbers of 32 bits.
+"""Newton, on URDF and MJCF: its own solver in generalized coordinates, with 32-bit numbers.
 
-No contact is looked for: Newton finds those by a call of its own, which is not made.
+There are no contacts: Newton detects them in a separate call, which the adapter does not make.
 """
 
 from __future__ import annotations
@@ -39,17 +39,18 @@ from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
 _NAMED = 6
-"""Bodies named in a sentence."""
+"""The most bodies that a sentence names."""
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
-    # Whether Newton may enlarge moments that are small beside a body's others, as it does.
+    # Whether Newton enlarges moments that are small compared with a body's others, its default.
     "corrected_inertias": True,
-    # Whether a URDF's welded links are made one body, as Newton does it: wrongly, in 1.8.0.
+    # Whether welded links of a URDF are merged by Newton, which does it wrongly in 1.8.0.
     "collapse_fixed_joints": False,
-    # Whether an MJCF's fixed tendons are added, as forces; Newton's own solvers leave them out.
+    # Whether an MJCF's fixed tendons are added as forces; Newton's own solvers leave them out.
     "tendons": True,
-    # Whether an MJCF's joint equalities are made mimics, which its solver holds; it drops these.
+    # Whether an MJCF's joint equalities become mimics, which its solver enforces; it drops
+    # equalities.
     "equalities": True,
 })  # fmt: skip
 
@@ -80,104 +81,108 @@ class NewtonEngine(UrdfEngine):
         "linearization: from steps, 32 bits",
         "steps: semi-implicit Euler, order 1, 32 bits",
     )
-    unstated = "no step, since it takes none, and -9.81 m/s^2"
+    default_settings_note = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
 
     def load(self, spec: ModelSpec) -> Model:
-        """Load a URDF or an MJCF, which states step and gravity itself."""
+        """Load a URDF or an MJCF; an MJCF states step and gravity itself."""
         if "controls" in spec.settings:
             raise EngineError(f"{spec.path}: it has actuators, which {DROPS}")
         return super().load(spec if spec.path.suffix == ".urdf" else with_options(spec))
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A file whose settings are in order."""
+        """Load a file whose settings are valid."""
         return NewtonUrdf(spec) if spec.path.suffix == ".urdf" else NewtonMjcf(spec)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity of a URDF."""
+        """Return the settings of a URDF: step and gravity."""
         return SETTINGS if suffix == ".urdf" else {}
 
     def samples(self) -> tuple[Sample, ...]:
-        """One of each format."""
+        """Return one sample of each format."""
         return (sample_urdf(), Sample(file="sample.xml", text=_SAMPLE))
 
 
 class NewtonModel(Model):
-    """A tree in as many worlds as there are states; what it has in both formats."""
+    """A tree in one world per state; the shared part of both formats."""
 
     integrator = "semi-implicit euler"
     epsilon = float(np.finfo(np.float32).eps)
 
     def _take(self, spec: ModelSpec, read: Read) -> None:
-        """What was read of a file."""
+        """Set up the model from a parsed file."""
         if not read.layout.names:
             raise EngineError(f"{spec.path}: it has no moving joint")
         self.coordinates, self._file, self._read = tuple(read.layout.names), spec.path, read
-        self._corrected, self._said = read.corrected, tuple(dict.fromkeys(read.said))
+        self._corrected, self._messages = read.corrected, tuple(dict.fromkeys(read.messages))
         springs = SpringForces(read.springs, read.layout.scalars, spec.path)
         self._worlds = Worlds(read.builder, read.layout, springs)
-        at, still = self.home[None], np.zeros((1, len(self.coordinates)))
-        if not np.isfinite(self.rollout(at, still, 1e-3, 1, None, 1)).all():
+        start, still = self.home[None], np.zeros((1, len(self.coordinates)))
+        if not np.isfinite(self.rollout(start, still, 1e-3, 1, None, 1)).all():
             raise EngineError(f"{spec.path}: a joint moves nothing with inertia")
 
     @property
     def home(self) -> Array:
-        """Where the file draws the mechanism."""
+        """Positions of the drawn configuration."""
         home: Array = self._read.layout.home
         return home
 
     @property
     def limits(self) -> Array:
-        """Where a limit begins to pull: it is a spring and a damper."""
+        """Positions at which a limit's spring and damper begin to act."""
         return limits_of(self._read)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 1 throughout."""
+        """Return order 1 for every input."""
         return 1, 1
 
     @property
     def step_rule(self) -> StepRule | None:
-        """All forces at the step's start; rotations are turned by a rule of their own."""
+        """The rule: all forces at the step's start; rotations have a different rule."""
         plain = len(self._read.layout.scalars) == len(self.coordinates)
         return StepRule(scheme="semi-implicit Euler") if plain else None
 
     @property
     def _enlarged(self) -> str:
-        """What a diagnosis calls it; empty for nothing."""
+        """The cause that a diagnosis reports; empty if no inertia was changed."""
         names = ", ".join(self._corrected[:_NAMED])
         more = ", ..." if len(self._corrected) > _NAMED else ""
         return f"inertias that Newton enlarges ({names}{more})" if self._corrected else ""
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What Newton changes, or its own solver leaves out, and the settings let."""
-        found = dict(self._read.lost)
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """Changes by Newton, and elements that its solver leaves out under the settings, with
+        corrections.
+        """
+        settings = dict(self._read.lost)
         return (
-            {**found, self._enlarged: {"corrected_inertias": False}} if self._corrected else found
+            {**settings, self._enlarged: {"corrected_inertias": False}}
+            if self._corrected
+            else settings
         )
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What Newton has warned of on loading."""
-        return self._said
+        """Warnings of Newton while it loaded the file."""
+        return self._messages
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What Newton changes, leaves out and reads over."""
+        """Yield elements that Newton changes, leaves out or ignores."""
         if self._corrected:
-            told = (
+            message = (
                 f"{self._enlarged}: they are too small relative to the body's other "
                 "moments, or violate the triangle inequality"
             )
-            yield Remark(kind="replaced", message=told, address="", shows_in=("inertia",))
+            yield Remark(kind="replaced", message=message, address="", shows_in=("inertia",))
         for cause in self._read.lost:
             yield Remark(kind="setting", message=f"{cause}, by a setting", address="", fault=True)
-        for message, address in self._read.told.items():
+        for message, address in self._read.notes.items():
             yield Remark(message=message, address=address)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """A world for each state."""
+        """Step all states, with one world for each."""
         with engine_errors(self._file, "Newton"), np.errstate(all="ignore"):
             return self._worlds.rollout(q, v, h, n, force, every)
 
@@ -191,7 +196,7 @@ class NewtonUrdf(NewtonModel, UrdfModel):
         self._take(spec, read_urdf(self))
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """Also what the URDF says in vain."""
+        """Yield also ignored parts of the URDF."""
         yield from UrdfModel.remarks(self, z, w)
         for name, (lower, upper) in stopped_turns(self.declared.robot):
             yield Remark(
@@ -218,6 +223,6 @@ class NewtonMjcf(NewtonModel):
         self._take(spec, read_mjcf(spec, settings))
 
     @property
-    def reach(self) -> Array:
-        """About home, within limits."""
-        return within(super().reach + self.home[:, None], self.limits)
+    def sampling_range(self) -> Array:
+        """Sampling range around home, within limits."""
+        return within(super().sampling_range + self.home[:, None], self.limits)

@@ -1,4 +1,4 @@
-"""A model's coordinates, as the harness has them and as Newton has them."""
+"""Conversion between a model's coordinates in the harness and in Newton."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from physics_crosscheck.harness.engines.attitude import (
 from physics_crosscheck.harness.engines.protocol import Array
 
 
-class _Turning(NamedTuple):
-    """A ball or free joint: where its place, its rotation and its quaternion stand."""
+class _JointSlices(NamedTuple):
+    """A ball or free joint: the indices of its position, rotation and quaternion."""
 
     place: slice
     angular: slice
@@ -30,7 +30,7 @@ class _Turning(NamedTuple):
 
 
 class Layout:
-    """Of one world, in the order of Newton's velocities, nz of them.
+    """The coordinates of one world, in the order of Newton's nz velocities.
 
     Newton's velocity of a free joint is that of the centre of mass, and angular, both along the
     world's axes; that of a ball joint is along its parent's. Quaternions have their real part last.
@@ -38,14 +38,15 @@ class Layout:
     Args:
         builder: Newton's `ModelBuilder` of one world.
         names: of the slides and hinges of each joint, and of each ball or free joint.
-        refs: what Newton's positions lack, (nz,): a joint's value where the file draws it.
+        refs: offsets that Newton's positions lack, (nz,): a joint's value in the drawn
+            configuration.
 
     Attributes:
         names: of the coordinates.
-        of_joints: of each joint.
+        of_joints: names of each joint.
         refs: as given.
-        scalars: names of those that are slides or hinges.
-        home: where the file draws the mechanism.
+        scalars: names of slides and hinges.
+        home: positions of the drawn configuration.
     """
 
     def __init__(self, builder: Any, names: Sequence[Sequence[str]], refs: Array) -> None:
@@ -53,7 +54,7 @@ class Layout:
 
         self._count, self.refs, self.of_joints = len(builder.joint_q), refs, names
         self._single: list[tuple[int, int]] = []
-        self._turning: list[_Turning] = []
+        self._turning: list[_JointSlices] = []
         self.names: list[str] = []
         self.scalars: list[str] = []
         for j, kind in enumerate(builder.joint_type):
@@ -67,71 +68,78 @@ class Layout:
             (name,), r, p = names[j], v + 3 * free, q + 3 * free
             centre = np.array(builder.body_com[builder.joint_child[j]], dtype=float)
             turn, place = slice(p, p + 4), slice(v, r)
-            self._turning.append(_Turning(place, slice(r, r + 3), slice(q, p), turn, centre))
+            self._turning.append(_JointSlices(place, slice(r, r + 3), slice(q, p), turn, centre))
             self.names += [*(place_names(name) if free else ()), *rotation_names(name)]
         self._q, self._v = np.array(self._single, dtype=int).reshape(-1, 2).T
-        self.home = self.taken(np.array([builder.joint_q]), None)[0]
+        self.home = self.coordinates_of(np.array([builder.joint_q]), None)[0]
 
     @property
     def singles(self) -> NDArray[np.intp]:
-        """Where the slides and hinges stand among the coordinates."""
+        """Indices of slides and hinges among the coordinates."""
         return self._v
 
     def given(self, z: Array, w: Array) -> tuple[Array, Array]:
-        """Newton's positions and velocities of (B, nz) each."""
+        """Return Newton's positions and velocities of (B, nz) each."""
         q, v = np.empty((len(z), self._count)), np.array(w, dtype=float)
         q[:, self._q] = z[:, self._v] - self.refs[self._v]
-        for one in self._turning:
-            turn = quaternion(z[:, one.angular])
-            spin = turned(turn, angular_velocity(z[:, one.angular], w[:, one.angular]))
-            q[:, one.origin], q[:, one.turn] = z[:, one.place], np.roll(turn, -1, axis=1)
-            v[:, one.angular] = spin
-            v[:, one.place] += self._lever(one, turn, spin)
+        for slices in self._turning:
+            turn = quaternion(z[:, slices.angular])
+            spin = turned(turn, angular_velocity(z[:, slices.angular], w[:, slices.angular]))
+            q[:, slices.origin], q[:, slices.turn] = z[:, slices.place], np.roll(turn, -1, axis=1)
+            v[:, slices.angular] = spin
+            v[:, slices.place] += self._lever(slices, turn, spin)
         return q, v
 
-    def taken(self, q: Array, near: Array | None) -> Array:
-        """Coordinates of Newton's positions (B, nq); of a rotation's two those that are nearer."""
+    def coordinates_of(self, q: Array, near: Array | None) -> Array:
+        """Return coordinates of Newton's positions (B, nq), with rotations near to given ones."""
         z = np.empty((len(q), len(self.refs)))
         z[:, self._v] = q[:, self._q] + self.refs[self._v]
-        for one in self._turning:
-            turn = np.roll(q[:, one.turn], 1, axis=1)
-            before = turn if near is None else quaternion(near[:, one.angular])
-            z[:, one.place], z[:, one.angular] = q[:, one.origin], coordinates(turn, before)
+        for slices in self._turning:
+            turn = np.roll(q[:, slices.turn], 1, axis=1)
+            before = turn if near is None else quaternion(near[:, slices.angular])
+            z[:, slices.place], z[:, slices.angular] = (
+                q[:, slices.origin],
+                coordinates(turn, before),
+            )
         return z
 
     def rates(self, z: Array, v: Array) -> Array:
-        """Of coordinates, from Newton's velocities, (B, nz) each."""
+        """Return the rates of coordinates from Newton's velocities, (B, nz) each."""
         w = np.array(v, dtype=float)
-        for one in self._turning:
-            turn = quaternion(z[:, one.angular])
-            w[:, one.place] -= self._lever(one, turn, v[:, one.angular])
-            own = turned(turn * [1, -1, -1, -1], v[:, one.angular])
-            w[:, one.angular] = rate(z[:, one.angular], own)
+        for slices in self._turning:
+            turn = quaternion(z[:, slices.angular])
+            w[:, slices.place] -= self._lever(slices, turn, v[:, slices.angular])
+            spin = turned(turn * [1, -1, -1, -1], v[:, slices.angular])
+            w[:, slices.angular] = rate(z[:, slices.angular], spin)
         return w
 
-    def forces(self, z: Array, pull: Array) -> Array:
-        """Newton's, of those at a body's origin, with moments along its own axes."""
+    def forces(self, z: Array, applied: Array) -> Array:
+        """Return Newton's forces for forces at a body's origin with moments along the body's
+        axes.
+        """
         if not self._turning:
-            return pull
-        f = np.array(pull, dtype=float)
-        for one in self._turning:
-            turn = quaternion(z[:, one.angular])
-            f[:, one.angular] = turned(turn, pull[:, one.angular])
-            if one.place.start < one.place.stop:
-                arm = turned(turn, one.centre[None])
-                f[:, one.angular] -= np.cross(arm, pull[:, one.place])
+            return applied
+        f = np.array(applied, dtype=float)
+        for slices in self._turning:
+            turn = quaternion(z[:, slices.angular])
+            f[:, slices.angular] = turned(turn, applied[:, slices.angular])
+            if slices.place.start < slices.place.stop:
+                arm = turned(turn, slices.centre[None])
+                f[:, slices.angular] -= np.cross(arm, applied[:, slices.place])
         return f
 
-    def _lever(self, one: _Turning, turn: Array, spin: Array) -> Array:
-        """By how much a centre of mass is faster than its body's origin; of a ball nothing."""
-        if one.place.start == one.place.stop:
+    def _lever(self, slices: _JointSlices, turn: Array, spin: Array) -> Array:
+        """Return the velocity of the centre of mass relative to the body's origin; empty for a
+        ball.
+        """
+        if slices.place.start == slices.place.stop:
             return np.empty((len(turn), 0))
-        return np.cross(spin, turned(turn, one.centre[None]))
+        return np.cross(spin, turned(turn, slices.centre[None]))
 
 
 def turned(turn: Array, x: Array) -> Array:
-    """x, (B, 3) or (1, 3), turned by quaternions (B, 4) of length one."""
+    """Rotate x, (B, 3) or (1, 3), by unit quaternions (B, 4)."""
     axis = turn[:, 1:]
     twice = 2 * np.cross(axis, np.broadcast_to(x, axis.shape))
-    found: Array = x + turn[:, :1] * twice + np.cross(axis, twice)
-    return found
+    result: Array = x + turn[:, :1] * twice + np.cross(axis, twice)
+    return result

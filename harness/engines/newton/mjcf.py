@@ -1,4 +1,4 @@
-"""An MJCF as Newton reads it, and what its own solver leaves out of one."""
+"""An MJCF as Newton reads it, and the elements that its own solver leaves out."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ DROPS = "Newton's own solvers leave out"
 
 
 def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
-    """An MJCF whose settings are in order.
+    """Read an MJCF whose settings are valid.
 
     Raises:
-        EngineError: for what Newton's own solver leaves out and that isn't added here.
+        EngineError: for elements that Newton's solver leaves out and the adapter does not add.
     """
     source = read_source_mjcf(spec.path)
     root = source.root
-    builder, said = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
-    with heard(said):
+    builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
+    with heard(messages):
         builder.add_mjcf(str(spec.path), parse_visuals=False, enable_self_collisions=False)
     followers = followers_of(settings, f"{spec.path}.toml")
     for reason in _left_out(root, followers is None):
@@ -49,50 +49,52 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
         refs[dof] = value
     layout = Layout(builder, _names(root, builder, spec.path), refs)
     lost: dict[str, Mapping[str, object]] = {}
-    with heard(said):
+    with heard(messages):
         tendons = tuple(_tendons(builder, layout, spec.path))
         if _equal(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
     if tendons and not settings["tendons"]:
         lost[TENDONS] = {"tendons": True}
-    corrected = correct_inertias(builder, said) if settings["corrected_inertias"] else ()
-    read_over = option_remarks(source, "Newton", frozenset({"timestep", "gravity"}))
-    told = {one.message: one.address or "" for one in read_over}
+    corrected = correct_inertias(builder, messages) if settings["corrected_inertias"] else ()
+    ignored_options = option_remarks(source, "Newton", frozenset({"timestep", "gravity"}))
+    notes = {one.message: one.address or "" for one in ignored_options}
     return Read(
         builder=builder,
         layout=layout,
         springs=tendons if settings["tendons"] else (),
         lost=lost,
-        told=told,
+        notes=notes,
         corrected=corrected,
-        said=said,
+        messages=messages,
     )
 
 
 def _left_out(root: ET.Element, all_equalities: bool) -> Iterator[str]:
-    """What acts in MuJoCo, not here, and is no smooth thing that this adapter adds."""
-    if any(len(one) for one in root.findall("actuator")):
+    """Yield elements with an effect in MuJoCo that neither Newton nor this adapter supports."""
+    if any(len(element) for element in root.findall("actuator")):
         yield "actuators"
-    if all_equalities and {one.tag for one in root.findall("equality/*")} - {"joint"}:
+    if all_equalities and {element.tag for element in root.findall("equality/*")} - {"joint"}:
         yield "equalities of other things than joints"
-    for one in root.findall("tendon/spatial"):
-        if {key for key in ("stiffness", "damping") if float(one.get(key, "0").split()[0])}:
+    for element in root.findall("tendon/spatial"):
+        if {key for key in ("stiffness", "damping") if float(element.get(key, "0").split()[0])}:
             yield "a tendon between sites that pulls"
-    for one in root.findall("option"):
-        if any(set(one.get(key, "0").split()) - {"0", "0.0"} for key in MEDIUM):
+    for element in root.findall("option"):
+        if any(set(element.get(key, "0").split()) - {"0", "0.0"} for key in FLUID_OPTIONS):
             yield "a medium"
-    if any(float(one.get("gravcomp", "0")) for one in root.iter("body")):
+    if any(float(element.get("gravcomp", "0")) for element in root.iter("body")):
         yield "gravity compensation"
-    for one in root.iter("joint"):
-        if one.get("type") in ("ball", "free") and float(one.get("stiffness", "0").split()[0]):
+    for element in root.iter("joint"):
+        if element.get("type") in ("ball", "free") and float(
+            element.get("stiffness", "0").split()[0]
+        ):
             yield "a spring of a ball or free joint"
 
 
-MEDIUM = ("density", "viscosity", "wind")
+FLUID_OPTIONS = ("density", "viscosity", "wind")
 
 
 def _names(root: ET.Element, builder: Any, path: Path) -> list[list[str]]:
-    """Of the coordinates of each of Newton's joints; those of one body become one joint."""
+    """Return the coordinate names of each Newton joint; joints of one body form one joint."""
     bodies = [one for world in root.findall("worldbody") for one in world.iter("body")]
     if len(bodies) != len(builder.body_label):
         raise EngineError(
@@ -100,40 +102,40 @@ def _names(root: ET.Element, builder: Any, path: Path) -> list[list[str]]:
         )
     joints = [[one for one in body if one.tag in ("joint", "freejoint")] for body in bodies]
     order = [one for row in joints for one in row]
-    found = []
+    result = []
     for child, (lines, _) in zip(builder.joint_child, builder.joint_dof_dim, strict=True):
         row = joints[child]
         slides = [one for one in row if one.get("type") == "slide"]
         if len(row) > 1 and len(slides) != lines:
             raise EngineError(f"{path}: joints of body {bodies[child].get('name')!r} have no type")
-        own = row if len(row) < 2 else slides + [one for one in row if one not in slides]
-        found.append([one.get("name") or f"joint_{order.index(one)}" for one in own])
-    return found
+        ordered = row if len(row) < 2 else slides + [one for one in row if one not in slides]
+        result.append([one.get("name") or f"joint_{order.index(one)}" for one in ordered])
+    return result
 
 
 def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
-    """Springs and dampers of combinations of slides and hinges."""
+    """Yield springs and dampers of combinations of slides and hinges."""
     if "mujoco:tendon_joint" not in builder.custom_attributes or not len(
         builder.custom_attributes["mujoco:tendon_joint"].values or ()
     ):
         return
-    found = builder.finalize(device="cpu").mujoco
+    model = builder.finalize(device="cpu").mujoco
     names = layout.of_joints
     rest = np.array(builder.joint_rest_q)
-    for i, kind in enumerate(found.tendon_type.numpy()):
-        first, count = (int(getattr(found, f"tendon_joint_{k}").numpy()[i]) for k in ("adr", "num"))
+    for i, kind in enumerate(model.tendon_type.numpy()):
+        first, count = (int(getattr(model, f"tendon_joint_{k}").numpy()[i]) for k in ("adr", "num"))
         k, c = (
-            float(getattr(found, f"tendon_{one}").numpy()[i]) for one in ("stiffness", "damping")
+            float(getattr(model, f"tendon_{one}").numpy()[i]) for one in ("stiffness", "damping")
         )
         if kind or not (k or c):
             continue
         rows = range(first, first + count)
-        joints = [int(found.tendon_joint.numpy()[row]) for row in rows]
-        shares = [float(found.tendon_coef.numpy()[row]) for row in rows]
+        joints = [int(model.tendon_joint.numpy()[row]) for row in rows]
+        shares = [float(model.tendon_coef.numpy()[row]) for row in rows]
         if any(len(names[j]) != 1 for j in joints):
             raise EngineError(f"{path}: a tendon pulls at a joint of a body that has several")
-        lower, upper = map(float, found.tendon_springlength.numpy()[i])
-        if lower < 0:  # where the joints' own springs are relaxed
+        lower, upper = map(float, model.tendon_springlength.numpy()[i])
+        if lower < 0:  # the length at which the joints' own springs are relaxed
             drawn = [
                 rest[builder.joint_q_start[j]] + layout.refs[builder.joint_qd_start[j]]
                 for j in joints
@@ -146,7 +148,7 @@ def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
 
 
 def _equal(builder: Any, layout: Layout, followers: Collection[str] | None, held: bool) -> bool:
-    """Make joints follow others, which Newton's own solver reduces; whether any is let go."""
+    """Add mimic joints, which Newton's solver enforces; return whether any is left out."""
     lost = False
     rows = zip(
         builder.constraint_mimic_joint0,

@@ -1,4 +1,4 @@
-"""What Newton makes of a file: one world, and what is to be known of it beside."""
+"""A file as Newton parses it: one world, with notes for remarks."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ class Read:
     Attributes:
         builder: Newton's `ModelBuilder`, of one world.
         layout: of its coordinates.
-        springs: that are added to it here.
-        lost: what Newton's own solver leaves out and the settings let: cause -> what undoes it.
-        told: what is to be said of it: sentence -> address.
+        springs: added by the adapter.
+        lost: elements that Newton's solver leaves out under the settings: cause -> correction.
+        notes: remarks: sentence -> address.
         corrected: moving bodies whose inertias Newton has changed.
-        said: what Newton has warned of.
+        messages: warnings of Newton.
     """
 
     builder: Any
     layout: Layout
     springs: tuple[Spring, ...]
     lost: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
-    told: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
     corrected: Sequence[str] = ()
-    said: Sequence[str] = ()
+    messages: Sequence[str] = ()
 
 
 def new_builder(gravity: Sequence[float]) -> Any:
-    """An empty world. Warp prints what it compiles, on stdout, unless told not to."""
+    """Return an empty world, with Warp's compilation messages on stdout disabled."""
     import warp as wp
 
     wp.config.log_level = wp.LOG_ERROR
@@ -49,47 +49,47 @@ def new_builder(gravity: Sequence[float]) -> Any:
 
 
 @contextmanager
-def heard(said: list[str]) -> Iterator[None]:
-    """What is warned of meanwhile is kept, and not printed."""
-    with warnings.catch_warnings(record=True) as found:
+def heard(messages: list[str]) -> Iterator[None]:
+    """Collect warnings in this block instead of printing them."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield
-    said += [folded(one.message) for one in found]
+    messages += [folded(one.message) for one in caught]
 
 
 def without_stops(builder: Any) -> None:
-    """Let limits hold nothing: they are springs and dampers."""
+    """Remove the springs and dampers of joint limits."""
     for name in ("joint_limit_ke", "joint_limit_kd"):
         setattr(builder, name, [0.0] * len(getattr(builder, name)))
 
 
 def limits_of(read: Read) -> Array:
-    """Between which positions no limit pulls, (nz, 2)."""
+    """Return the positions between which no limit acts, (nz, 2)."""
     builder, layout = read.builder, read.layout
-    found = np.tile([-np.inf, np.inf], (len(layout.names), 1))
+    result = np.tile([-np.inf, np.inf], (len(layout.names), 1))
     acts = np.array(builder.joint_limit_ke)[layout.singles] > 0
     bounds = np.stack([builder.joint_limit_lower, builder.joint_limit_upper], axis=1)
-    own = layout.singles[acts]
-    found[own] = bounds[own] + layout.refs[own, None]
-    found[abs(found) > UNLIMITED] = np.inf * np.sign(found[abs(found) > UNLIMITED])
-    return found
+    indices = layout.singles[acts]
+    result[indices] = bounds[indices] + layout.refs[indices, None]
+    result[abs(result) > UNLIMITED] = np.inf * np.sign(result[abs(result) > UNLIMITED])
+    return result
 
 
 UNLIMITED = 1e9
-"""Newton's own limit where there is none is 1e10."""
+"""Newton stores 1e10 for a missing limit."""
 
 
 COLLAPSED = "Newton's collapse_fixed_joints, which shifts welded bodies' inertias wrongly"
 
 
 def collapse(builder: Any, wanted: bool) -> dict[str, Mapping[str, object]]:
-    """Make one body of those that are welded, as Newton does it where it is asked to.
+    """Merge welded bodies with Newton's own function if the settings request it.
 
-    It takes moments about the parent's origin and leaves them there (1.8.0): two bodies of 1 kg
-    that are 1 m apart get 1 kg m^2 for 0.5.
+    Newton 1.8.0 does not shift moments of inertia from the parent's origin: two bodies of 1 kg that
+    are 1 m apart get 1 kg m^2 instead of 0.5.
 
     Returns:
-        Of what its doing so is the cause, with what undoes it.
+        The cause of the resulting error, with the setting that corrects it.
     """
     count = len(builder.joint_type)
     if wanted:
@@ -98,26 +98,26 @@ def collapse(builder: Any, wanted: bool) -> dict[str, Mapping[str, object]]:
     return {COLLAPSED: {"collapse_fixed_joints": False}} if several else {}
 
 
-def correct_inertias(builder: Any, said: list[str]) -> list[str]:
-    """Let Newton change masses and moments as it does where it finishes a model.
+def correct_inertias(builder: Any, messages: list[str]) -> list[str]:
+    """Let Newton change masses and moments as it does when it finalizes a model.
 
     Returns:
-        Names of the moving bodies of which it does.
+        Names of the moving bodies that it changes.
     """
     import newton
 
-    with heard(said):
+    with heard(messages):
         model = builder.finalize(device="cpu")
     pairs = (
         (builder.body_mass, model.body_mass.numpy()),
         (builder.body_inertia, model.body_inertia.numpy()),
     )
     changed = set()
-    for own, made in pairs:
-        for i, value in enumerate(made):
-            if np.any(value != np.array(own[i], dtype=np.float32).reshape(value.shape)):
+    for values, result in pairs:
+        for i, value in enumerate(result):
+            if np.any(value != np.array(values[i], dtype=np.float32).reshape(value.shape)):
                 changed.add(i)
-                own[i] = type(own[i])(value)
+                values[i] = type(values[i])(value)
     still = {-1}
     rows = zip(builder.joint_type, builder.joint_parent, builder.joint_child, strict=True)
     for kind, parent, child in rows:

@@ -30,37 +30,37 @@ READER = UrdfReader(
 
 
 def without_idle_shapes(robot: ET.Element) -> None:
-    """Leave shapes out, but those of which Newton makes a mass."""
+    """Remove shapes, except those from which Newton computes a mass."""
     for link in robot.findall("link"):
-        idle = ("visual",) if link.find("inertial") is None else ("visual", "collision")
-        for shape in [shape for tag in idle for shape in link.findall(tag)]:
+        tags = ("visual",) if link.find("inertial") is None else ("visual", "collision")
+        for shape in [shape for tag in tags for shape in link.findall(tag)]:
             link.remove(shape)
 
 
 def stopped_turns(robot: ET.Element) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Continuous joints with limits, which mean nothing elsewhere."""
+    """Yield continuous joints with limits, which other engines ignore."""
     for joint in robot.findall("joint"):
         stated = {} if (limit := joint.find("limit")) is None else limit.attrib
         if joint.get("type") == "continuous" and {"lower", "upper"} <= set(stated):
             bounds = float(stated["lower"]), float(stated["upper"])
-            if bounds[0] <= bounds[1]:  # others are taken away
+            if bounds[0] <= bounds[1]:  # the file's copy has no others
                 yield joint.get("name", ""), bounds
 
 
 def read_urdf(model: UrdfModel) -> Read:
-    """A URDF and what its sidecar declares.
+    """Read a URDF and its sidecar's declarations.
 
     Raises:
         EngineError: naming file and joint.
     """
     robot = changed(model.declared.robot, model.declared.changes)
-    builder, said = new_builder(model.gravity), list[str]()
-    with heard(said):
+    builder, messages = new_builder(model.gravity), list[str]()
+    with heard(messages):
         text = ET.tostring(robot, encoding="unicode")
         builder.add_urdf(text, floating=model.floats, enable_self_collisions=False)
     if model.settings["smooth"]:
         without_stops(builder)
-    corrected = correct_inertias(builder, said) if model.settings["corrected_inertias"] else ()
+    corrected = correct_inertias(builder, messages) if model.settings["corrected_inertias"] else ()
     lost = collapse(builder, bool(model.settings["collapse_fixed_joints"]))
     prefix = f"{robot.get('name')}/" if robot.get("name") else ""
     names: list[list[str]] = []
@@ -72,5 +72,10 @@ def read_urdf(model: UrdfModel) -> Read:
     layout = Layout(builder, names, np.zeros(len(builder.joint_qd)))
     springs = model.declared.springs
     return Read(
-        builder=builder, layout=layout, springs=springs, lost=lost, corrected=corrected, said=said
+        builder=builder,
+        layout=layout,
+        springs=springs,
+        lost=lost,
+        corrected=corrected,
+        messages=messages,
     )

@@ -1,4 +1,4 @@
-"""As many worlds of one model as there are states, stepped at once."""
+"""A batch of worlds of one model, one per state, stepped together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.engines.springs import SpringForces
 
 KEPT = 8
-"""Batches of which worlds are kept, and steps of which launches are."""
+"""The most batch sizes whose worlds are kept, and step sizes whose launches are kept."""
 
 
 class Worlds:
@@ -21,7 +21,7 @@ class Worlds:
     Args:
         builder: Newton's `ModelBuilder` of one world.
         layout: of its coordinates.
-        springs: what is added to it, along slides and hinges.
+        springs: added along slides and hinges.
     """
 
     def __init__(self, builder: Any, layout: Layout, springs: SpringForces) -> None:
@@ -38,33 +38,35 @@ class Worlds:
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """As `Model.rollout`."""
+        """Step all worlds, as in `Model.rollout`."""
         layout, batch = self._layout, self._batch(len(q))
         launch, pushed = batch.step(h), force is not None or not self._springs.empty
-        batch.put(*layout.given(q, v))  # what is recorded is stepped too
+        batch.set_state(
+            *layout.given(q, v)
+        )  # the recording also steps the state, so record before setting it
         out = np.empty((2, len(q), n // every, q.shape[1]))
         near = q
         for i in range(n):
             if pushed:
-                near = layout.taken(batch.q, near)
-                batch.push(layout.forces(near, self._pull(batch, near, force, i)))
+                near = layout.coordinates_of(batch.q, near)
+                batch.push(layout.forces(near, self._forces(batch, near, force, i)))
             launch()
             if (i + 1) % every == 0:
-                near = layout.taken(batch.q, near)
+                near = layout.coordinates_of(batch.q, near)
                 out[0, :, i // every], out[1, :, i // every] = near, layout.rates(near, batch.v)
         return out[0], out[1]
 
-    def _pull(self, batch: _Batch, z: Array, force: Force, i: int) -> Array:
-        """Of the springs and of what is applied, (B, nz)."""
+    def _forces(self, batch: _Batch, z: Array, force: Force, i: int) -> Array:
+        """Return the forces of springs and inputs, (B, nz)."""
         if isinstance(force, StateForce):
             rows = zip(z.tolist(), force.inputs[:, i].tolist(), strict=True)
-            pull = np.array([force.at(at, u) for at, u in rows], dtype=float)
+            forces = np.array([force.evaluate(at, u) for at, u in rows], dtype=float)
         else:
-            pull = np.zeros_like(z) if force is None else np.array(force[:, i])
+            forces = np.zeros_like(z) if force is None else np.array(force[:, i])
         if not self._springs.empty:
-            own = self._layout.singles
-            pull[:, own] += self._springs.at(z[:, own], batch.v[:, own])
-        return pull
+            indices = self._layout.singles
+            forces[:, indices] += self._springs.forces(z[:, indices], batch.v[:, indices])
+        return forces
 
 
 class _Batch:
@@ -82,19 +84,21 @@ class _Batch:
         self._force = self._control.joint_f.numpy().reshape(shape)
         self.step = lru_cache(maxsize=KEPT)(self._recorded)
 
-    def put(self, q: Array, v: Array) -> None:
-        """A state, without forces."""
+    def set_state(self, q: Array, v: Array) -> None:
+        """Set a state, without forces."""
         self.q[:], self.v[:], self._force[:] = q, v, 0.0
 
     def push(self, force: Array) -> None:
-        """Forces of the next step."""
+        """Set the forces of the next step."""
         self._force[:] = force
 
     def _recorded(self, h: float) -> Any:
-        """A step of h, its launches recorded once: calls from Python are most of its time."""
+        """Record the launches of a step of h once, since calls from Python take most of its
+        time.
+        """
         import warp as wp
 
-        self._once(h)  # what is allocated is allocated here
+        self._once(h)  # allocate memory before the capture
         with wp.ScopedCapture(device="cpu") as capture:
             self._once(h)
         return lambda: wp.capture_launch(capture.graph)

@@ -1,4 +1,4 @@
-"""Pinocchio: its adapter, and what it reads."""
+"""The Pinocchio adapter and its parsers."""
 
 from physics_crosscheck.harness.engines.pinocchio.adapter import PinocchioEngine
 

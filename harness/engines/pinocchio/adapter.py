@@ -1,8 +1,9 @@
-"""Pinocchio, on URDF and MJCF: its accelerations, by the articulated-body algorithm, stepped here.
+"""Pinocchio, on URDF and MJCF: accelerations by the articulated-body algorithm, stepped by the
+adapter.
 
-Pinocchio has no stepper. Its dynamics take no account of the dampers and the friction of joints
-that it reads, nor of limits, contacts, and `<mimic>`; of an MJCF nor of springs, tendons,
-actuators and equalities of joints.
+Pinocchio has no integrator. It reads joint dampers and friction, but its dynamics ignore them, and
+ignore limits, contacts and `<mimic>`. In an MJCF it also ignores springs, tendons, actuators and
+joint equalities.
 """
 
 from __future__ import annotations
@@ -10,23 +11,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
+from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_NON_PHYSICAL, sample_mjcf
 from physics_crosscheck.harness.engines.pinocchio.mjcf import PinocchioMjcf
 from physics_crosscheck.harness.engines.pinocchio.urdf import PinocchioUrdf
 from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, Sample
 from physics_crosscheck.harness.engines.stepped_here import ADDED_HERE, dampers_not_added
-from physics_crosscheck.harness.engines.urdf import IDLE, sample_urdf
+from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, sample_urdf
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ADDED_HERE,
     **ADDED,
-    # Whether numbers of a URDF that a blank follows are given to it without; Pinocchio drops the
-    # <inertial> in which one stands.
+    # Whether blanks after numbers of a URDF are removed; Pinocchio drops an <inertial> that
+    # contains one.
     "trimmed_numbers": False,
-    # Whether all root bodies of an MJCF are read; Pinocchio reads the first alone.
+    # Whether all root bodies of an MJCF are read; Pinocchio reads only the first.
     "all_roots": True,
-    # Whether an MJCF's geoms that touch nothing weigh something; Pinocchio takes them for looks.
+    # Whether an MJCF's geoms without contacts have mass; Pinocchio treats them as visual geometry.
     "all_geoms": True,
 })  # fmt: skip
 
@@ -48,18 +49,18 @@ class PinocchioEngine(UrdfEngine):
         "linearization: from steps",
         "steps: RK4 by the adapter, order 4",
     )
-    unstated = "no step, since it takes none, and -9.81 m/s^2"
+    default_settings_note = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
-    idle = MappingProxyType({**IDLE, **MJCF_IDLE})
+    non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **MJCF_NON_PHYSICAL})
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
     usual_mistakes = (dampers_not_added("Pinocchio"),)
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A file whose settings are in order."""
+        """Load a file whose settings are valid."""
         if spec.path.suffix == ".urdf":
             return PinocchioUrdf(spec, DEFAULTS)
         return PinocchioMjcf(spec, DEFAULTS, self.compilers.get(".xml"))
 
     def samples(self) -> tuple[Sample, ...]:
-        """One of each format."""
+        """Return one sample of each format."""
         return sample_urdf(), sample_mjcf()

@@ -1,7 +1,7 @@
 """An MJCF in Pinocchio.
 
-Its parser reads the first root body alone, asks for names of the model and of bodies, takes geoms
-that touch nothing for looks, and counts a free joint twice from where its body is drawn.
+Its parser reads only the first root body, requires names of the model and of bodies, treats geoms
+without contacts as visual geometry, and applies the drawn pose of a free joint twice.
 """
 
 from __future__ import annotations
@@ -60,55 +60,63 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             return read_mjcf(path, self.path)
 
     def _other(self, model: Any) -> bool:
-        """Whether joints have other dampers and armatures than their classes say."""
-        said = {one.name: one for one in self.declared.singles}
-        own = [said[name] for name in self.coordinates[tree_model.FREE if self.floats else 0 :]]
+        """Return whether dampers and armatures of joints differ from those of their classes."""
+        stated = {one.name: one for one in self.declared.singles}
+        ordered = [
+            stated[name] for name in self.coordinates[tree_model.FREE if self.floats else 0 :]
+        ]
         pairs = ((model.damping, "damping"), (model.armature, "armature"))
-        # What floats has none of either.
+        # A floating root has neither.
         return any(
             sorted(filter(None, map(float, found)))
-            != sorted(filter(None, (getattr(one, key) for one in own)))
+            != sorted(filter(None, (getattr(one, key) for one in ordered)))
             for found, key in pairs
         )
 
     def _names(self, model: Any) -> Sequence[Sequence[str]]:
-        """Of the slides and hinges of each joint; several of one body are one joint."""
+        """Return the names of slides and hinges of each joint; joints of one body form one
+        joint.
+        """
         rows = {row[0].name: row for _, row in rows_of(self.declared.joints)}
-        found = []
+        names_by_joint = []
         for name in list(model.names)[1:]:
             row = rows.get(name) or rows.get(name.removeprefix("Composite_"))
             if row is None:
                 raise EngineError(
                     f"{self.path}: Pinocchio makes a joint {name!r}, which the file does not have"
                 )
-            found.append([one.name for one in row if one.kind != FREE])
-        return found
+            names_by_joint.append([one.name for one in row if one.kind != FREE])
+        return names_by_joint
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What Pinocchio leaves out and the settings let stand, with what undoes it."""
-        found = {**self.remedied, **self.undamped}
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """Elements that Pinocchio leaves out under the current settings, with corrections."""
+        settings = {**self.remedied, **self.undamped}
         if self._one_root:
-            found[ROOTS] = {"all_roots": True}
-        return {**found, GEOMS: {"all_geoms": True}} if self._few_geoms else found
+            settings[ROOTS] = {"all_roots": True}
+        return {**settings, GEOMS: {"all_geoms": True}} if self._few_geoms else settings
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the MJCF says in vain, and dampers that are left out."""
+        """Yield ignored parts of the MJCF, and omitted dampers."""
         yield from MjcfModel.remarks(self, z, w)
         yield from self.damping_remarks()
 
 
 def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
-    """Yield whether a joint or geom gets from its class what Pinocchio reads of itself alone."""
+    """Yield whether a joint or geom inherits attributes that Pinocchio reads only from the element
+    itself.
+    """
     for body, inherited in bodies_of(declared.source):
         weighing = shaped(declared.source, body) and body not in declared.inertias
-        for one in (*body.findall("joint"), *(body.findall("geom") if weighing else ())):
-            lost = {"pos"} if one.tag == "joint" else {"mass", *POSE}
-            yield bool(lost & set(declared.defaults.of(one, inherited)) - set(one.attrib))
+        for element in (*body.findall("joint"), *(body.findall("geom") if weighing else ())):
+            lost = {"pos"} if element.tag == "joint" else {"mass", *POSE}
+            yield bool(
+                lost & set(declared.defaults.attributes(element, inherited)) - set(element.attrib)
+            )
 
 
 def _grounded(root: ET.Element) -> None:
-    """Hang all root bodies on one that stands still."""
+    """Attach all root bodies to one fixed body."""
     for world in root.findall("worldbody"):
         bodies = list(world)
         for body in bodies:
@@ -123,8 +131,10 @@ def _touching(root: ET.Element) -> None:
 
 
 def _drawn(model: Any, name: str) -> Array:
-    """Coordinates of a body that floats, where the file draws it: there Pinocchio starts it."""
-    at = model.joints[model.getJointId(name)].idx_q
-    own = np.array(model.referenceConfigurations["qpos0"])[at : at + 7]
-    turn = np.roll(own[3:], 1)
-    return np.concatenate([own[:3], coordinates(turn, turn)])
+    """Return the coordinates of a floating body in the drawn configuration, Pinocchio's initial
+    one.
+    """
+    start = model.joints[model.getJointId(name)].idx_q
+    positions = np.array(model.referenceConfigurations["qpos0"])[start : start + 7]
+    turn = np.roll(positions[3:], 1)
+    return np.concatenate([positions[:3], coordinates(turn, turn)])

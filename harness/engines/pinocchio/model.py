@@ -1,4 +1,4 @@
-"""A tree in Pinocchio, whatever its file's format: its accelerations, and where its bodies are."""
+"""A tree in Pinocchio, from any format: its accelerations and the poses of its bodies."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ from physics_crosscheck.harness.engines.urdf import Mimic
 
 
 class PinocchioModel(SteppedHere):
-    """A tree of slides and hinges, fixed or not."""
+    """A tree of slides and hinges, fixed or floating."""
 
     body_kind = "link"
-    """What a body is called in places."""
+    """The word for a body in places."""
 
     def take(
         self, model: Any, names: Sequence[Sequence[str]], refs: Array, mimics: Sequence[Mimic]
     ) -> None:
-        """Take what was read of the file.
+        """Set up the model from a parsed file.
 
         Args:
             model: Pinocchio's.
-            names: of the slides and hinges of each of its joints but the universe; none of a root.
-            refs: what positions of slides and hinges are where it has zero.
-            mimics: joints that are held to those that they follow.
+            names: of the slides and hinges of each joint except the universe; empty for a floating
+                root.
+            refs: positions of slides and hinges at Pinocchio's zero.
+            mimics: joints that the adapter couples to others.
         """
         import pinocchio
 
@@ -54,7 +55,7 @@ class PinocchioModel(SteppedHere):
                 continue
             if joint.nv != len(row) or joint.nq not in (joint.nv, 2):
                 raise EngineError(f"{self.path}: joint {row[0]!r} is neither a slide nor a hinge")
-            # Cosine and sine stand for the angle of a hinge without limits.
+            # A continuous hinge has the coordinates cosine and sine.
             if joint.nq > joint.nv:
                 self._turns.append((len(speeds), joint.idx_q))
             else:
@@ -62,10 +63,14 @@ class PinocchioModel(SteppedHere):
             speeds += range(joint.idx_v, joint.idx_v + joint.nv)
         here, there = np.array(places, dtype=int).reshape(-1, 2).T
         self._here, self._there = _run(here), _run(there)
-        at = np.array([*range(root_v, root_v + first), *speeds], dtype=int)
-        # Where each of Pinocchio's velocities is among those here, unless it is there itself.
-        self._order = None if np.array_equal(at, np.arange(model.nv)) else np.argsort(at)
-        damping = np.array(model.damping)[at[first:]]
+        velocity_indices = np.array([*range(root_v, root_v + first), *speeds], dtype=int)
+        # The permutation from Pinocchio's velocities to the harness's, unless they agree.
+        self._order = (
+            None
+            if np.array_equal(velocity_indices, np.arange(model.nv))
+            else np.argsort(velocity_indices)
+        )
+        damping = np.array(model.damping)[velocity_indices[first:]]
         self._springs = self.dampers(singles, damping)
         along = leading(mimics, self.coordinates, self.path) if mimics else None
         # In Pinocchio's order.
@@ -74,31 +79,31 @@ class PinocchioModel(SteppedHere):
         self._above = np.triu(self._upper, 1)
         self._referred = bool(refs.any())
         self._lifts = lifting(model, self.lifts)
-        own = not (self.floats or self._turns or self._referred)
-        self._straight = own and np.array_equal(there, np.arange(len(singles)))
-        self._permuted = np.argsort(there) if own else None
+        is_plain = not (self.floats or self._turns or self._referred)
+        self._straight = is_plain and np.array_equal(there, np.arange(len(singles)))
+        self._permuted = np.argsort(there) if is_plain else None
         bare = self._straight and self._along is None and self._order is None
         bare = bare and not self._lifts
-        one = None if self.floats or self._along is not None else self._one
-        self.step_by(self._plain if bare else self._accelerations, one)
+        single = None if self.floats or self._along is not None else self._single
+        self.step_by(self._plain if bare else self._accelerations, single)
 
     def _plain(self, x: Array, m: Array, f: Array) -> Array:
-        """Of a tree of slides and hinges with limits, whose positions are Pinocchio's own."""
-        pull = f if self._springs.empty else f + self._springs.at(x, m)
+        """Return accelerations of bounded slides and hinges, whose positions equal Pinocchio's."""
+        force = f if self._springs.empty else f + self._springs.forces(x, m)
         aba, model, data = self._aba, self._model, self._data
-        return np.array([aba(model, data, *row) for row in zip(x, m, pull, strict=True)])
+        return np.array([aba(model, data, *row) for row in zip(x, m, force, strict=True)])
 
-    def _one(self, x: Array, m: Array, f: Array) -> Array:
-        """The same of one state, (n,) each; of a fixed root, where no joint follows another."""
-        pull = f if self._springs.empty else f + self._springs.at(x, m)
+    def _single(self, x: Array, m: Array, f: Array) -> Array:
+        """Return the accelerations of one state, (n,) each, for a fixed root without mimics."""
+        force = f if self._springs.empty else f + self._springs.forces(x, m)
         q, order = self._configuration(x), self._order
         if order is None:
-            a: Array = self._aba(self._model, self._data, q, m, pull + self._lifted(q))
+            a: Array = self._aba(self._model, self._data, q, m, force + self._lifted(q))
             return a
-        found = np.empty_like(m)
-        pull = pull[order] + self._lifted(q)
-        found[order] = self._aba(self._model, self._data, q, m[order], pull)
-        return found
+        result = np.empty_like(m)
+        force = force[order] + self._lifted(q)
+        result[order] = self._aba(self._model, self._data, q, m[order], force)
+        return result
 
     def _lifted(self, q: Array) -> Array | float:
         """Return forces of gravity compensation at one position, in Pinocchio's order."""
@@ -108,30 +113,32 @@ class PinocchioModel(SteppedHere):
         return force
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
-        """Of positions, velocities and forces, as `RungeKutta` has them."""
+        """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
         free = FREE if self.floats else 0
-        own, pull = m, f.copy()
+        velocities, forces = m, f.copy()
         if not self._springs.empty:
-            pull[:, free:] += self._springs.at(x[:, free + bool(free) :], m[:, free:])
+            forces[:, free:] += self._springs.forces(x[:, free + bool(free) :], m[:, free:])
         if self.floats:
             turn = matrix(x[:, 3:7])
             back = turn.swapaxes(1, 2)
-            own = np.concatenate([turned(back, m[:, :3]), m[:, 3:]], axis=1)
-            pull[:, :3] = turned(back, pull[:, :3])
-        a = self._own(self._configuration(x), own, pull)
+            velocities = np.concatenate([turned(back, m[:, :3]), m[:, 3:]], axis=1)
+            forces[:, :3] = turned(back, forces[:, :3])
+        a = self._in_own_order(self._configuration(x), velocities, forces)
         if self.floats:
-            inward = a[:, :3] + cross(own[:, 3:6], own[:, :3])
+            inward = a[:, :3] + cross(velocities[:, 3:6], velocities[:, :3])
             a[:, :3] = turned(turn, inward)
         return a
 
-    def _own(self, q: Array, v: Array, pull: Array) -> Array:
-        """Pinocchio's, of its positions, and of velocities and forces in the order here."""
+    def _in_own_order(self, q: Array, v: Array, forces: Array) -> Array:
+        """Return Pinocchio's accelerations, of its positions and of velocities and forces in our
+        order.
+        """
         order = self._order
         if order is not None:
-            v, pull = v[:, order], pull[:, order]
+            v, forces = v[:, order], forces[:, order]
         if self._lifts:
-            pull = pull + np.array([self._lifted(row) for row in q])
-        rows = zip(q, v, pull, strict=True)
+            forces = forces + np.array([self._lifted(row) for row in q])
+        rows = zip(q, v, forces, strict=True)
         if self._along is None:
             aba, model, data = self._aba, self._model, self._data
             a = np.array([aba(model, data, *row) for row in rows])
@@ -139,25 +146,27 @@ class PinocchioModel(SteppedHere):
             a = self._led(rows, self._along)
         if order is None:
             return a
-        found = np.empty_like(a)
-        found[:, order] = a
-        return found
+        result = np.empty_like(a)
+        result[:, order] = a
+        return result
 
     def _led(self, rows: Iterable[tuple[Array, Array, Array]], along: Array) -> Array:
-        """Where joints follow others, on the mass matrix: Pinocchio tells its upper half."""
+        """Solve with mimic joints on the mass matrix, whose upper half Pinocchio computes."""
         import pinocchio as pin
 
         model, data = self._model, self._data
-        found = [
+        mass_and_force = [
             (pin.crba(model, data, q), pull - pin.nonLinearEffects(model, data, q, v))
             for q, v, pull in rows
         ]
-        upper = np.array([mass for mass, _ in found]) * self._upper
+        upper = np.array([mass for mass, _ in mass_and_force]) * self._upper
         mass = upper + (upper * self._above).swapaxes(1, 2)
-        return held_accelerations(mass, np.array([pull for _, pull in found]), along)
+        return held_accelerations(mass, np.array([pull for _, pull in mass_and_force]), along)
 
     def _configuration(self, x: Array) -> Array:
-        """Positions (..., nq) as Pinocchio has them; the real part of a quaternion is its last."""
+        """Return positions (..., nq) in Pinocchio's convention, with the real part of a quaternion
+        last.
+        """
         if self._straight:
             return x
         if self._permuted is not None:
@@ -165,38 +174,38 @@ class PinocchioModel(SteppedHere):
         q, joints = np.empty((*x.shape[:-1], self._model.nq)), x
         if self.floats:
             turn = x[:, 3:7] / np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-            at = self._root_q
-            q[:, at : at + 3], q[:, at + 3 : at + 6] = x[:, :3], turn[:, 1:]
-            q[:, at + 6], joints = turn[:, 0], x[:, 7:]
+            start = self._root_q
+            q[:, start : start + 3], q[:, start + 3 : start + 6] = x[:, :3], turn[:, 1:]
+            q[:, start + 6], joints = turn[:, 0], x[:, 7:]
         if self._referred:
             joints = joints - self._refs
         q[..., self._there] = joints[..., self._here]
-        for i, at in self._turns:
+        for i, start in self._turns:
             angle = joints[..., i]
-            q[..., at], q[..., at + 1] = np.cos(angle), np.sin(angle)
+            q[..., start], q[..., start + 1] = np.cos(angle), np.sin(angle)
         return q
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Bodies; and centres of mass of those with which no other moves as one."""
+        """Bodies, and centres of mass of bodies that are not fixed to others."""
         return tuple(frames(self._model, self.body_kind))
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics."""
+        """Return poses by Pinocchio's forward kinematics."""
         import pinocchio as pin
 
-        known, found = frames(self._model, self.body_kind), []
+        by_place, rows = frames(self._model, self.body_kind), []
         for q in self._configuration(to_state(z, 0 * z)[0] if self.floats else z):
             pin.framesForwardKinematics(self._model, self._data, q)
-            at = [(self._data.oMf[known[place][0]], known[place][1]) for place in places]
-            found.append([(frame.act(point), np.array(frame.rotation)) for frame, point in at])
-        origins, turns = ([[pair[k] for pair in row] for row in found] for k in (0, 1))
+            placed = [(self._data.oMf[by_place[place][0]], by_place[place][1]) for place in places]
+            rows.append([(frame.act(point), np.array(frame.rotation)) for frame, point in placed])
+        origins, turns = ([[pair[k] for pair in row] for row in rows] for k in (0, 1))
         shape = len(z), len(places)
         return np.array(origins).reshape(*shape, 3), np.array(turns).reshape(*shape, 3, 3)
 
 
 def _run(indices: NDArray[np.intp]) -> NDArray[np.intp] | slice:
-    """Indices, as a slice where they follow one another: numpy is quicker with that."""
+    """Return indices, as a slice if they are consecutive: numpy is faster with slices."""
     first = int(indices[0]) if len(indices) else 0
     whole = np.array_equal(indices, np.arange(first, first + len(indices)))
     return slice(first, first + len(indices)) if whole else indices

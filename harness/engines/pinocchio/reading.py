@@ -1,4 +1,4 @@
-"""A file as Pinocchio reads it: its model, and where its bodies are."""
+"""A file as Pinocchio reads it: its model and the frames of its bodies."""
 
 from __future__ import annotations
 
@@ -15,84 +15,86 @@ from physics_crosscheck.harness.engines.tree_model import Weight
 
 
 def built(path: Path, file: Path, root: str) -> Any:
-    """The model of a URDF, its root fixed or on a joint of that name.
+    """Build the model of a URDF, its root fixed or on a joint of that name.
 
     Raises:
-        UnsupportedError: with what Pinocchio's parser prints.
+        UnsupportedError: with the text that Pinocchio's parser prints.
     """
     import pinocchio as pin
 
     try:
-        with captured((STDOUT, STDERR), again=False) as said:
+        with captured((STDOUT, STDERR), again=False) as printed:
             if root:
                 return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer(), root)
             return pin.buildModelFromUrdf(str(path))
     except ValueError as error:
-        told = folded(" ".join(said)) or folded(error)
-        raise UnsupportedError(f"{file}: Pinocchio can't load it: {told}") from None
+        message = folded(" ".join(printed)) or folded(error)
+        raise UnsupportedError(f"{file}: Pinocchio can't load it: {message}") from None
 
 
 GROUND = "world"
-"""A body that stands still and carries all others; MuJoCo keeps this name for the world."""
+"""A fixed body that carries all others; MuJoCo reserves this name for the world."""
 
 
 def read_mjcf(path: Path, file: Path) -> Any:
-    """The model of an MJCF.
+    """Build the model of an MJCF.
 
     Raises:
-        UnsupportedError: with what Pinocchio's parser says.
+        UnsupportedError: with the message of Pinocchio's parser.
     """
     import pinocchio as pin
 
     try:
         with captured((STDOUT, STDERR), again=False):
-            found = pin.buildModelFromMJCF(str(path))
+            model = pin.buildModelFromMJCF(str(path))
     except (ValueError, RuntimeError, IndexError) as error:
-        told = folded(error).rpartition("message: ")[2]
-        raise UnsupportedError(f"{file}: Pinocchio can't load it: {told}") from None
-    return found[0] if isinstance(found, tuple) else found
+        message = folded(error).rpartition("message: ")[2]
+        raise UnsupportedError(f"{file}: Pinocchio can't load it: {message}") from None
+    return model[0] if isinstance(model, tuple) else model
 
 
 def lifting(model: Any, weights: Sequence[Weight]) -> list[tuple[float, Any, Any]]:
-    """Return models of which the generalized gravity is what lifts bodies: sign, model, data.
+    """Return models whose generalized gravity is the compensating force: sign, model, data.
 
-    They have the lifted masses alone, those that weigh more apart.
+    They have the lifted masses only, with negative ones in a separate model.
     """
     import pinocchio as pin
 
-    found = []
+    models = []
     for sign in (1.0, -1.0):
-        chosen = [one for one in weights if sign * one.mass > 0]
+        chosen = [weight for weight in weights if sign * weight.mass > 0]
         if not chosen:
             continue
-        alone = model.copy()
+        lifted = model.copy()
         for i in range(model.njoints):
-            alone.inertias[i] = pin.Inertia.Zero()
-        for one in chosen:
-            frame = model.frames[model.getFrameId(one.body, pin.FrameType.BODY)]
-            at = frame.placement.act(np.array(one.centre))
-            alone.inertias[frame.parentJoint] += pin.Inertia(sign * one.mass, at, np.zeros((3, 3)))
-        found.append((sign, alone, alone.createData()))
-    return found
+            lifted.inertias[i] = pin.Inertia.Zero()
+        for weight in chosen:
+            frame = model.frames[model.getFrameId(weight.body, pin.FrameType.BODY)]
+            centre = frame.placement.act(np.array(weight.centre))
+            lifted.inertias[frame.parentJoint] += pin.Inertia(
+                sign * weight.mass, centre, np.zeros((3, 3))
+            )
+        models.append((sign, lifted, lifted.createData()))
+    return models
 
 
 def frames(model: Any, kind: str) -> dict[str, tuple[int, Array]]:
-    """The frame of each place, and where in it.
+    """Return the frame of each place, and the point in it.
 
-    Of centres of mass those of bodies with which no other moves as one: others are lumped.
+    Centres of mass are those of bodies that are not fixed to others: Pinocchio merges these.
 
     Args:
         model: Pinocchio's.
-        kind: what a body is called in the file.
+        kind: the file's word for a body.
     """
     import pinocchio as pin
 
     body = pin.FrameType.BODY
-    bodies = [(i, one) for i, one in enumerate(model.frames) if one.type == body]
-    carriers = [one.parentJoint for _, one in bodies]
-    found = {f"{kind}:{one.name}": (i, np.zeros(3)) for i, one in bodies}
-    for i, one in bodies:
-        if one.parentJoint and carriers.count(one.parentJoint) == 1:
-            inertia = model.inertias[one.parentJoint]
-            found[f"centre:{one.name}"] = i, one.placement.actInv(inertia.lever)
-    return found
+    bodies = [(i, frame) for i, frame in enumerate(model.frames) if frame.type == body]
+    carriers = [frame.parentJoint for _, frame in bodies]
+    result = {f"{kind}:{frame.name}": (i, np.zeros(3)) for i, frame in bodies}
+    for i, frame in bodies:
+        if frame.parentJoint and carriers.count(frame.parentJoint) == 1:
+            inertia = model.inertias[frame.parentJoint]
+            result[f"centre:{frame.name}"] = i, frame.placement.actInv(inertia.lever)
+    return result

@@ -43,7 +43,9 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
         self._dropped = "" if trimmed else dropped_cause(self.declared.source, "Pinocchio")
         with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
             model = built(path, spec.path, self.root if self.floats else "")
-        if any(one.mass < 0 for one in model.inertias):  # it divides by such a mass as by 1e-30
+        if any(
+            one.mass < 0 for one in model.inertias
+        ):  # it replaces such a mass by 1e-30 in a division
             refuse_negative_masses(self.declared.source, "Pinocchio", floats=self.floats)
         moving = list(model.names)[1:]
         names = [[] if self.floats and i == 0 else [name] for i, name in enumerate(moving)]
@@ -52,13 +54,13 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
         self.take(model, names, np.zeros(count), self._held)
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What Pinocchio leaves out and the settings let stand, with what undoes it."""
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """Elements that Pinocchio leaves out under the current settings, with corrections."""
         lost: Mapping[str, object] = {"hold_mimics": True}
-        found = {**self.undamped, **({MIMICS: lost} if self.mimics and not self._held else {})}
-        return {**found, **({self._dropped: TRIMMED} if self._dropped else {})}
+        settings = {**self.undamped, **({MIMICS: lost} if self.mimics and not self._held else {})}
+        return {**settings, **({self._dropped: TRIMMED} if self._dropped else {})}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain, and dampers that are left out."""
+        """Yield ignored parts of the URDF, and omitted dampers."""
         yield from UrdfModel.remarks(self, z, w)
         yield from self.damping_remarks()

@@ -1,4 +1,6 @@
-"""PyBullet, on URDF. One physics server a process: a loaded model ends the one before it."""
+"""PyBullet, on URDF, with one physics server per process: loading a model discards the previous
+one.
+"""
 
 from __future__ import annotations
 
@@ -41,14 +43,18 @@ from physics_crosscheck.harness.engines.pybullet.remarks import (
     model_remarks,
     products_caveat,
 )
-from physics_crosscheck.harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of
-from physics_crosscheck.harness.engines.pybullet.stepper import Stepper
+from physics_crosscheck.harness.engines.pybullet.settings import (
+    DEFAULTS,
+    DISABLED_EFFECTS,
+    changes_of,
+)
+from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors, folded
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.urdf import (
-    IDLE,
     SETTINGS,
+    URDF_NON_PHYSICAL,
     Mimic,
     base_name,
     joint_springs,
@@ -80,11 +86,11 @@ class PybulletEngine(Engine):
         "steps: semi-implicit Euler, order 1",
     )
     preferred = (".urdf",)
-    unstated = "1/240 s and no gravity"
-    bare_link = "1 kg"
+    default_settings_note = "1/240 s and no gravity"
+    massless_link_default = "1 kg"
     takes_springs = (".urdf",)
     switches = frozenset({"smooth", "couplings", "held"})
-    idle = IDLE
+    non_physical = URDF_NON_PHYSICAL
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (
         DefaultLeftOn(
@@ -105,15 +111,15 @@ class PybulletEngine(Engine):
     )
 
     def version(self) -> str | None:
-        """Version of the installed package, or None."""
+        """Return the version of the installed package, or None."""
         return version_of("pybullet", "pybullet")
 
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
         source = read_urdf_source(spec.path)
         robot = source.root
-        check_settings(spec, self.title, self.unstated, DEFAULTS)
-        # It is taken, and motions are those of other masses.
+        check_settings(spec, self.title, self.default_settings_note, DEFAULTS)
+        # PyBullet accepts them, but moves with other masses.
         refuse_negative_masses(source, self.title, floats=bool(spec.settings.get("floating")))
         held = held_joints(spec)
         springs = [
@@ -125,20 +131,22 @@ class PybulletEngine(Engine):
             return PybulletModel(spec, robot, [*springs, *spec.springs])
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity."""
+        """Return step and gravity."""
         return SETTINGS
 
     def caveats(self, path: Path) -> tuple[str, ...]:
-        """A word on products of inertia."""
+        """Return a note on products of inertia."""
         return products_caveat(path)
 
     def samples(self) -> tuple[Sample, ...]:
-        """A URDF."""
+        """Return a URDF."""
         return (sample_urdf(),)
 
 
 class PybulletModel(Model):
-    """A multibody of slides, hinges and balls, fixed or not, stepped by semi-implicit Euler."""
+    """A multibody of slides, hinges and balls, fixed or floating, stepped by semi-implicit
+    Euler.
+    """
 
     integrator = "semi-implicit euler"
 
@@ -158,17 +166,17 @@ class PybulletModel(Model):
         _loaded = self
         spec, robot, springs = self._declared
         p.resetSimulation()
-        # Files are cached by name even across a reset: a rewritten file would not be read again.
-        # The residual threshold would end the solver early, at 1e-7.
+        # PyBullet caches files by name even across a reset, so a rewritten file would not be read
+        # again. The default residual threshold would stop the solver early, at 1e-7.
         p.setPhysicsEngineParameter(
             enableFileCaching=0, numSubSteps=0, numSolverIterations=200, solverResidualThreshold=0.0
         )
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         self._body = self._load_file()
-        # Those of collision shapes are not the file's at all.
-        own = self._setting("inertia_from_file")
-        self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
+        # Inertias of collision shapes are unrelated to the file's.
+        uses_file_inertias = self._setting("inertia_from_file")
+        self._lost = lost_inertias(robot, held_inertias(self._body)) if uses_file_inertias else {}
         self._long = {} if self._setting("unit_axes") else long_axes(robot)
         self._bare = bare_links(robot) if self._setting("bare_links") else []
         self._joints, self._joint_names, balls = self._moving_joints()
@@ -177,10 +185,10 @@ class PybulletModel(Model):
         self._turning: list[Base | Ball] = [*base, *balls]
         turned = (name for one in self._turning for name in one.names)
         self.coordinates = (*turned, *self._joint_names)
-        check_inertias(self.path, self._body, robot if own else None)
+        check_inertias(self.path, self._body, robot if uses_file_inertias else None)
         self._free_links()
         pulls = [self._resolve(spring) for spring in springs]
-        self._stepper = Stepper(self._body, self._joints, self._turning, pulls)
+        self._stepper = BodyStepper(self._body, self._joints, self._turning, pulls)
         held = followers_of(spec.settings, self.path)
         followed = [m for m in mimics(robot, spec.path) if held is None or m.joint in held]
         self._gears = [self._gear(mimic) for mimic in followed]
@@ -189,16 +197,16 @@ class PybulletModel(Model):
         import pybullet as p
 
         spec, robot, _ = self._declared
-        # Without the flag the inertia in the file is replaced by one of the collision shapes.
+        # Without the flag PyBullet computes inertias from the collision shapes.
         flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
-        # What is to be seen moves nothing, and is nineteen twentieths of the time to load.
+        # Visual shapes do not affect the motion and take 95 % of the loading time.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
         try:
-            with rewritten(robot, spec.path, changes_of(spec)) as path, printed() as said:
+            with rewritten(robot, spec.path, changes_of(spec)) as path, printed() as messages:
                 fixed = int(not self._setting("floating"))
                 return int(p.loadURDF(str(path), useFixedBase=fixed, flags=flags))
         except p.error as error:
-            reason = said[-1] if said else folded(error)
+            reason = messages[-1] if messages else folded(error)
             raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
 
     def _setting(self, key: str) -> float | bool:
@@ -207,22 +215,22 @@ class PybulletModel(Model):
         return value
 
     @property
-    def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What PyBullet adds on its own and the settings let stand, with what undoes it."""
-        found: dict[str, Mapping[str, object]] = {
-            CAUSES[key]: {key: UNDONE[key]} for key in self._left_on()
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """PyBullet's own effects that the settings leave active, with corrections."""
+        settings: dict[str, Mapping[str, object]] = {
+            CAUSES[key]: {key: DISABLED_EFFECTS[key]} for key in self._left_on()
         }
         if self._bare:
-            found[bare_cause(self._bare, "PyBullet")] = BARE
+            settings[bare_cause(self._bare, "PyBullet")] = BARE
         if self._long:
-            found[length_cause(self._long)] = UNIT
-        return {**found, axes_cause(self._lost): EXACT} if self._lost else found
+            settings[length_cause(self._long)] = UNIT
+        return {**settings, axes_cause(self._lost): EXACT} if self._lost else settings
 
     def _left_on(self) -> list[str]:
-        return [key for key, default in UNDONE.items() if self._setting(key) != default]
+        return [key for key, default in DISABLED_EFFECTS.items() if self._setting(key) != default]
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain, and what is switched off, or is not."""
+        """Yield ignored parts of the URDF, and effects that are switched off or left on."""
         yield from model_remarks(
             Path(self.path), self.coordinates, {k: self._setting(k) for k in self._left_on()}, z, w
         )
@@ -235,30 +243,31 @@ class PybulletModel(Model):
         return tuple(link_places(self._body))
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """By its forward kinematics, without a step."""
+        """Return poses by PyBullet's forward kinematics, without a step."""
         self._check_loaded()
         return self._stepper.poses(places, z)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 1 throughout."""
+        """Return order 1 for every input."""
         return 1, 1
 
     @property
     def step_rule(self) -> StepRule | None:
-        """All forces at the start, dampers' too; a floating base steps about its centre of mass.
+        """The rule: all forces at the step's start, including dampers.
 
-        A ball joint's quaternion steps by an exponential of its own: no rule tells that either.
+        A floating base steps about its centre of mass, and a ball joint's quaternion by an
+        exponential: neither has a rule.
         """
         return None if self._turning else StepRule(scheme="semi-implicit Euler")
 
     @property
     def home(self) -> Array:
-        """Positions as the file draws the mechanism, (nz,)."""
+        """Positions of the drawn configuration, (nz,)."""
         return np.zeros(len(self.coordinates))
 
     @property
-    def reach(self) -> Array:
-        """Where positions may be drawn, (nz, 2): limits, a turn of a hinge, 1 m of a slide."""
+    def sampling_range(self) -> Array:
+        """Sampling range of positions, (nz, 2): limits, one turn of a hinge, 1 m of a slide."""
         import pybullet as p
 
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
@@ -269,16 +278,16 @@ class PybulletModel(Model):
 
     @property
     def limits(self) -> Array:
-        """Of joints that have some, (nz, 2); without, PyBullet's lower one is above its upper."""
+        """Joint limits, (nz, 2); for joints without them PyBullet's lower is above its upper."""
         import pybullet as p
 
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
         free = [(-np.inf, np.inf)] * self._free
-        own = [one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info]
-        return np.array([*free, *own])
+        bounds = [one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info]
+        return np.array([*free, *bounds])
 
     def _moving_joints(self) -> tuple[list[int], list[str], list[Ball]]:
-        """Numbers and names of slides and hinges, and ball joints."""
+        """Return indices and names of slides and hinges, and ball joints."""
         import pybullet as p
 
         joints, names, balls = [], [], []
@@ -303,29 +312,30 @@ class PybulletModel(Model):
 
     @property
     def _free(self) -> int:
-        """Coordinates of the base and of ball joints."""
+        """The number of coordinates of the base and of ball joints."""
         return len(self.coordinates) - len(self._joints)
 
     def _free_links(self) -> None:
-        """Switch off what PyBullet adds on its own, unless asked for: damping, motors, a limit."""
+        """Disable PyBullet's damping, motors and speed limit, unless the settings keep them."""
         import pybullet as p
 
         for link in range(-1, p.getNumJoints(self._body)):
-            # Each link has 0.04 of linear and of angular damping by default, linear and quadratic.
+            # By default each link has 0.04 of linear and of angular damping, linear and quadratic
+            # in speed.
             damping = self._setting("link_damping")
             p.changeDynamics(self._body, link, linearDamping=damping, angularDamping=damping)
             if self._setting("smooth"):
                 p.setCollisionFilterGroupMask(self._body, link, 0, 0)
         for joint in range(p.getNumJoints(self._body)):
-            p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # clamps at 100 otherwise
+            p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # 100 by default
         if self._setting("motors"):
             return
-        for one in self._turning:
-            if isinstance(one, Ball):
-                one.let_go()
+        for part in self._turning:
+            if isinstance(part, Ball):
+                part.let_go()
         if not self._joints:
             return
-        # TORQUE_CONTROL with zero would not switch the default motors off.
+        # TORQUE_CONTROL with zero torque does not disable the default motors.
         p.setJointMotorControlArray(
             self._body, self._joints, p.VELOCITY_CONTROL, forces=[0.0] * len(self._joints)
         )
@@ -336,8 +346,8 @@ class PybulletModel(Model):
                 raise EngineError(
                     f"{self.path}: a spring names {joint!r}, which is not a moving joint"
                 )
-        terms = [(self._joint_names.index(j), float(c)) for j, c in spring.joints.items()]
-        return terms, spring.stiffness, spring.damping, spring.rest
+        coefficients = [(self._joint_names.index(j), float(c)) for j, c in spring.joints.items()]
+        return coefficients, spring.stiffness, spring.damping, spring.rest
 
     def _gear(self, mimic: Mimic) -> int:
         import pybullet as p
@@ -367,14 +377,17 @@ class PybulletModel(Model):
             [0, 0, 0],
             [0, 0, 0],
         )
-        # The gear holds v(leader) + gearRatio * v(follower) = 0, in the order (leader, follower).
+        # The gear enforces v(leader) + gearRatio * v(follower) = 0, in the order (leader,
+        # follower).
         p.changeConstraint(gear, gearRatio=-1.0 / mimic.multiplier, maxForce=1e10, erp=0.0)
         return int(gear)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step by step: springs and inputs are torques, set from the state before each step."""
+        """Step through a rollout; springs and inputs are torques, set from the state before each
+        step.
+        """
         self._check_loaded()
         with engine_errors(self.path, "PyBullet"):
             return self._rollout(q, v, h, n, force, every)
@@ -391,7 +404,7 @@ class PybulletModel(Model):
             self._stepper.reset(q[b], v[b])
             self._stepper.run(b, n, force, every, out_q[b], out_v[b])
             if not np.isfinite(out_q[b, -1]).all():
-                # What is not a number stays in a gear, through every reset of the joints.
+                # A NaN stays in a gear through every reset of the joints.
                 self._load()
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v

@@ -1,7 +1,7 @@
-"""Axes of a URDF's joints that are no unit vectors: PyBullet takes their length into the motion.
+"""URDF joint axes that are not unit vectors: PyBullet scales the motion by their length.
 
-`btMultiBody::setupRevolute` and `setupPrismatic` take the axis as it is, and a velocity is then of
-the axis' length. Six printed digits of a slanted axis are off a unit vector by 1e-7.
+`btMultiBody::setupRevolute` and `setupPrismatic` use the axis as given, so velocities are scaled by
+its length. A slanted axis printed with six digits has a length that differs from 1 by 1e-7.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from physics_crosscheck.harness.engines.source import finite_numbers
 from physics_crosscheck.harness.engines.urdf import ROUNDED
 
 UNIT: Mapping[str, object] = {"unit_axes": True}
-"""The adapter's setting that loads the file with axes of unit length."""
+"""The adapter's setting that normalizes the file's axes."""
 
 MOVING = ("revolute", "continuous", "prismatic")
 
 
 def _long(robot: ET.Element) -> Iterator[tuple[ET.Element, ET.Element, list[float], float]]:
-    """Joints with such an axis, the axis, its numbers and its length."""
+    """Yield joints with such an axis, the axis, its numbers and its length."""
     for joint in robot.findall("joint"):
         axis = joint.find("axis")
         if axis is None or joint.get("type") not in MOVING:
@@ -33,17 +33,17 @@ def _long(robot: ET.Element) -> Iterator[tuple[ET.Element, ET.Element, list[floa
 
 
 def long_axes(robot: ET.Element) -> dict[str, float]:
-    """By how much the axis of each joint is longer than 1, where it is not a unit vector."""
+    """Return the excess length of each joint axis that is not a unit vector."""
     return {joint.get("name", ""): length - 1 for joint, _, _, length in _long(robot)}
 
 
 def unit_axes(robot: ET.Element) -> None:
-    """Make each a unit vector."""
+    """Normalize these axes."""
     for _, axis, numbers, length in _long(robot):
         axis.set("xyz", " ".join(repr(number / length) for number in numbers))
 
 
 def length_cause(lengths: Mapping[str, float]) -> str:
-    """What a diagnosis calls it."""
+    """Return the cause that a diagnosis reports."""
     worst = max(map(abs, lengths.values()))
     return f"PyBullet's own length of the axes of {', '.join(lengths)}, up to {worst:.1e} off 1"

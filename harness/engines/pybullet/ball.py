@@ -1,8 +1,8 @@
-"""A URDF's spherical joint, a type of PyBullet's own.
+"""A spherical joint of a URDF, a type that only PyBullet defines.
 
-PyBullet tells its rotation, its angular velocity and its torque in the axes of the link's inertial
-frame, and not of the link; quaternions have their real part last. Its default motor is switched off
-by a position motor without force, as `VELOCITY_CONTROL` does it for other joints.
+PyBullet expresses its rotation, angular velocity and torque in the axes of the link's inertial
+frame, not of the link; quaternions have their real part last. A position motor without force
+disables its default motor, as `VELOCITY_CONTROL` does for other joints.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.pybullet.base import real_first
 
 COUNT = 3
-"""Coordinates: of the rotation of its link in the joint's frame."""
+"""Number of coordinates: the rotation of its link in the joint's frame."""
 
 
 class Ball:
     """A spherical joint of a loaded body.
 
     Args:
-        body: PyBullet's number of it.
-        joint: PyBullet's number of the joint.
+        body: PyBullet's index of the body.
+        joint: PyBullet's index of the joint.
         name: of the joint.
     """
 
@@ -46,7 +46,7 @@ class Ball:
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def let_go(self) -> None:
-        """Switch its motor off."""
+        """Disable its motor."""
         import pybullet as p
 
         none = [0.0, 0.0, 0.0]
@@ -56,7 +56,7 @@ class Ball:
         )  # fmt: skip
 
     def reset(self, z: Array, w: Array) -> None:
-        """Put it there: coordinates and their rates, (3,) each."""
+        """Set coordinates and their rates, (3,) each."""
         import pybullet as p
 
         self._near = quaternion(z)
@@ -65,14 +65,14 @@ class Ball:
         p.resetJointStateMultiDof(self._body, self._joint, turn, spin.tolist())
 
     def push(self, force: Sequence[float]) -> None:
-        """A moment about the link's own axes, over a step."""
+        """Apply a moment about the link's axes over a step."""
         import pybullet as p
 
-        own = (np.array(force) @ self._axes).tolist()
-        p.setJointMotorControlMultiDof(self._body, self._joint, p.TORQUE_CONTROL, force=own)
+        torque = (np.array(force) @ self._axes).tolist()
+        p.setJointMotorControlMultiDof(self._body, self._joint, p.TORQUE_CONTROL, force=torque)
 
     def position(self) -> Array:
-        """Its coordinates, (3,); of a rotation's two, those nearer to the last."""
+        """Return its coordinates, (3,), near to the last ones."""
         import pybullet as p
 
         turn = real_first(p.getJointStateMultiDof(self._body, self._joint)[0])
@@ -81,7 +81,7 @@ class Ball:
         return turned
 
     def rates(self, z: Array) -> Array:
-        """Of its coordinates z, which are those of now, (3,)."""
+        """Return the rates of its current coordinates z, (3,)."""
         import pybullet as p
 
         spin = np.array(p.getJointStateMultiDof(self._body, self._joint)[1])

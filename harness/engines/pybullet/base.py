@@ -1,6 +1,6 @@
-"""The base of a URDF that floats: where its link is, of what PyBullet tells of its inertial frame.
+"""The base of a floating URDF: its link's pose, from PyBullet's pose of its inertial frame.
 
-PyBullet counts a floating base's position and velocity from the center of mass, turned by the
+PyBullet counts a floating base's position and velocity from the center of mass, rotated by the
 inertial frame, in the world's axes; quaternions have their real part last.
 """
 
@@ -23,14 +23,16 @@ from physics_crosscheck.harness.engines.attitude import (
 from physics_crosscheck.harness.engines.protocol import Array
 
 COUNT = 6
-"""Coordinates of a base: the place of its link's origin, in the world, and its rotation."""
+"""Number of coordinates of a base: the position of its link's origin, in the world, and its
+rotation.
+"""
 
 
 class Base:
     """The floating base of a loaded body.
 
     Args:
-        body: PyBullet's number of it.
+        body: PyBullet's index of the body.
         name: of its joint to the world.
     """
 
@@ -46,7 +48,7 @@ class Base:
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, z: Array, w: Array) -> None:
-        """Put it there: coordinates and their rates, (6,) each."""
+        """Set coordinates and their rates, (6,) each."""
         import pybullet as p
 
         self._near = quaternion(z[3:])
@@ -58,23 +60,25 @@ class Base:
         p.resetBaseVelocity(self._body, w[:3] + np.cross(spin, center), spin)
 
     def push(self, force: Sequence[float]) -> None:
-        """A force at its link's origin along the world's axes, a moment about its own, a step."""
+        """Apply a force at the link's origin along world axes, and a moment about the link's axes,
+        for a step.
+        """
         import pybullet as p
 
-        at, own = self._placed()
-        turn, world = matrix(own), p.WORLD_FRAME
-        p.applyExternalForce(self._body, -1, list(force[:3]), at, world)
+        origin, turn_quaternion = self._placed()
+        turn, world = matrix(turn_quaternion), p.WORLD_FRAME
+        p.applyExternalForce(self._body, -1, list(force[:3]), origin, world)
         p.applyExternalTorque(self._body, -1, turn @ np.array(force[3:]), world)
 
     def position(self) -> Array:
-        """Its coordinates, (6,); of a rotation's two, those nearer to the last."""
-        at, own = self._placed()
-        turned = coordinates(own, self._near)
+        """Return its coordinates, (6,), with the rotation near to the last one."""
+        origin, turn = self._placed()
+        turned = coordinates(turn, self._near)
         self._near = quaternion(turned)
-        return np.concatenate([at, turned])
+        return np.concatenate([origin, turned])
 
     def rates(self, z: Array) -> Array:
-        """Of its coordinates z, which are those of now, (6,)."""
+        """Return the rates of its current coordinates z, (6,)."""
         import pybullet as p
 
         linear, spin = map(np.array, p.getBaseVelocity(self._body))
@@ -83,15 +87,15 @@ class Base:
         return np.concatenate([moved, rate(z[3:], turn.T @ spin)])
 
     def _placed(self) -> tuple[Array, Array]:
-        """The link's origin and quaternion."""
+        """Return the link's origin and quaternion."""
         import pybullet as p
 
         center, inertial = p.getBasePositionAndOrientation(self._body)
         back = self._turned * [1, -1, -1, -1]
-        own = product(real_first(inertial), back)
-        return np.array(center) - matrix(own) @ self._center, own
+        turn = product(real_first(inertial), back)
+        return np.array(center) - matrix(turn) @ self._center, turn
 
 
 def real_first(q: Sequence[float]) -> Array:
-    """A quaternion (x, y, z, w) as (w, x, y, z)."""
+    """Return a quaternion (x, y, z, w) as (w, x, y, z)."""
     return np.array([q[3], *q[:3]])

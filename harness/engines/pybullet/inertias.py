@@ -1,9 +1,9 @@
-"""What PyBullet makes of a link's tensor of inertia, and a URDF that spares it the making.
+"""PyBullet's rounding of inertia tensors, and a URDF that avoids it.
 
-A tensor with products is turned to its principal axes by Jacobi sweeps that end a step after all
-that is off the diagonal is below 1e-6 of the trace (`btMatrix3x3::diagonalize`, as
-`BulletURDFImporter::getMassAndInertia2` calls it); what is left there is dropped. No number of the
-file can mend it, short of principal axes in the `<origin>` of the `<inertial>`.
+PyBullet rotates a tensor with products to its principal axes by Jacobi sweeps that stop one step
+after all off-diagonal elements are below 1e-6 of the trace (`btMatrix3x3::diagonalize`, called by
+`BulletURDFImporter::getMassAndInertia2`). It drops the remaining elements. The only remedy in the
+file is to give principal axes in the `<origin>` of the `<inertial>`.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ PRODUCTS = ("ixy", "ixz", "iyz")
 _PLACES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 ROUNDING = 1e-14
-"""Relative difference of tensors below which nothing was lost but by rounding."""
+"""Relative difference of tensors that rounding explains."""
 
 EXACT: Mapping[str, object] = {"exact_axes": True}
-"""The adapter's setting that loads the file with principal axes found to the last digits."""
+"""The adapter's setting that computes principal axes to the last digits."""
 
 
 def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, float]:
-    """How far PyBullet's tensor of each link is off the file's, relative, where it is.
+    """Return the relative error of PyBullet's tensor of each link, if it exceeds rounding.
 
     Args:
         robot: the URDF.
-        held: tensors as PyBullet holds them, in their links' frames, (3, 3) each.
+        held: PyBullet's tensors, in their links' frames, (3, 3) each.
     """
-    found = {}
+    errors = {}
     for link in robot.findall("link"):
         name, inertial = link.get("name", ""), _with_products(link)
         if inertial is not None and name in held:
@@ -45,12 +45,12 @@ def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, flo
             stated = turn @ _tensor(inertial) @ turn.T
             off = float(np.max(np.abs(held[name] - stated)) / np.max(np.abs(stated)))
             if off > ROUNDING:
-                found[name] = off
-    return found
+                errors[name] = off
+    return errors
 
 
 def held_inertias(body: int) -> dict[str, Array]:
-    """The tensors of all links but the base as PyBullet holds them, in their links' frames."""
+    """Return PyBullet's tensors of all links except the base, in their links' frames."""
     import pybullet as p
 
     held = {}
@@ -62,15 +62,15 @@ def held_inertias(body: int) -> dict[str, Array]:
 
 
 def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
-    """Refuse inertias that PyBullet repairs or gives up on without an error.
+    """Refuse inertias that PyBullet replaces without an error.
 
-    A moving link without moments is no such: with a mass off its axis, or links that it carries,
-    its joint moves as it should.
+    A moving link without moments of inertia is accepted: its joint moves correctly with a mass off
+    its axis, or with child links.
 
     Args:
         path: of the file.
-        body: as PyBullet knows it.
-        robot: the file, where its inertias count.
+        body: PyBullet's index of the body.
+        robot: the file, if its inertias are used.
 
     Raises:
         EngineError: naming file and link.
@@ -81,7 +81,7 @@ def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
     zeroed = []
     for index in range(p.getNumJoints(body)):
         inertia, name = p.getDynamicsInfo(body, index)[2], _link(body, index)
-        # On a link behind a fixed joint too, and on one of no mass, as of a rotor.
+        # Also for a link behind a fixed joint, and one without mass, such as a rotor.
         if name in stated and not any(inertia):
             zeroed.append(repr(name))
     if zeroed:
@@ -95,7 +95,7 @@ def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
 
 
 def _check_moved(path: str, body: int) -> None:
-    """Refuse a joint that moves no inertia: it stands still in PyBullet.
+    """Refuse a joint that moves no inertia: PyBullet does not move it.
 
     Raises:
         EngineError: naming file and joint.
@@ -110,10 +110,10 @@ def _check_moved(path: str, body: int) -> None:
     }
     count = sum(map(len, rows.values()))
     moved = p.calculateMassMatrix(body, [0.0] * count) if rows else ()
-    # Velocities are counted from 6, after the base's: a base that is fixed has no rows here.
+    # Velocity indices start at 6, after the base's, but a fixed base has no rows here.
     first = 6 + count - len(moved)
-    for name, own in rows.items():
-        if not all(moved[row - first][row - first] > 0 for row in own):
+    for name, indices in rows.items():
+        if not all(moved[row - first][row - first] > 0 for row in indices):
             raise EngineError(
                 f"{path}: joint {name!r} moves nothing with inertia, so PyBullet "
                 "holds it still; give its link a mass and moments of inertia"
@@ -133,14 +133,14 @@ def _has_moments(link: ET.Element) -> bool:
 
 
 def axes_cause(lost: Mapping[str, float]) -> str:
-    """What a diagnosis calls it."""
+    """Return the cause that a diagnosis reports."""
     whose = "an" if len(lost) > 1 else "its"
     off = max(lost.values())
     return f"PyBullet's own principal axes of {', '.join(lost)}, {off:.1e} of {whose} inertia off"
 
 
 def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
-    """A remark a link."""
+    """Yield a remark for each link."""
     for name, off in lost.items():
         yield Remark(
             message=(
@@ -157,7 +157,7 @@ def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
 
 
 def exact_axes(robot: ET.Element) -> None:
-    """Turn each `<inertial>` with products to principal axes, found to the last digits."""
+    """Rotate each `<inertial>` with products to principal axes, computed to the last digits."""
     for link in robot.findall("link"):
         inertial = _with_products(link)
         if inertial is not None:
@@ -165,7 +165,7 @@ def exact_axes(robot: ET.Element) -> None:
 
 
 def _with_products(link: ET.Element) -> ET.Element | None:
-    """A link's `<inertial>`, if its tensor has products."""
+    """Return a link's `<inertial>` if its tensor has products."""
     inertial = link.find("inertial")
     inertia = inertial.find("inertia") if inertial is not None else None
     if inertia is None or not any(float(inertia.get(key, "0")) for key in PRODUCTS):
@@ -183,25 +183,25 @@ def _tensor(inertial: ET.Element) -> Array:
 
 
 def _origin(inertial: ET.Element) -> list[float]:
-    """Roll, pitch and yaw of the frame of inertia in the link's."""
+    """Return roll, pitch and yaw of the inertial frame in the link's."""
     origin = inertial.find("origin")
     return finite_numbers("" if origin is None else origin.get("rpy", "")) or []
 
 
 def _roll_pitch_yaw(turn: Array) -> tuple[float, float, float]:
-    """Of a rotation. Where the pitch is upright yaw is any angle, and the roll goes with it."""
+    """Return roll, pitch and yaw of a rotation. At vertical pitch the yaw is arbitrary."""
     yaw = np.arctan2(turn[1, 0], turn[0, 0])
     sine, cosine = np.sin(yaw), np.cos(yaw)
     pitch = np.arctan2(-turn[2, 0], cosine * turn[0, 0] + sine * turn[1, 0])
-    across = cosine * turn[1] - sine * turn[0]  # the second row, turned back by the yaw
+    across = cosine * turn[1] - sine * turn[0]  # the second row, rotated back by the yaw
     return float(np.arctan2(-across[2], across[1])), float(pitch), float(yaw)
 
 
 def _diagonalize(inertial: ET.Element) -> None:
-    """Turn an `<inertial>` to its principal axes."""
+    """Rotate an `<inertial>` to its principal axes."""
     moments, axes = np.linalg.eigh(_tensor(inertial))  # ascending
     axes[:, 0] *= np.linalg.det(axes)  # right-handed
-    # PyBullet zeroes what rounding takes beyond the sum of the others, as of a flat body.
+    # PyBullet zeroes moments that exceed the sum of the others by rounding, as for a flat body.
     beyond = float(moments[2] - (moments[0] + moments[1]))
     if 0 < beyond <= ROUNDING * float(moments[2]):
         moments[2] = moments[0] + moments[1]

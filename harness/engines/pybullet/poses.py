@@ -1,4 +1,4 @@
-"""Where the links of a loaded URDF are."""
+"""Poses of the links of a loaded URDF."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.pybullet.base import real_first
 
 BASE = -1
-"""PyBullet's index of the link that all others hang on."""
+"""PyBullet's index of the root link."""
 
 
 def link_places(body: int) -> dict[str, int]:
-    """Index of each link by `link:name`, and of its centre of mass by `centre:name`."""
+    """Return the index of each link by `link:name`, and of its centre of mass by `centre:name`."""
     import pybullet as p
 
     names = {p.getBodyInfo(body)[0].decode(): BASE}
@@ -26,25 +26,28 @@ def link_places(body: int) -> dict[str, int]:
 def link_poses(
     body: int, joints: Sequence[int], places: Sequence[str], z: Array
 ) -> tuple[Array, Array]:
-    """Origins (K, F, 3) and rotations (K, F, 3, 3) of places at joint positions z, (K, nz)."""
+    """Return origins (K, F, 3) and rotations (K, F, 3, 3) of places at joint positions z, (K,
+    nz).
+    """
     import pybullet as p
 
-    known = link_places(body)
+    by_place = link_places(body)
     origins = np.empty((len(z), len(places), 3))
     turns = np.empty((*origins.shape, 3))
     for k, row in enumerate(z.tolist()):
         for joint, value in zip(joints, row, strict=True):
             p.resetJointState(body, joint, value, 0.0)
         for f, place in enumerate(places):
-            origins[k, f], turns[k, f] = _pose(body, known[place], place.startswith("centre:"))
+            origins[k, f], turns[k, f] = _pose(body, by_place[place], place.startswith("centre:"))
     return origins, turns
 
 
 def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
-    """A link's frame, or its centre of mass with the link's axes, as the joints are now.
+    """Return a link's frame, or its centre of mass with the link's axes, at the current joint
+    positions.
 
-    PyBullet tells a link's frame with seven digits, and that of its principal moments with all, in
-    the world and in the link.
+    PyBullet returns a link's frame with seven digits, but the frame of its principal axes with all,
+    in the world and in the link.
     """
     import pybullet as p
 

@@ -1,4 +1,4 @@
-"""What PyBullet prints: it says why it can't load a file on the C library's stdout alone."""
+"""PyBullet's printed output: it explains load errors only on the C library's stdout."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 
 @contextmanager
 def printed() -> Iterator[list[str]]:
-    """A list that holds, once it is over, what was printed: a sentence each, on one line.
+    """Yield a list that holds the printed errors as sentences after the block ends.
 
-    It is printed again afterwards, for those who read it there.
+    The output is printed again afterwards.
     """
-    said: list[str] = []
+    messages: list[str] = []
     texts: list[str] = []
     try:
         with captured() as texts:
-            yield said
+            yield messages
     finally:
-        said += _errors("".join(texts))
+        messages += _errors("".join(texts))
 
 
 def _errors(text: str) -> list[str]:
-    """The errors that follow one another at the end are one sentence, its parts each after b3Error.
+    """Join the errors at the end into one sentence; each part follows b3Error.
 
-    Their places in PyBullet's sources say nothing to those who wrote the file.
+    Their places in PyBullet's sources are left out, since they do not help the user.
     """
     parts = [" ".join(part.split()) for part in _PLACE.split(text)[2::2] if part.strip()]
     kinds = _PLACE.findall(text)

@@ -1,4 +1,4 @@
-"""What PyBullet does on its own, reads over in a URDF, or loses of its digits."""
+"""PyBullet's own effects, the URDF elements that it ignores, and its loss of precision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CAUSES = {
     "motors": "PyBullet's own motors",
     "inertia_from_file": "PyBullet's own inertias of collision shapes",
 }
-"""What each is called where a setting lets it stand."""
+"""The cause of each effect that a setting leaves on."""
 
 _PARTS = {
     "link_damping": "link damping (0.04)",
@@ -24,7 +24,7 @@ _PARTS = {
     "inertia_from_file": "inertia from collision shapes",
     "gravity": "gravity",
 }
-"""What the adapter switches off: two of them always, the others by their settings."""
+"""Effects that the adapter disables: two of them always, the others by their settings."""
 
 _LEFT_ON: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "link_damping": (
@@ -34,7 +34,7 @@ _LEFT_ON: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "motors": ("it holds every joint at rest with its motor", ()),
     "inertia_from_file": ("it ignores the file's inertias", ("inertia",)),
 }
-"""What each does where it is left on, and the compiled terms that it may rightly be part of."""
+"""The effect of each if it is left on, and the compiled terms that it may explain."""
 
 _URDF = UrdfReader(
     name="pybullet",
@@ -48,7 +48,9 @@ _URDF = UrdfReader(
 def model_remarks(
     file: Path, joints: Sequence[str], on: Mapping[str, float | bool], z: Array, w: Array
 ) -> Iterator[Remark]:
-    """What the URDF says in vain, and what is switched off, or left on by these settings."""
+    """Yield ignored parts of the URDF, and effects that are disabled, or left on by these
+    settings.
+    """
     yield from urdf_remarks(_URDF, file, joints, z, w)
     *parts, last = [part for key, part in _PARTS.items() if key not in on]
     yield Remark(
@@ -67,11 +69,11 @@ def model_remarks(
 
 
 def products_caveat(path: Path) -> tuple[str, ...]:
-    """A word on products of inertia, where a URDF has some."""
+    """Return a note on products of inertia if a URDF has them."""
     try:
         robot = read_urdf(path)
     except EngineError:
-        return ()  # loading it will say so
+        return ()  # loading it reports the error
     products = (inertia.get(key, "0") for inertia in robot.iter("inertia") for key in PRODUCTS)
     if not any(word.strip("+-0. \n\t") for word in products):
         return ()

@@ -1,4 +1,4 @@
-"""What a sidecar may set of a URDF in PyBullet."""
+"""Settings of a URDF's sidecar for PyBullet."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_shapes,
 )
 
-UNDONE: Mapping[str, float | bool] = {
-    # Linear and angular damping of every link; PyBullet's own is 0.04.
+DISABLED_EFFECTS: Mapping[str, float | bool] = {
+    # Linear and angular damping of every link; PyBullet's default is 0.04.
     "link_damping": 0.0,
-    # Whether every joint keeps its velocity motor, which holds it; PyBullet's own is true.
+    # Whether every joint keeps its velocity motor, which brakes it; PyBullet's default is true.
     "motors": False,
-    # Whether inertias are those of the file, not of its collision shapes; PyBullet's own is false.
+    # Whether inertias are the file's, not those of collision shapes; PyBullet's default is false.
     "inertia_from_file": True,
 }
-"""What PyBullet does on its own, switched off."""
+"""PyBullet's own effects, disabled."""
 
 DEFAULTS: Mapping[str, float | bool] = {
-    **UNDONE,
-    # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
-    # and not by PyBullet.
+    **DISABLED_EFFECTS,
+    # Whether the adapter, not PyBullet, rotates tensors with products to principal axes, to the
+    # last digits.
     "exact_axes": False,
-    # Whether joints' axes are made unit vectors, which PyBullet does not.
+    # Whether joint axes are normalized, which PyBullet omits.
     "unit_axes": False,
-    # Whether a link without an inertial has 1 kg and 1 kg m^2, as PyBullet has it, or nothing.
+    # Whether a link without an inertial has 1 kg and 1 kg m^2 (PyBullet's default), or no mass.
     "bare_links": True,
     # Whether contacts and joint limits are left out.
     "smooth": False,
     # Whether the root link moves freely.
     "floating": False,
 }
-"""Of every setting."""
+"""Defaults of all settings."""
 
 REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
@@ -51,16 +51,18 @@ REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
 )
-"""What settings change in the file that PyBullet loads, and at which value."""
+"""Settings that change the file which PyBullet loads: name, value and change."""
 
 
 def changes_of(spec: ModelSpec) -> list[Change]:
-    """What settings change in the file."""
+    """Return the changes that settings make to the file."""
     on = {key: spec.settings.get(key, default) for key, default in DEFAULTS.items()}
-    found = [change for key, value, change in REWRITTEN if on[key] == value]
-    if not on["inertia_from_file"]:  # shapes that touch have moments, and are let through instead
-        found = [without_looks if change is without_shapes else change for change in found]
+    changes = [change for key, value, change in REWRITTEN if on[key] == value]
+    if not on[
+        "inertia_from_file"
+    ]:  # collision shapes then define the moments, so keep them and disable contacts instead
+        changes = [without_looks if change is without_shapes else change for change in changes]
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
-        found.append(mimics_of(followers))
-    return [*found, with_held(held)] if (held := held_joints(spec)) else found
+        changes.append(mimics_of(followers))
+    return [*changes, with_held(held)] if (held := held_joints(spec)) else changes

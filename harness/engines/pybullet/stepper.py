@@ -1,4 +1,4 @@
-"""Motions of a loaded body: its joints' torques are set from the state before each step."""
+"""Motions of a loaded body: joint torques are set from the state before each step."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from physics_crosscheck.harness.engines.pybullet.base import Base
 from physics_crosscheck.harness.engines.pybullet.poses import link_poses
 
 ForceElement = tuple[list[tuple[int, float]], float, float, float]
-"""A spring: coefficients by the joint's place among all, stiffness, damping, rest."""
+"""A spring: coefficients by the joint's index, stiffness, damping, rest."""
 
 
-class Stepper:
-    """A body's slides and hinges, and what turns freely, whose coordinates come first.
+class BodyStepper:
+    """A body's slides and hinges, after the coordinates of its base and ball joints.
 
     Args:
-        body: PyBullet's number of it.
-        joints: PyBullet's numbers of slides and hinges.
-        turning: a base that floats, ball joints.
-        springs: that the adapter adds as torques.
+        body: PyBullet's index of the body.
+        joints: PyBullet's indices of slides and hinges.
+        turning: a floating base, ball joints.
+        springs: added by the adapter as torques.
     """
 
     def __init__(
@@ -40,30 +40,30 @@ class Stepper:
         self._turning = [(one, slice(*at)) for one, at in zip(turning, pairwise(ends), strict=True)]
 
     def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state, (nz,) each."""
+        """Set a state, (nz,) each."""
         import pybullet as p
 
-        for one, at in self._turning:
-            one.reset(q[at], v[at])
+        for part, rows in self._turning:
+            part.reset(q[rows], v[rows])
         for i, joint in enumerate(self._joints, start=self._free):
             p.resetJointState(self._body, joint, q[i], v[i])
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """Origins (K, F, 3) and rotations (K, F, 3, 3) of places at positions z, (K, nz)."""
+        """Return origins (K, F, 3) and rotations (K, F, 3, 3) of places at positions z, (K, nz)."""
         if not self._turning:
             return link_poses(self._body, self._joints, places, z)
-        found = []
+        poses = []
         for row in z:
-            for one, at in self._turning:
-                one.reset(row[at], np.zeros(one.count))
-            found.append(link_poses(self._body, self._joints, places, row[None, self._free :]))
-        origins, turns = zip(*found, strict=True)
+            for part, rows in self._turning:
+                part.reset(row[rows], np.zeros(part.count))
+            poses.append(link_poses(self._body, self._joints, places, row[None, self._free :]))
+        origins, turns = zip(*poses, strict=True)
         return np.concatenate(origins), np.concatenate(turns)
 
     def run(self, b: int, n: int, force: Force, every: int, out_q: Array, out_v: Array) -> None:
-        """Take n steps from where it is, under the forces of the batch's row b.
+        """Take n steps from the current state, under the forces of the batch's row b.
 
-        `out_q` and `out_v` take positions and velocities after every `every` steps.
+        Write positions and velocities after every `every` steps to `out_q` and `out_v`.
         """
         import pybullet as p
 
@@ -80,8 +80,8 @@ class Stepper:
             if driven:
                 if by_state is not None:
                     turned = [one.position() for one, _ in self._turning]
-                    at = [*np.concatenate([[], *turned]), *(s[0] for s in current)]
-                    self._push(list(by_state.at(at, inputs[i])), current)
+                    position = [*np.concatenate([[], *turned]), *(s[0] for s in current)]
+                    self._push(list(by_state.evaluate(position, inputs[i])), current)
                 else:
                     self._push(list(held[i] if held is not None else still), current)
             step()
@@ -92,27 +92,27 @@ class Stepper:
                 self._take(current, out_q[i // every], out_v[i // every])
 
     def _push(self, forces: list[float], current: Any) -> None:
-        """Set what acts over the next step: forces on all coordinates, and the springs'."""
+        """Set the forces of the next step: on all coordinates, and of the springs."""
         import pybullet as p
 
-        for one, at in self._turning:
-            one.push(forces[at])
+        for part, rows in self._turning:
+            part.push(forces[rows])
         tau = forces[self._free :]
-        for terms, stiffness, damping, rest in self._springs:
+        for coefficients, stiffness, damping, rest in self._springs:
             stretch, rate = -rest, 0.0
-            for j, c in terms:
+            for j, c in coefficients:
                 stretch += c * current[j][0]
                 rate += c * current[j][1]
-            pull = stiffness * stretch + damping * rate
-            for j, c in terms:
-                tau[j] -= c * pull
+            force = stiffness * stretch + damping * rate
+            for j, c in coefficients:
+                tau[j] -= c * force
         if tau:
             p.setJointMotorControlArray(self._body, self._joints, p.TORQUE_CONTROL, forces=tau)
 
     def _take(self, current: Any, q: Array, v: Array) -> None:
-        """Write positions and velocities of now into rows, (nz,) each."""
-        for one, at in self._turning:
-            q[at] = one.position()
-            v[at] = one.rates(q[at])
+        """Write current positions and velocities into rows, (nz,) each."""
+        for part, rows in self._turning:
+            q[rows] = part.position()
+            v[rows] = part.rates(q[rows])
         for j, state in enumerate(current, start=self._free):
             q[j], v[j] = state[0], state[1]

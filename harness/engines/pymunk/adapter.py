@@ -67,7 +67,7 @@ class PymunkEngine(Engine):
     )
 
     def version(self) -> str | None:
-        """Version of the installed package, or None."""
+        """Return the version of the installed package, or None."""
         return version_of("pymunk", "pymunk")
 
     def load(self, spec: ModelSpec) -> PymunkModel:
@@ -94,11 +94,11 @@ class PymunkEngine(Engine):
         return PymunkModel(spec)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """A step."""
+        """Return a step."""
         return {"step": 0.002}
 
     def samples(self) -> tuple[Sample, ...]:
-        """A body on springs."""
+        """Return a body on springs."""
         return (Sample(file="sample.py", text=_SAMPLE, settings={"step": 0.004}),)
 
 
@@ -110,13 +110,13 @@ class PymunkModel(Model):
     def __init__(self, spec: ModelSpec) -> None:
         self._spec, self.path = spec, str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
-        # Overrides that of the file, [gx, gy, 0]; by default the file's counts.
+        # Overrides the file's gravity, as [gx, gy, 0]; None keeps it.
         self._gravity: Any = spec.settings.get("gravity")
-        # Likewise Space.damping, the share of its velocity that a body keeps in a second.
+        # Overrides Space.damping, the share of its velocity that a body keeps in a second.
         self._damping: Any = spec.settings.get("damping")
         self._module = run_file(spec.path)
         self._build()
-        # pymunk's own step checks masses and moments; the call beneath it does not.
+        # pymunk's own step checks masses and moments; the C call does not.
         with self._heard("the first step"):
             self._space.step(self.step)
         if not self._reusable:
@@ -124,12 +124,12 @@ class PymunkModel(Model):
 
     @property
     def home(self) -> Array:
-        """Positions as the file builds the Space, (nz,)."""
+        """Positions of the bodies as built, (nz,)."""
         return np.array(self._home)
 
     @property
-    def reach(self) -> Array:
-        """Where positions may be drawn, (nz, 2): 1 m about where a body is built, and a turn."""
+    def sampling_range(self) -> Array:
+        """Sampling range of positions, (nz, 2): 1 m and one turn around a body's built pose."""
         half = np.tile([1.0, 1.0, np.pi], len(self._bodies))
         return np.stack([self.home - half, self.home + half], axis=1)
 
@@ -139,7 +139,7 @@ class PymunkModel(Model):
         return tuple(f"{kind}:{name}" for kind in ("body", "centre") for name in self._bodies)
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """A body is where its coordinates are."""
+        """Return the poses that the coordinates define."""
         origins, turns = np.zeros((len(z), len(places), 3)), np.zeros((len(z), len(places), 3, 3))
         for f, place in enumerate(places):
             kind, _, name = place.partition(":")
@@ -153,16 +153,18 @@ class PymunkModel(Model):
         return origins, turns
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 1 throughout: a step moves positions with the old velocity, then updates it."""
+        """Return order 1: a step moves positions with the old velocity, then updates the
+        velocity.
+        """
         return 1, 1
 
     @property
-    def remedies(self) -> dict[str, dict[str, object]]:
-        """What the Space adds beside its bodies and constraints, with what undoes it."""
+    def corrective_settings(self) -> dict[str, dict[str, object]]:
+        """Effects of the Space besides its bodies and constraints, with corrections."""
         return {} if self._space.damping == 1 else {"Space.damping": {"damping": 1.0}}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What a Space as the file builds it, moved by nothing, adds on its own."""
+        """Yield effects that the Space adds as the file builds it, without a motion."""
         with script_errors(self._spec.path, "build()"):
             space, _ = self._module.build()
         return space_remarks(space, self._spec.settings)
@@ -171,10 +173,10 @@ class PymunkModel(Model):
         import pymunk
 
         with script_errors(self._spec.path, "build()"):
-            made = self._module.build()
-        if not isinstance(made, tuple) or [*map(_kind, made)] != [pymunk.Space, dict]:
+            result = self._module.build()
+        if not isinstance(result, tuple) or [*map(_kind, result)] != [pymunk.Space, dict]:
             raise EngineError(f"{self.path}: build() must return (Space, {{name: Body}})")
-        space, bodies = made
+        space, bodies = result
         if not bodies or not all(isinstance(body, pymunk.Body) for body in bodies.values()):
             raise EngineError(f"{self.path}: build() must name at least one Body")
         for name, body in bodies.items():
@@ -186,7 +188,7 @@ class PymunkModel(Model):
             space.damping = float(self._damping)
         self.gravity = tuple(map(float, space.gravity))
         self._space, self._bodies = space, bodies
-        # The C structs: calls beneath pymunk's own methods take a third of their time.
+        # C handles: calls on them take a third of the time of pymunk's own methods.
         self._handles = [body._body for body in bodies.values()]
         self.coordinates = tuple(f"{name}.{kind}" for name in bodies for kind in _KINDS)
         self._home = self._places()
@@ -199,7 +201,7 @@ class PymunkModel(Model):
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step the Space; forces act for one step, as pymunk clears them after each."""
+        """Step the Space; forces act for one step, since pymunk clears them after each."""
         places: list[list[float]] = []
         rates: list[list[float]] = []
         for b, (start, rate) in enumerate(zip(q.tolist(), v.tolist(), strict=True)):
@@ -207,14 +209,16 @@ class PymunkModel(Model):
             self._set(start, rate)
             with self._heard("a step"):
                 self._run(b, h, n, force, every, places, rates)
-            # What is not a number may stay in the joints for good.
+            # A NaN may stay in the joints permanently.
             self._reusable &= math.isfinite(sum(places[-1]) + sum(rates[-1]))
         shape = (len(q), n // every, q.shape[1])
         return np.array(places).reshape(shape), np.array(rates).reshape(shape)
 
     @contextmanager
     def _heard(self, what: str) -> Iterator[None]:
-        """Whatever is raised meanwhile is an error that names the file, callbacks included."""
+        """Convert any exception in this block, also in callbacks, into an error that names the
+        file.
+        """
         if not self._own_step:
             with script_errors(self._spec.path, what):
                 yield
@@ -225,11 +229,10 @@ class PymunkModel(Model):
             raise blamed(raised[0], self._spec.path, "a callback")
 
     def _forget(self, h: float) -> None:
-        """Clear the impulses that joints keep from step to step, as in a Space just built.
+        """Clear the impulses that joints keep from step to step, as in a newly built Space.
 
-        A step that allows a joint no force leaves its impulse at zero; what the step does to the
-        bodies is overwritten. Where that might not be all that is kept, build anew, at 50 times
-        the cost of a step.
+        A step with zero maximum force leaves a joint's impulse at zero; the bodies' states are
+        overwritten. If the Space may remember more, build it again, at 50 times the cost of a step.
         """
         from pymunk._chipmunk_cffi import lib
 
@@ -264,7 +267,7 @@ class PymunkModel(Model):
         from pymunk._chipmunk_cffi import lib
 
         step, space = lib.cpSpaceStep, self._space._space
-        own = self._space if self._own_step else None
+        whole_space = self._space if self._own_step else None
         set_force, set_torque = lib.cpBodySetForce, lib.cpBodySetTorque
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
@@ -272,11 +275,11 @@ class PymunkModel(Model):
         push = None
         for i in range(n):
             if by_state is not None:
-                push = by_state.at(self._places(), inputs[i])
+                push = by_state.evaluate(self._places(), inputs[i])
             elif held is not None:
                 push = held[i]
-            if own is not None:
-                step_whole(own, self._handles, h, push)
+            if whole_space is not None:
+                step_whole(whole_space, self._handles, h, push)
             else:
                 if push is not None:
                     for j, body in enumerate(self._handles):
@@ -292,8 +295,8 @@ class PymunkModel(Model):
 
         values: list[float] = []
         for body in self._handles:
-            at = lib.cpBodyGetPosition(body)
-            values += (at.x, at.y, lib.cpBodyGetAngle(body))
+            position = lib.cpBodyGetPosition(body)
+            values += (position.x, position.y, lib.cpBodyGetAngle(body))
         return values
 
     def _rates(self) -> list[float]:
@@ -306,15 +309,17 @@ class PymunkModel(Model):
         return values
 
 
-def _kind(made: object) -> type:
-    """A Space, a dict, or what else `build` has returned."""
+def _kind(result: object) -> type:
+    """Return Space, dict, or the type of another result of `build`."""
     import pymunk
 
-    return next((kind for kind in (pymunk.Space, dict) if isinstance(made, kind)), type(made))
+    return next((kind for kind in (pymunk.Space, dict) if isinstance(result, kind)), type(result))
 
 
 def _caching() -> tuple[type, ...]:
-    """Constraints whose one memory is the impulse of the last step, from which they start."""
+    """Return constraints whose only memory is the impulse of the last step, used as a warm
+    start.
+    """
     from pymunk import constraints as c
 
     return (
@@ -329,9 +334,9 @@ def _caching() -> tuple[type, ...]:
 
 
 def _reusable(space: Any, bodies: list[Any]) -> bool:
-    """Whether the cached impulses and the named bodies' states are all that a Space remembers.
+    """Return whether cached impulses and the named bodies' states are all that a Space remembers.
 
-    One with functions of the user's own (`has_own_step`) may remember anything.
+    A Space with the user's own functions (`has_own_step`) may remember anything.
     """
     import pymunk
 

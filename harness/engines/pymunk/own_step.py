@@ -1,4 +1,4 @@
-"""A Space that does more in a step than pymunk's C code: a subclass's step, callbacks, threads."""
+"""Spaces that do more in a step than pymunk's C code: a subclass's step, callbacks, threads."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from physics_crosscheck.harness.engines.protocol import EngineError
 
 UNDERNEATH = "pymunk.space", "Space.step"
-"""Where pymunk's own step comes from, and its name: a script may put another in its place."""
+"""Module and name of pymunk's own step, which a script may replace."""
 
 
 def has_own_step(space: Any) -> bool:
-    """Whether the call beneath `Space.step` would leave something out, or run functions of Python.
+    """Return whether the C call under `Space.step` would omit something, or run Python functions.
 
-    A callback may ask for another one after the step (`add_post_step_callback`), or change what is
-    in the Space, which pymunk puts off until then.
+    A callback may request another after the step (`add_post_step_callback`), or change the content
+    of the Space, which pymunk postpones until then.
     """
     import pymunk
 
@@ -36,8 +36,8 @@ def has_own_step(space: Any) -> bool:
 
 
 def _has_function(spring: Any) -> bool:
-    own = (getattr(spring, name, None) for name in ("_force_func", "_torque_func"))
-    return any(function is not None for function in own)
+    functions = (getattr(spring, name, None) for name in ("_force_func", "_torque_func"))
+    return any(function is not None for function in functions)
 
 
 def _has_functions(body: Any) -> bool:
@@ -48,12 +48,12 @@ def _has_functions(body: Any) -> bool:
 
 
 def step_whole(space: Any, handles: Sequence[Any], h: float, push: Sequence[float] | None) -> None:
-    """One step as the script has it, with forces on the named bodies in each of its parts.
+    """Take one step of the script, with forces on the named bodies in each of its parts.
 
     pymunk clears forces after each of its steps, and a script's step may take several.
 
     Raises:
-        EngineError: where forces don't reach the bodies.
+        EngineError: if forces do not reach the bodies.
     """
     import pymunk
 
@@ -90,7 +90,7 @@ def _push(handles: Sequence[Any], push: Sequence[float]) -> None:
 
 @contextmanager
 def callbacks_heard() -> Iterator[list[BaseException]]:
-    """What callbacks raise meanwhile: C code in between loses it, and goes on."""
+    """Collect exceptions of callbacks in this block, which the C code in between discards."""
     raised: list[BaseException] = []
 
     def hook(lost: sys.UnraisableHookArgs) -> None:

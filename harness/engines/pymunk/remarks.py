@@ -1,4 +1,4 @@
-"""What a Space adds to its bodies and joints on its own."""
+"""Effects that a Space adds to its bodies and joints."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from physics_crosscheck.harness.engines.pymunk.own_step import has_own_step
-from physics_crosscheck.harness.engines.remark import PULL, Remark
+from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
 
 
 def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
-    """All there is to say of a Space as its file builds it, under the adapter's settings."""
+    """Yield all remarks about a Space as its file builds it, under the adapter's settings."""
     yield from _overridden(space, settings)
     if has_own_step(space):
         yield Remark(
@@ -37,7 +37,7 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
         yield Remark(
             message=f"gravity is tilted: {gravity} is not along an axis",
             address=_address("gravity", settings),
-            shows_in=PULL,
+            shows_in=POSITION_FORCE_TERMS,
         )
     yield from _joint_remarks(space.constraints)
     yield from _spring_remarks(space.constraints)
@@ -51,19 +51,19 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
 
 
 def _overridden(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
-    """What the script sets and the sidecar's settings override; pymunk's own values are none."""
-    for name, own, plain, shows_in in (
-        ("gravity", tuple(map(float, space.gravity)), (0.0, 0.0), PULL),
+    """Yield values of the script that the sidecar's settings override, except pymunk's defaults."""
+    for name, stated, plain, shows_in in (
+        ("gravity", tuple(map(float, space.gravity)), (0.0, 0.0), POSITION_FORCE_TERMS),
         ("damping", float(space.damping), 1.0, ("damping",)),
     ):
-        given: Any = settings.get(name, own)
+        given: Any = settings.get(name, stated)
         counts = tuple(map(float, given[:2])) if name == "gravity" else float(given)
-        if own not in (plain, counts):
+        if stated not in (plain, counts):
             yield Remark(
                 kind="setting",
-                message=f"the sidecar's {name}, {counts}, overrides the file's, {own}",
+                message=f"the sidecar's {name}, {counts}, overrides the file's, {stated}",
                 address=f"Space().{name}",
-                beside=f"sidecar:settings.{name}",
+                related_address=f"sidecar:settings.{name}",
                 shows_in=shows_in,
             )
 
@@ -79,7 +79,7 @@ def _joint_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
     for constraint in constraints:
         kind = type(constraint).__name__
         if isinstance(constraint, (pymunk.DampedSpring, pymunk.DampedRotarySpring)):
-            continue  # forces, which have no error to correct
+            continue  # forces have no error to correct
         if constraint.error_bias == plain:
             yield Remark(
                 kind="constraint",
@@ -114,5 +114,5 @@ def _spring_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
                 message=f"a {kind} is built at the {what} {here:g} and rests at {rest:g}",
                 address=f"{kind}()",
                 value=float(rest),
-                shows_in=PULL,
+                shows_in=POSITION_FORCE_TERMS,
             )

@@ -1,4 +1,4 @@
-"""The Python file that builds a Space: run, and blamed by its lines."""
+"""Execution of the Python file that builds a Space; errors name its lines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from physics_crosscheck.harness.engines.source import folded, read_source
 
 
 def run_file(path: Path) -> Any:
-    """The file as a module.
+    """Run the file and return it as a module.
 
     Raises:
         EngineError: naming file and line.
@@ -28,7 +28,8 @@ def run_file(path: Path) -> Any:
     module.__file__ = str(path)
     sys.modules[name] = module
     with script_errors(path, ""):
-        # Compiled from its text: a bytecode cache keeps a file that was rewritten within a second.
+        # Compile from the text: a bytecode cache would miss a file that was rewritten within a
+        # second.
         exec(compile(text, str(path), "exec"), module.__dict__)
     if not callable(getattr(module, "build", None)):
         raise EngineError(f"{path}: it must define build() -> (Space, {{name: Body}})")
@@ -37,8 +38,10 @@ def run_file(path: Path) -> Any:
 
 @contextmanager
 def script_errors(path: Path, what: str) -> Iterator[None]:
-    """Whatever a script raises is an error with its line: an exit, or an interruption that it
-    raises itself, must not end what runs beside it.
+    """Convert any exception of a script into an error with its line.
+
+    An exit, or an interruption that the script raises itself, must not end other work in this
+    process.
     """
     try:
         yield
@@ -51,10 +54,10 @@ def script_errors(path: Path, what: str) -> Iterator[None]:
 
 
 def blamed(error: BaseException, path: Path, what: str) -> EngineError:
-    """An error of a script, at its line."""
-    said = folded(error)
+    """Return an error of a script, at its line."""
+    message = folded(error)
     kind = type(error).__name__
-    sentence = f"{what} fails: {said or kind}" if what else f"{kind}: {said}".rstrip(": ")
+    sentence = f"{what} fails: {message or kind}" if what else f"{kind}: {message}".rstrip(": ")
     return EngineError(sentence, file=path, line=_line(error, path))
 
 
@@ -67,7 +70,7 @@ def _line(error: BaseException, path: Path) -> int:
 
 
 def _raised_by(error: BaseException, path: Path) -> bool:
-    """Whether the script says `raise`, rather than someone having pressed Ctrl-C."""
+    """Return whether the script itself raised the error, as opposed to Ctrl-C."""
     frames = traceback.extract_tb(error.__traceback__)
     last = frames[-1] if frames else None
     return last is not None and last.filename == str(path) and "raise" in (last.line or "")

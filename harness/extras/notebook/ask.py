@@ -32,7 +32,7 @@ from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import states_now
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SAMPLES = 1000
@@ -150,7 +150,7 @@ def _times(given: ArrayLike | None, duration: float) -> Array:
     try:
         times = np.array(given, dtype=float)
     except (TypeError, ValueError):
-        raise MotionError(f"times are {brief(given)}, expected ascending numbers") from None
+        raise MotionError(f"times are {quote(given)}, expected ascending numbers") from None
     ascending = times.ndim == 1 and len(times) and np.all(np.diff(times) > 0)
     if not (ascending and np.all(np.isfinite(times))):
         raise MotionError("times are numbers in a row, ascending")

@@ -35,7 +35,7 @@ from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.planning.options import check_limits, check_resolution, check_text
 from physics_crosscheck.harness.records import comparison
 from physics_crosscheck.harness.records.base import Number, SourceLine
@@ -282,7 +282,7 @@ def _check_joints(joints: object) -> None:
         isinstance(one, str) for pair in pairs.items() for one in pair
     ):
         raise TypeError(
-            f"joints is {brief(joints)}, expected joints of A by those of B, such as"
+            f"joints is {quote(joints)}, expected joints of A by those of B, such as"
             ' {"hip": "j1", "knee": "-j2"}'
         )
 
@@ -290,7 +290,7 @@ def _check_joints(joints: object) -> None:
 def _check_starts(starts: object) -> None:
     if not isinstance(starts, Sequence) or not all(isinstance(one, Mapping) for one in starts):
         raise TypeError(
-            f"starts is {brief(starts)}, expected a list of states, such as"
+            f"starts is {quote(starts)}, expected a list of states, such as"
             ' [{"hip": 1.0, "hip_dot": 0.0}]'
         )
     for start in starts:

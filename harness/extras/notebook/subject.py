@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.registry import engines, missing, runners
+from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.extras.notebook.trajectory import MotionError
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import FORMATS, check_engines, system_folders
@@ -111,7 +111,7 @@ def engine_for(subject: Subject, asked: str | None) -> str:
         check_engines([asked])
     known = engines()
     if subject.folder is None:
-        names = [engine.name for engine in runners(subject.file.suffix)]
+        names = [engine.name for engine in engines_to_run(subject.file.suffix)]
         fits = asked is None or subject.file.suffix in known[asked].formats
     else:
         sidecar = sidecar_of(subject.file)

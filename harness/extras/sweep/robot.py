@@ -14,7 +14,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.checks.robot_case import judge_loaded, judge_robot, prepare_robot
 from physics_crosscheck.harness.checks.robot_task import RobotTask, load_robot
-from physics_crosscheck.harness.engines.registry import readers, runners
+from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
 from physics_crosscheck.harness.extras.sweep.known import Known, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
 from physics_crosscheck.harness.extras.sweep.recent import Recent
@@ -51,7 +51,9 @@ class SweptRobot(Source):
     def __init__(self, file: Path) -> None:
         self._prepared = prepare_robot(file)
         self._numbers = robot_numbers(file, self._prepared.settings)
-        self._index = {self._numbers.numerals[i].address: i for i in reversed(self._numbers.saying)}
+        self._index = {
+            self._numbers.numerals[i].address: i for i in reversed(self._numbers.relevant_numbers)
+        }
         self._own = frozenset[str]()
         self._resolved: ReusedSegments | None = None
         self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
@@ -82,7 +84,7 @@ class SweptRobot(Source):
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
         """The file in every engine that reads it, or in those that are wanted."""
         file = self._prepared.file
-        for engine in (readers if only else runners)(file.suffix):
+        for engine in (engines_reading if only else engines_to_run)(file.suffix):
             if not only or engine.name in only:
                 yield file.name, engine.name
 

@@ -28,7 +28,7 @@ from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, work
 from physics_crosscheck.harness.jobs.stop import Stop
 from physics_crosscheck.harness.modelfiles.choice import NamedModel
-from physics_crosscheck.harness.modelfiles.input_files import luggage
+from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
@@ -63,7 +63,7 @@ def crew(options: SweepOptions, wanted: Wanted) -> Executor:
         jobs=options.jobs,
         limits=options.limits,
         scheduler=options.scheduler,
-        files=partial(luggage, wanted.places),
+        files=partial(input_files, wanted.places),
         engines=options.engines,
     )
 

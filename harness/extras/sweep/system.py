@@ -25,7 +25,10 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     chosen_engines,
     model_files,
 )
-from physics_crosscheck.harness.modelfiles.parametric_file import Redrawn, redrawn
+from physics_crosscheck.harness.modelfiles.parametric_file import (
+    ParametricModelFile,
+    parametric_model_file,
+)
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.convergence import largest
@@ -58,7 +61,7 @@ class Prepared:
         integrators: others that the engine offers for it, with the settings that choose them.
     """
 
-    redrawn: Redrawn
+    redrawn: ParametricModelFile
     coordinates: CoordinateFamily
     integrator: str
     integrators: Mapping[str, Mapping[str, object]]
@@ -148,7 +151,7 @@ class Swept(Source):
             loaded = engines()[engine].load(sidecar.spec(engine))
             coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
             needed = self.needed | coordinates.constants
-            found = redrawn(self.system, sidecar, self.own, needed)
+            found = parametric_model_file(self.system, sidecar, self.own, needed)
             self._models[name, engine] = Prepared(
                 found, coordinates, loaded.integrator, loaded.integrators
             )
@@ -190,7 +193,7 @@ class Swept(Source):
         prepared = self.model(case.model, case.engine)
         constants = {c.name: c.value for c in equations.system.constants}
         with known.timing("loading_seconds"):
-            sidecar = prepared.redrawn.at(constants, place)
+            sidecar = prepared.redrawn.write(constants, place)
             model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
         known.check_step(model, case)
         if why := why_no_run(motion.duration, model.step):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.registry import engines, readers
+from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -90,7 +90,7 @@ def asked_models(engine: str, folders: Sequence[Path], robots: Sequence[Path]) -
             left_out.append(f"{folder}: no model of it names {engine}; left out")
     alone = []
     for file in robots:
-        if any(reader.name == engine for reader in readers(file.suffix)):
+        if any(reader.name == engine for reader in engines_reading(file.suffix)):
             alone.append(file)
         else:
             left_out.append(f"{file}: {engine} reads no {file.suffix} files; left out")

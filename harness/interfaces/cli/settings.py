@@ -70,10 +70,13 @@ class _SettingsFile:
     def error(self, key: str, message: str) -> SettingsError:
         """Build the error about a setting, with its line if known."""
         # Imported here: help needs no parser of files.
-        from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+        from physics_crosscheck.harness.modelfiles.locations.location import (
+            LocationError,
+            SourceFile,
+        )
         from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 
-        source = Source(self.path, self.text.encode())
+        source = SourceFile(self.path, self.text.encode())
         try:
             start = toml_offset(
                 source, f"tool.crosscheck.{key if key.isidentifier() else repr(key)}"

@@ -77,7 +77,7 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     robots = robot_files(expand_folders(names))
     has_files = bool(robots.files or robots.faults)
     if robots.others or not has_files:
-        named = named_folders(robots.others, beside=has_files)
+        named = named_folders(robots.others, allow_none=has_files)
     else:
         named = NamedFolders([], {})
     faults = {**robots.faults, **named.faults}

@@ -1,21 +1,23 @@
-"""Where a number stands in a file: an address resolved to the bytes that spell it.
+"""The place of a number in a file: an address resolved to its bytes.
 
 Addresses by the file's format:
 
 - XML (MJCF, URDF, SDFormat): `body[rod]/inertial@pos[2]`, `link[rod]/inertial/pose[2]`. The first
   step is any element of that tag, each next one a child of it. A name in brackets is the element's
-  `name`, or where it has none its `reference`, `joint` or `class`. `@attribute` is an attribute,
-  `[i]` its i-th number, counted from 0; without `@` the element's text is meant, and `[i]` is a
-  number of it where no such element has a name.
+  `name`, or without one its `reference`, `joint` or `class`. `@attribute` is an attribute, `[i]`
+  its
+  i-th number, counted from 0. Without `@` the address stands for the element's text, and `[i]` for
+  a
+  number of it if no such element has a name.
 - Python: the name of a number at the top level, `MASS`.
 - TOML: `settings.gravity[2]`, `spring[0].stiffness`.
-- A format that an engine says is `written_like` one of these: as there.
+- A format that an engine declares to have one of these syntaxes: as above.
 
-`line_of` takes more: an element without `@`, of several the first; a key of TOML with all that is
-in it; in Python a call, `PinJoint()`, and an attribute of what it makes, `Space().damping`.
+`line_of` accepts more: an element without `@`, the first of several; a key of TOML with all its
+content; in Python a call, `PinJoint()`, and an attribute of its result, `Space().damping`.
 
-An address means one number. Files are read through their parsers: comments and look-alikes don't
-count, and what the parser makes of a number must be what its bytes say.
+An address stands for one number. Files are parsed, so that comments and look-alikes don't count,
+and the parser's value of a number must equal its bytes.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.locations.literals import (
     Literal,
     python_literals,
@@ -36,7 +38,7 @@ from physics_crosscheck.harness.modelfiles.locations.location import (
     Location,
     LocationError,
     Resolve,
-    Source,
+    SourceFile,
 )
 from physics_crosscheck.harness.modelfiles.locations.python import (
     python_names,
@@ -59,17 +61,17 @@ __all__ = [
 
 
 class _Grammar(NamedTuple):
-    """How the numbers of a format are found.
+    """The functions that find the numbers of a format.
 
-    `addressed` finds the number that an address means, `offset` the first byte that one may mean;
-    `all` tells every number, addressed or not; `listed` those of the wanted kinds that have an
-    address, None where a format has no kinds.
+    `addressed` finds the number of an address, `offset` the first byte of an address. `all` yields
+    every number, addressed or not. `listed` yields the numbers of the wanted kinds that have an
+    address; formats without kinds lack it.
     """
 
-    addressed: Callable[[Source], Resolve]
-    offset: Callable[[Source, str], int | None]
-    all: Callable[[Source], Iterator[Literal]]
-    listed: Callable[[Source, re.Pattern[str]], Iterator[str]] | None = None
+    addressed: Callable[[SourceFile], Resolve]
+    offset: Callable[[SourceFile, str], int | None]
+    all: Callable[[SourceFile], Iterator[Literal]]
+    listed: Callable[[SourceFile, re.Pattern[str]], Iterator[str]] | None = None
 
 
 _GRAMMARS = {
@@ -82,39 +84,39 @@ _GRAMMARS = {
 
 
 def _grammar(file: Path) -> _Grammar:
-    """By the file's ending, or by the one that an engine says it is written like."""
+    """Return the grammar of a file's suffix, or of the suffix whose syntax an engine declares."""
     suffix = file.suffix
     if suffix not in _GRAMMARS:
-        like = (e.written_like[suffix] for e in readers(suffix) if suffix in e.written_like)
+        like = (e.syntax[suffix] for e in engines_reading(suffix) if suffix in e.syntax)
         suffix = next(like, suffix)
     if suffix not in _GRAMMARS:
-        known = ", ".join(_GRAMMARS)
+        suffixes = ", ".join(_GRAMMARS)
         raise LocationError(
-            f"numbers can be located in {known} files, not in {file.suffix} files", file=file
+            f"numbers can be located in {suffixes} files, not in {file.suffix} files", file=file
         )
     return _GRAMMARS[suffix]
 
 
 def line_of(file: Path, address: str) -> int | None:
-    """Line of the first number, element or statement that an address means, counted from 1.
+    """Return the line of the first number, element or statement of an address, counted from 1.
 
-    None where nothing in the file is so called, or the file can't be read.
+    None if the file can't be read or the address does not exist.
     """
     try:
         grammar = _grammar(file)
         source = _decoded(_read(file), file)
-        found = grammar.offset(source, address)
+        offset = grammar.offset(source, address)
     except LocationError:
         return None
-    return None if found is None else source.line(found)
+    return None if offset is None else source.line(offset)
 
 
 def numbers(file: Path, kinds: str) -> tuple[str, ...]:
-    """Addresses of the plain numbers of a model file.
+    """Return addresses of the plain numbers of a model file.
 
     Args:
-        kinds: a regular expression for what numbers of XML are wanted: the element's tag with the
-            attribute, as in `joint@damping`, or the tag alone for a number in its text.
+        kinds: a regular expression of XML numbers: the element's tag with the attribute, as in
+            `joint@damping`, or the tag alone for a number in its text.
 
     Raises:
         LocationError: for a file that can't be read or parsed, or whose numbers have no kinds.
@@ -127,17 +129,17 @@ def numbers(file: Path, kinds: str) -> tuple[str, ...]:
 
 
 def literals(file: Path) -> tuple[Literal, ...]:
-    """Every number of a file, in its order.
+    """Return every number of a file, in order.
 
     Raises:
         LocationError: for a file that can't be read or parsed.
     """
-    found = _grammar(file).all(_decoded(_read(file), file))
-    return tuple(sorted(found, key=lambda one: one.location.start))
+    result = _grammar(file).all(_decoded(_read(file), file))
+    return tuple(sorted(result, key=lambda one: one.location.start))
 
 
 def find(file: Path, addresses: Iterable[str]) -> dict[str, Location]:
-    """Find the number that each address means.
+    """Find the number of each address.
 
     Raises:
         LocationError: naming file, line, the nearest candidates and the remedy.
@@ -146,7 +148,7 @@ def find(file: Path, addresses: Iterable[str]) -> dict[str, Location]:
 
 
 def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Location]:
-    """Find the number that each address means in bytes that are, or are to be, those of `file`."""
+    """Find the number of each address in the present or future bytes of `file`."""
     grammar = _grammar(file)
     source = _decoded(data, file)
     resolve = grammar.addressed(source)
@@ -160,11 +162,11 @@ def _read(file: Path) -> bytes:
         raise LocationError(f"can't be read: {error.strerror}", file=file) from None
 
 
-def _decoded(data: bytes, file: Path) -> Source:
+def _decoded(data: bytes, file: Path) -> SourceFile:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise LocationError(
             f"byte {error.start} is not UTF-8; save the file as UTF-8", file=file
         ) from None
-    return Source(file, data)
+    return SourceFile(file, data)

@@ -1,6 +1,6 @@
-"""Attributes of XML elements, set, added or taken out in the bytes of a file.
+"""Attributes of XML elements, set, added or removed in the bytes of a file.
 
-Elements go by their first byte, as the parser tells it; all else in the file stays as it is.
+Elements are identified by their first byte; all else in the file stays unchanged.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import (
     ATTRIBUTE,
     TAG,
@@ -21,12 +21,12 @@ from physics_crosscheck.harness.modelfiles.locations.xml import (
 
 @dataclass(frozen=True)
 class Attribute:
-    """What an attribute is to be.
+    """A new value of an attribute.
 
     Attributes:
         start: first byte of its element.
         name: its name.
-        value: its value; None: it is not to be there.
+        value: its value, or None to remove it.
     """
 
     start: int
@@ -35,39 +35,43 @@ class Attribute:
 
 
 def elements(file: Path) -> tuple[RawElement, ...]:
-    """Every element of an XML file, in its order.
+    """Return every element of an XML file, in order.
 
     Raises:
         LocationError: for a file that can't be read or parsed.
     """
     try:
-        return tuple(read_elements(Source(file, file.read_bytes())))
+        return tuple(read_elements(SourceFile(file, file.read_bytes())))
     except OSError as error:
         raise LocationError(f"can't be read: {error.strerror}", file=file) from None
 
 
 def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> bytes:
-    """The bytes of `file` with attributes set, added after an element's others, or taken out.
+    """Return the bytes of `file` with attributes set, added after an element's others, or removed.
 
     Raises:
-        LocationError: where no element starts at such a byte, or the bytes are no XML.
+        LocationError: if no element starts at such a byte, or the bytes are not XML.
     """
-    known = {element.start for element in read_elements(Source(file, data))}
-    for one in sorted(wanted, key=lambda one: -one.start):
-        if one.start not in known:
-            raise LocationError(f"no element starts at byte {one.start}", file=file)
-        data = _with(data, one)
-    read_elements(Source(file, data))
+    starts = {element.start for element in read_elements(SourceFile(file, data))}
+    for attribute in sorted(wanted, key=lambda attribute: -attribute.start):
+        if attribute.start not in starts:
+            raise LocationError(f"no element starts at byte {attribute.start}", file=file)
+        data = _with(data, attribute)
+    read_elements(SourceFile(file, data))
     return data
 
 
-def _with(data: bytes, one: Attribute) -> bytes:
-    tag = TAG.match(data, one.start)
+def _with(data: bytes, attribute: Attribute) -> bytes:
+    tag = TAG.match(data, attribute.start)
     assert tag is not None  # the parser has found an element here
-    written = b"" if one.value is None else f" {one.name}={quoteattr(one.value)}".encode()
-    at = tag.end()
-    while match := ATTRIBUTE.match(data, at):
-        if match[1].decode("utf-8") == one.name:
+    written = (
+        b""
+        if attribute.value is None
+        else f" {attribute.name}={quoteattr(attribute.value)}".encode()
+    )
+    position = tag.end()
+    while match := ATTRIBUTE.match(data, position):
+        if match[1].decode("utf-8") == attribute.name:
             return data[: match.start()] + written + data[match.end() :]
-        at = match.end()
-    return data[:at] + written + data[at:]
+        position = match.end()
+    return data[:position] + written + data[position:]

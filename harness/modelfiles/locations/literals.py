@@ -1,4 +1,4 @@
-"""Every number that a file holds, with or without an address, and what stands around it."""
+"""Every number in a file, with or without an address, and its context."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.modelfiles.locations.location import Location, LocationError, Source
+from physics_crosscheck.harness.modelfiles.locations.location import (
+    Location,
+    LocationError,
+    SourceFile,
+)
 from physics_crosscheck.harness.modelfiles.locations.python import parsed
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_numbers
 from physics_crosscheck.harness.modelfiles.locations.xml import (
@@ -26,16 +30,16 @@ class Literal:
 
     Attributes:
         location: its bytes.
-        path: the tags that lead to it and its attribute, as in `robot/link/visual/origin@xyz`; of
-            TOML its key; of Python the name that it is assigned to, or nothing.
+        path: the tags that lead to it and its attribute, as in `robot/link/visual/origin@xyz`; in
+            TOML its key; in Python the name that it is assigned to, or empty.
     """
 
     location: Location
     path: str
 
 
-def xml_literals(source: Source) -> Iterator[Literal]:
-    """Those of attributes and of elements that hold nothing else."""
+def xml_literals(source: SourceFile) -> Iterator[Literal]:
+    """Yield numbers of attributes and of elements without children."""
     paths: dict[int, str] = {}
     for element in read_elements(source):
         outer = "" if element.parent is None else f"{paths[id(element.parent)]}/"
@@ -51,16 +55,16 @@ def xml_literals(source: Source) -> Iterator[Literal]:
 
 
 def _words(
-    source: Source, spans: list[tuple[int, int]], words: list[str], path: str
+    source: SourceFile, spans: list[tuple[int, int]], words: list[str], path: str
 ) -> Iterator[Literal]:
-    """A list of numbers; a name that looks like one among other words is none."""
+    """Yield a list of numbers; text with other words is ignored."""
     if len(spans) == len(words) and all(map(_DECIMAL.fullmatch, words)):
         for span, word in zip(spans, words, strict=True):
             yield Literal(source.place((span, float(word)), path), path)
 
 
-def python_literals(source: Source) -> Iterator[Literal]:
-    """Those anywhere in the code."""
+def python_literals(source: SourceFile) -> Iterator[Literal]:
+    """Yield all numbers in the code."""
     tree, starts = parsed(source)
     for statement in tree.body:
         name = ""
@@ -78,8 +82,8 @@ def python_literals(source: Source) -> Iterator[Literal]:
                     yield Literal(source.place(((start, end), float(node.value)), name), name)
 
 
-def toml_literals(source: Source) -> Iterator[Literal]:
-    """Those that are values, or in lists and tables."""
+def toml_literals(source: SourceFile) -> Iterator[Literal]:
+    """Yield numbers that are values, or in lists and tables."""
     for key, span, value in toml_numbers(source):
         with suppress(LocationError):
             yield Literal(source.place((span, value), key), key)

@@ -1,4 +1,4 @@
-"""A number in a file, and what every search for one shares."""
+"""A number in a file, and the shared parts of every search."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.protocol import FileError
-from physics_crosscheck.harness.modelfiles.quote import brief, cut
+from physics_crosscheck.harness.modelfiles.quote import quote, truncate
 
 
 class LocationError(FileError, ValueError):
-    """An address that means no number or several; the message names file, line and remedy."""
+    """An address that matches no number or several; the message names file, line and remedy."""
 
 
-class RefusedError(LocationError):
-    """A file that is read no further, though an engine might: a DTD, or elements without end."""
+class RefusedFileError(LocationError):
+    """A file that is refused, though an engine might read it: a DTD, or too many elements."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Location:
         end: offset after its last byte.
         line: its line, counted from 1.
         column: its first character in that line, counted from 1.
-        text: the number as written, its sign included.
+        text: the number as written, including its sign.
     """
 
     file: Path
@@ -54,40 +54,40 @@ Span = tuple[int, int]
 
 
 Resolve = Callable[[str], tuple[Span, float]]
-"""From an address to its bytes and what the file's parser reads there."""
+"""A function from an address to its bytes and the parser's value there."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceFile:
     """The bytes of a file, and errors that name their lines."""
 
     file: Path
     data: bytes
 
     def line(self, offset: int) -> int:
-        """Line of a byte, counted from 1."""
+        """Return the line of a byte, counted from 1."""
         return len(re.findall(rb"\r\n|\r|\n", self.data[:offset])) + 1
 
     def lines(self, offsets: Iterable[int]) -> str:
-        """Lines of some bytes, in words."""
-        found = [str(self.line(offset)) for offset in offsets]
-        return ("line " if len(found) == 1 else "lines ") + ", ".join(found)
+        """Return the lines of some bytes, in words."""
+        numbers = [str(self.line(offset)) for offset in offsets]
+        return ("line " if len(numbers) == 1 else "lines ") + ", ".join(numbers)
 
     def error(self, address: str, sentence: str, offset: int | None = None) -> LocationError:
-        """An address can't be resolved, because of the byte at `offset`."""
+        """Return an error about an address, because of the byte at `offset`."""
         line = None if offset is None else self.line(offset)
-        return LocationError(f"{brief(address)} {sentence}", file=self.file, line=line)
+        return LocationError(f"{quote(address)} {sentence}", file=self.file, line=line)
 
-    def place(self, found: tuple[Span, float], address: str) -> Location:
-        """The place of a number, if its bytes say what the file's parser has read there."""
-        (start, end), read = found
+    def place(self, number: tuple[Span, float], address: str) -> Location:
+        """Return the place of a number if its bytes equal the parser's value."""
+        (start, end), read = number
         text = self.data[start:end].decode("utf-8")
         if not _NUMBER.fullmatch(text):
-            raise self.error(address, f"is {brief(text)}; expected a decimal number", start)
+            raise self.error(address, f"is {quote(text)}; expected a decimal number", start)
         if float(text) != read:
-            raise self.error(address, f"is written {brief(text)} but read as {read!r}", start)
+            raise self.error(address, f"is written {quote(text)} but read as {read!r}", start)
         before = re.split(rb"\r\n|\r|\n", self.data[:start])
         column = len(before[-1].decode("utf-8").removeprefix("\ufeff")) + 1
         return Location(
@@ -95,9 +95,9 @@ class Source:
         )
 
 
-def nearest(wanted: str, known: Iterable[str]) -> str:
-    """The names most alike to a wanted one, as a list in words; at most six."""
-    names = list(dict.fromkeys(known))
+def nearest(wanted: str, candidates: Iterable[str]) -> str:
+    """Return the names most similar to a wanted one, as a list in words; at most six."""
+    names = list(dict.fromkeys(candidates))
     alike = difflib.get_close_matches(wanted, names, n=6, cutoff=0.0) if wanted else names[:6]
     more = len(names) - len(alike)
-    return ", ".join(map(cut, alike)) + (f" and {more} more" if more else "")
+    return ", ".join(map(truncate, alike)) + (f" and {more} more" if more else "")

@@ -1,4 +1,4 @@
-"""A whole XML file with the bytes of all that it says, for holding two files against each other."""
+"""A whole XML file with the bytes of its content, to compare two files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, Source, Span
+from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile, Span
 from physics_crosscheck.harness.modelfiles.locations.xml import (
     ATTRIBUTE,
     TAG,
@@ -18,14 +18,14 @@ from physics_crosscheck.harness.modelfiles.locations.xml import (
 
 @dataclass(frozen=True, kw_only=True)
 class Value:
-    """What an attribute or an element's text says.
+    """The value of an attribute or an element's text.
 
     Attributes:
         text: as the parser reads it.
         span: its bytes.
         outer: those of the whole attribute, with the space before it.
-        words: the bytes of each word; none where it is spelled with references.
-        line: counted from 1; 0 for no text.
+        words: the bytes of each word; empty for text with references.
+        line: counted from 1; 0 without text.
     """
 
     text: str
@@ -40,8 +40,8 @@ class Element:
     """An element with its bytes.
 
     Attributes:
-        key: tag, name and place among its like: what it is matched by.
-        label: an address in the sense of `harness.modelfiles.locations`, where that is unique.
+        key: tag, name and index among elements with both equal, by which it is matched.
+        label: a unique address in the sense of `harness.modelfiles.locations`, if there is one.
         start, end: first byte, and the one after its last.
         tag_end: where another attribute could be written.
         inner_end: where another child could be written; 0 if it has no closing tag.
@@ -61,42 +61,42 @@ class Element:
 
 
 MARKUP = (".xml", ".urdf", ".sdf")
-"""Endings of model files that are XML."""
+"""Suffixes of model files that are XML."""
 
 
 def outline(file: Path, data: bytes) -> Element:
-    """Read a file whole.
+    """Read a whole file.
 
     Raises:
         LocationError: naming file and line.
     """
-    source = Source(file, data)
+    source = SourceFile(file, data)
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise LocationError(
             f"byte {error.start} is not UTF-8; save the file as UTF-8", file=file
         ) from None
-    found = read_elements(source)
-    return _element(source, found[0], (found[0].tag, found[0].identity, 0))
+    raw = read_elements(source)
+    return _element(source, raw[0], (raw[0].tag, raw[0].identity, 0))
 
 
-def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) -> Element:
+def _element(source: SourceFile, raw: RawElement, key: tuple[str, str | None, int]) -> Element:
     data = source.data
     tag = TAG.match(data, raw.start)
     assert tag is not None  # the parser has found an element here
-    at = tag.end()
+    position = tag.end()
     attributes = {}
-    while match := ATTRIBUTE.match(data, at):
+    while match := ATTRIBUTE.match(data, position):
         group = 2 if match[2] is not None else 3
         name = match[1].decode()
         span = match.start(group), match.end(group)
         attributes[name] = _value(source, raw.attributes[name], span, match.span())
-        at = match.end()
-    close = data.index(b">", at)
-    closed = data[at:close].strip() != b"/"
+        position = match.end()
+    close = data.index(b">", position)
+    closed = data[position:close].strip() != b"/"
     end = data.index(b">", raw.end) + 1 if closed else close + 1
-    text = Value(text="", span=(at, at), outer=(at, at), words=(), line=0)
+    text = Value(text="", span=(position, position), outer=(position, position), words=(), line=0)
     if closed and not raw.children and raw.text.strip():
         inner = close + 1, raw.end
         text = _value(source, raw.text, inner, inner)
@@ -106,7 +106,7 @@ def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) 
         like = child.tag, child.identity
         counts[like] = counts.get(like, -1) + 1
         children.append(_element(source, child, (*like, counts[like])))
-    # As the addresses have it: up to the nearest element with a name.
+    # As in addresses: up to the nearest element with a name.
     steps, named = 1, raw
     while (
         "name" not in named.attributes
@@ -124,14 +124,14 @@ def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) 
         children=tuple(children),
         start=raw.start,
         end=end,
-        tag_end=at,
+        tag_end=position,
         inner_end=raw.end if closed else 0,
     )
 
 
-def _value(source: Source, text: str, span: Span, outer: Span) -> Value:
+def _value(source: SourceFile, text: str, span: Span, outer: Span) -> Value:
     try:
-        found = tuple(find_words(source, *span, "a value"))
+        words = tuple(find_words(source, *span, "a value"))
     except LocationError:
-        found = ()
-    return Value(text=text, span=span, outer=outer, words=found, line=source.line(span[0]))
+        words = ()
+    return Value(text=text, span=span, outer=outer, words=words, line=source.line(span[0]))

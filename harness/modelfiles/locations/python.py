@@ -1,4 +1,4 @@
-"""Numbers in Python, by the names that they are given at the top level."""
+"""Numbers in Python, by their names at the top level."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from io import BytesIO
 from physics_crosscheck.harness.modelfiles.locations.location import (
     LocationError,
     Resolve,
-    Source,
+    SourceFile,
     Span,
     nearest,
 )
 
 
-def python_names(source: Source) -> Resolve:
-    """Numbers that a name is bound to once, at the top level."""
+def python_names(source: SourceFile) -> Resolve:
+    """Return a resolver of numbers that are bound to a name once, at the top level."""
     tree, starts = parsed(source)
     simple: dict[str, ast.expr] = {}
     for statement in tree.body:
@@ -68,24 +68,24 @@ def python_names(source: Source) -> Resolve:
 _CALL = re.compile(r"(\w+)\(\)(?:\.(\w+))?")
 
 
-def python_offset(source: Source, address: str) -> int | None:
-    """First byte of the statement or call that an address means, the first of several.
+def python_offset(source: SourceFile, address: str) -> int | None:
+    """Return the first byte of the first statement or call of an address.
 
     Args:
-        address: a name of the top level, `MASS`; a call, `PinJoint()`; or what is assigned to an
-            attribute of what a call has made, `Space().damping`.
+        address: a name of the top level, `MASS`; a call, `PinJoint()`; or an attribute that is
+            assigned on the result of a call, `Space().damping`.
     """
     tree, starts = parsed(source)
     match = _CALL.fullmatch(address)
     if match is None:
         lines = _bound_names(tree).get(address)
         return starts[lines[0] - 1] if lines else None
-    found = _calls(tree, match[1]) if match[2] is None else _assigned(tree, match[1], match[2])
-    return min((starts[node.lineno - 1] + node.col_offset for node in found), default=None)
+    nodes = _calls(tree, match[1]) if match[2] is None else _assigned(tree, match[1], match[2])
+    return min((starts[node.lineno - 1] + node.col_offset for node in nodes), default=None)
 
 
 def _called(node: ast.expr | None) -> str | None:
-    """The last name of what is called: `PinJoint` in `module.PinJoint(...)`."""
+    """Return the last name of a called expression: `PinJoint` in `module.PinJoint(...)`."""
     match node:
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
             return name
@@ -97,22 +97,22 @@ def _calls(tree: ast.Module, kind: str) -> list[ast.expr]:
 
 
 def _assigned(tree: ast.Module, kind: str, attribute: str) -> list[ast.expr]:
-    """Attributes of names that such a call is bound to, or else of names that none is bound to."""
-    made: dict[str, set[str | None]] = {}
+    """Return attributes of names bound to such a call, or else of names bound to no call."""
+    calls: dict[str, set[str | None]] = {}
     targets: list[ast.Attribute] = []
     for node in ast.walk(tree):
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call() as call):
-                made.setdefault(name, set()).add(_called(call))
+                calls.setdefault(name, set()).add(_called(call))
             case ast.Attribute(attr=name, ctx=ast.Store()) if name == attribute:
                 targets.append(node)
-    known = {id(t): made.get(t.value.id) for t in targets if isinstance(t.value, ast.Name)}
-    own: list[ast.expr] = [t for t in targets if kind in (known.get(id(t)) or ())]
-    return own or [t for t in targets if known.get(id(t)) is None]
+    called = {id(t): calls.get(t.value.id) for t in targets if isinstance(t.value, ast.Name)}
+    matching: list[ast.expr] = [t for t in targets if kind in (called.get(id(t)) or ())]
+    return matching or [t for t in targets if called.get(id(t)) is None]
 
 
-def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
-    """Names of numbers at the top level: of any kind, since a name says nothing."""
+def python_numbers(source: SourceFile, _kinds: re.Pattern[str]) -> Iterator[str]:
+    """Yield names of numbers at the top level, of any kind, since a name does not define one."""
     resolve = python_names(source)
     for statement in ast.parse(source.data).body:
         match statement:
@@ -122,8 +122,8 @@ def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
                     yield name
 
 
-def parsed(source: Source) -> tuple[ast.Module, list[int]]:
-    """The module, and the first byte of each line."""
+def parsed(source: SourceFile) -> tuple[ast.Module, list[int]]:
+    """Return the module, and the first byte of each line."""
     try:
         encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
         if encoding not in ("utf-8", "utf-8-sig"):
@@ -153,11 +153,11 @@ def _literal(node: ast.expr) -> float | None:
 
 
 def _bound_names(tree: ast.Module) -> dict[str, list[int]]:
-    """Lines where each name of the module's scope is bound, in any way."""
-    found: dict[str, list[int]] = {}
+    """Return the lines where each name of the module's scope is bound, in any way."""
+    bound: dict[str, list[int]] = {}
     waiting: list[tuple[ast.AST, frozenset[str] | None]] = [(node, None) for node in tree.body]
     while waiting:
-        # Within a function or class only what it declares global is of the module.
+        # In a function or class only names that it declares global belong to the module.
         node, within = waiting.pop(0)
         names: list[str] = []
         match node:
@@ -173,11 +173,11 @@ def _bound_names(tree: ast.Module) -> dict[str, list[int]]:
                 names = [(alias.asname or alias.name).split(".")[0] for alias in aliases]
         for name in names:
             if within is None or name in within:
-                found.setdefault(name, []).append(getattr(node, "lineno", 1))
+                bound.setdefault(name, []).append(getattr(node, "lineno", 1))
         inner = within
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)):
             inner = frozenset(
                 n for g in ast.walk(node) if isinstance(g, ast.Global) for n in g.names
             )
         waiting += [(child, inner) for child in ast.iter_child_nodes(node)]
-    return {name: sorted(lines) for name, lines in found.items()}
+    return {name: sorted(lines) for name, lines in bound.items()}

@@ -10,7 +10,7 @@ from typing import Any
 from physics_crosscheck.harness.modelfiles.locations.location import (
     LocationError,
     Resolve,
-    Source,
+    SourceFile,
     Span,
     nearest,
 )
@@ -29,11 +29,11 @@ _PART = re.compile(rf"(?:{_BARE.pattern}|{_STRING.pattern})|\[\d{{1,9}}\]|\.", r
 _Key = tuple[str | int, ...]
 
 
-def toml_keys(source: Source) -> Resolve:
-    """Numbers by their keys; tomllib reads them, a scan of what it has read finds their bytes."""
+def toml_keys(source: SourceFile) -> Resolve:
+    """Return a resolver of numbers by key; tomllib parses them, and a scan finds their bytes."""
     text, data = _read(source)
     values = _toml_values(text)
-    numbers = {key: span for key, span in values.items() if _is_number(_at(data, key))}
+    numbers = {key: span for key, span in values.items() if _is_number(_value_at(data, key))}
 
     def offset(index: int) -> int:
         return len(text[:index].encode("utf-8"))
@@ -50,22 +50,22 @@ def toml_keys(source: Source) -> Resolve:
                 offset(values[key][0]) if key in values else None,
             )
         start, end = numbers[key]
-        return (offset(start), offset(end)), float(_at(data, key))
+        return (offset(start), offset(end)), float(_value_at(data, key))
 
     return resolve
 
 
-def toml_numbers(source: Source) -> Iterator[tuple[str, Span, float]]:
-    """Every number with its key and its bytes."""
+def toml_numbers(source: SourceFile) -> Iterator[tuple[str, Span, float]]:
+    """Yield every number with its key and its bytes."""
     text, data = _read(source)
     for key, (start, end) in _toml_values(text).items():
-        if _is_number(value := _at(data, key)):
+        if _is_number(value := _value_at(data, key)):
             before = len(text[:start].encode("utf-8"))
             yield _spell_key(key), (before, before + len(text[start:end].encode("utf-8"))), value
 
 
-def toml_offset(source: Source, address: str) -> int | None:
-    """First byte of the value of a key, or of the first in it; None where there is none."""
+def toml_offset(source: SourceFile, address: str) -> int | None:
+    """Return the first byte of a key's value, or of the first value in it; None without one."""
     text, _ = _read(source)
     key = _toml_key(address)
     if key is None:
@@ -74,7 +74,7 @@ def toml_offset(source: Source, address: str) -> int | None:
     return len(text[: min(spans)[0]].encode("utf-8")) if spans else None
 
 
-def _read(source: Source) -> tuple[str, dict[str, Any]]:
+def _read(source: SourceFile) -> tuple[str, dict[str, Any]]:
     text = source.data.decode("utf-8")
     try:
         return text, toml_document(text)
@@ -83,15 +83,15 @@ def _read(source: Source) -> tuple[str, dict[str, Any]]:
 
 
 def _toml_values(text: str) -> dict[_Key, Span]:
-    """Where each value of a well-formed document is written."""
-    found: dict[_Key, Span] = {}
+    """Return the span of each value of a well-formed document."""
+    spans: dict[_Key, Span] = {}
     last: dict[_Key, int] = {}
     table: _Key = ()
-    at = _skip(_BLANK, text, 0)
-    while at < len(text):
-        if text[at] == "[":
-            brackets = 2 if text.startswith("[[", at) else 1
-            key, at = _read_key(text, at + brackets)
+    position = _skip(_BLANK, text, 0)
+    while position < len(text):
+        if text[position] == "[":
+            brackets = 2 if text.startswith("[[", position) else 1
+            key, position = _read_key(text, position + brackets)
             table = ()
             for i, part in enumerate(key):
                 table += (part,)
@@ -99,55 +99,55 @@ def _toml_values(text: str) -> dict[_Key, Span]:
                     last[table] = last.get(table, -1) + 1
                 if table in last:
                     table += (last[table],)
-            at += brackets
+            position += brackets
         else:
-            key, at = _read_key(text, at)
-            at = _read_value(text, _skip(_SPACE, text, at + 1), (*table, *key), found)
-        at = _skip(_BLANK, text, at)
-    return found
+            key, position = _read_key(text, position)
+            position = _read_value(text, _skip(_SPACE, text, position + 1), (*table, *key), spans)
+        position = _skip(_BLANK, text, position)
+    return spans
 
 
-def _read_key(text: str, at: int) -> tuple[_Key, int]:
-    """A dotted key, and where the sign after it is."""
+def _read_key(text: str, position: int) -> tuple[_Key, int]:
+    """Return a dotted key, and the position of the sign after it."""
     parts: list[str] = []
     while True:
-        at = _skip(_SPACE, text, at)
-        match = _BARE.match(text, at) or _STRING.match(text, at)
-        assert match is not None  # tomllib has read the document
+        position = _skip(_SPACE, text, position)
+        match = _BARE.match(text, position) or _STRING.match(text, position)
+        assert match is not None  # tomllib has parsed the document
         parts.append(_unquote(match[0]))
-        at = _skip(_SPACE, text, match.end())
-        if text[at] != ".":
-            return tuple(parts), at
-        at += 1
+        position = _skip(_SPACE, text, match.end())
+        if text[position] != ".":
+            return tuple(parts), position
+        position += 1
 
 
-def _read_value(text: str, at: int, key: _Key, found: dict[_Key, Span]) -> int:
-    """Note a value, or those in it; returns where it ends."""
-    if match := _STRING.match(text, at):
-        found[key] = match.span()
+def _read_value(text: str, position: int, key: _Key, spans: dict[_Key, Span]) -> int:
+    """Record the span of a value, or of those in it; return its end."""
+    if match := _STRING.match(text, position):
+        spans[key] = match.span()
         return match.end()
-    if text[at] not in "[{":
-        match = _SCALAR.match(text, at)
-        assert match is not None  # tomllib has read the document
-        found[key] = match.span()
+    if text[position] not in "[{":
+        match = _SCALAR.match(text, position)
+        assert match is not None  # tomllib has parsed the document
+        spans[key] = match.span()
         return match.end()
-    array = text[at] == "["
-    at, index = _skip(_BLANK, text, at + 1), 0
-    while text[at] not in "]}":
+    array = text[position] == "["
+    position, index = _skip(_BLANK, text, position + 1), 0
+    while text[position] not in "]}":
         inner: _Key = (index,)
         if not array:
-            inner, at = _read_key(text, at)
-            at = _skip(_SPACE, text, at + 1)
-        at = _skip(_BLANK, text, _read_value(text, at, (*key, *inner), found))
-        if text[at] == ",":
-            at = _skip(_BLANK, text, at + 1)
+            inner, position = _read_key(text, position)
+            position = _skip(_SPACE, text, position + 1)
+        position = _skip(_BLANK, text, _read_value(text, position, (*key, *inner), spans))
+        if text[position] == ",":
+            position = _skip(_BLANK, text, position + 1)
         index += 1
-    return at + 1
+    return position + 1
 
 
-def _skip(pattern: re.Pattern[str], text: str, at: int) -> int:
-    match = pattern.match(text, at)
-    return at if match is None else match.end()
+def _skip(pattern: re.Pattern[str], text: str, position: int) -> int:
+    match = pattern.match(text, position)
+    return position if match is None else match.end()
 
 
 def _unquote(part: str) -> str:
@@ -174,7 +174,7 @@ def _toml_key(address: str) -> _Key | None:
                 return None
             try:
                 key.append(_unquote(part))
-            except tomllib.TOMLDecodeError:  # a quoted key may hold no control character
+            except tomllib.TOMLDecodeError:  # a quoted key may not contain control characters
                 return None
             dotted = False
     return None if dotted else tuple(key)
@@ -191,7 +191,7 @@ def _spell_key(key: _Key) -> str:
     return spelled
 
 
-def _at(data: Any, key: _Key) -> Any:
+def _value_at(data: Any, key: _Key) -> Any:
     for part in key:
         data = data[part]
     return data

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from physics_crosscheck.harness.engines.mending import mended
+from physics_crosscheck.harness.engines.xml_repair import repaired_xml
 from physics_crosscheck.harness.modelfiles.locations.location import (
     LocationError,
-    RefusedError,
+    RefusedFileError,
     Resolve,
-    Source,
+    SourceFile,
     Span,
     nearest,
 )
-from physics_crosscheck.harness.modelfiles.quote import brief, cut
+from physics_crosscheck.harness.modelfiles.quote import quote, truncate
 from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
 
 _IDENTITIES = ("name", "reference", "joint", "class")
@@ -32,14 +32,14 @@ _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 TAG = re.compile(rb"<[^\s/>]+")
 _ELEMENT = re.compile(rb"<[A-Za-z_]")
 MOST_DEPTH = 300
-"""Elements within elements: parsers of engines stop at some hundreds, or crash."""
+"""The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""
 _DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
 _HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
 
 
 @dataclass
 class RawElement:
-    """An element as the parser finds it; `start` is its first byte, `end` that of its end tag."""
+    """A parsed element; `start` is its first byte, `end` that of its end tag."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -51,24 +51,26 @@ class RawElement:
 
     @property
     def identity(self) -> str | None:
-        """What tells it from its like: its name, or else what it refers to."""
+        """The attribute that distinguishes it: its name, or its reference."""
         return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
 
     @property
     def depth(self) -> int:
-        """How many steps lead to it from the root, the root's own included."""
+        """The number of steps from the root, including the root's own."""
         return 1 if self.parent is None else 1 + self.parent.depth
 
     def spelled(self, steps: int) -> str:
-        """An address of it, of so many steps."""
-        own = self.tag if self.identity is None else f"{self.tag}[{self.identity}]"
+        """Return an address of it with this many steps."""
+        step = self.tag if self.identity is None else f"{self.tag}[{self.identity}]"
         if steps == 1 or self.parent is None:
-            return own
-        return f"{self.parent.spelled(steps - 1)}/{own}"
+            return step
+        return f"{self.parent.spelled(steps - 1)}/{step}"
 
 
-def xml_paths(source: Source) -> Resolve:
-    """Numbers in attributes and elements; expat reads them and tells where elements begin."""
+def xml_paths(source: SourceFile) -> Resolve:
+    """Return a resolver of numbers in attributes and elements; expat parses them and gives their
+    places.
+    """
     elements = read_elements(source)
 
     def resolve(address: str) -> tuple[Span, float]:
@@ -78,34 +80,34 @@ def xml_paths(source: Source) -> Resolve:
                 address, "is not an address; write it like 'body[rod]/inertial@pos[2]'"
             )
         steps, index = _steps(match, elements)
-        found = _walk(elements, steps, address, source)
+        matches = _walk(elements, steps, address, source)
         attribute = match["attribute"]
         if attribute is not None:
-            having = [element for element in found if attribute in element.attributes]
+            having = [element for element in matches if attribute in element.attributes]
             if not having:
-                first = found[0]
+                first = matches[0]
                 near = nearest(attribute, first.attributes) or "none"
                 raise source.error(
                     address,
                     f"names <{first.tag}>, which has no {attribute}; it has {near}",
                     first.start,
                 )
-            found = having
-        if len(found) > 1:
-            depth = len(steps) + (len({e.spelled(len(steps)) for e in found}) < len(found))
-            spelled = ", ".join(dict.fromkeys(e.spelled(depth) for e in found))
+            matches = having
+        if len(matches) > 1:
+            depth = len(steps) + (len({e.spelled(len(steps)) for e in matches}) < len(matches))
+            spelled = ", ".join(dict.fromkeys(e.spelled(depth) for e in matches))
             raise source.error(
                 address,
-                f"names several numbers ({source.lines(e.start for e in found)}); "
+                f"names several numbers ({source.lines(e.start for e in matches)}); "
                 f"add its name or its parent's ({spelled})",
-                found[0].start,
+                matches[0].start,
             )
         if attribute is not None:
-            spans, words = attribute_words(found[0], attribute, source, address)
+            spans, words = attribute_words(matches[0], attribute, source, address)
             what = attribute
         else:
-            spans, words = text_words(found[0], source, address)
-            what = f"<{found[0].tag}>"
+            spans, words = text_words(matches[0], source, address)
+            what = f"<{matches[0].tag}>"
         return _component(spans, words, match["index"] or index, what, address, source)
 
     return resolve
@@ -114,9 +116,10 @@ def xml_paths(source: Source) -> Resolve:
 def _steps(
     match: re.Match[str], elements: list[RawElement]
 ) -> tuple[list[tuple[str, str | None]], str | None]:
-    """Tags with names, and which number of the last one's text, as in `link[rod]/pose[2]`.
+    """Return tags with names, and the index of a number of the last one's text, as in
+    `link[rod]/pose[2]`.
 
-    It is a name where an element is so called.
+    It is a name if an element has that name.
     """
     steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
     tag, name = steps[-1]
@@ -126,39 +129,39 @@ def _steps(
     return [*steps[:-1], (tag, None)], name
 
 
-def xml_offset(source: Source, address: str) -> int | None:
-    """First byte of the first element, or attribute of one, that an address means.
+def xml_offset(source: SourceFile, address: str) -> int | None:
+    """Return the first byte of the first element, or attribute, of an address.
 
-    Where no such element has the attribute, the element: its number is a default's, or computed.
+    If no such element has the attribute, return the element: its number is a default, or computed.
     """
     match = _ADDRESS.fullmatch(address)
     if match is None:
         return None
     elements = read_elements(source)
     steps, _ = _steps(match, elements)
-    pool, found = iter(elements), list[RawElement]()
+    pool, matches = iter(elements), list[RawElement]()
     for tag, name in steps:
-        found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
-        pool = (child for e in found for child in _within(e))
+        matches = [e for e in pool if e.tag == tag and name in (None, e.identity)]
+        pool = (child for e in matches for child in _within(e))
     attribute = match["attribute"]
-    for element in found:
+    for element in matches:
         if attribute in element.attributes:
             return attribute_span(element, attribute, source)[0]
-    return found[0].start if found else None
+    return matches[0].start if matches else None
 
 
 def _within(element: RawElement) -> Iterator[RawElement]:
-    """Children; MJCF's <frame> is no more than a bracket around them."""
+    """Yield children; MJCF's <frame> only groups them."""
     for child in element.children:
         yield child
         if child.tag == "frame":
             yield from _within(child)
 
 
-def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
-    """Addresses of the numbers whose element and attribute, as in `joint@damping`, are of `kinds`.
+def xml_numbers(source: SourceFile, kinds: re.Pattern[str]) -> Iterator[str]:
+    """Yield addresses of numbers whose element and attribute, as in `joint@damping`, match `kinds`.
 
-    Of an element's text, the kind is its tag. Those that no names tell apart have no address.
+    For an element's text, the kind is its tag. Numbers that no name distinguishes have no address.
     """
     resolve = xml_paths(source)
     for element in read_elements(source):
@@ -173,7 +176,7 @@ def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
 
 
 def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str]:
-    """The shortest address that means this element and begins with a name, where there is one."""
+    """Yield the shortest address of this element, preferring one that begins with a name."""
     spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
     for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
         with suppress(LocationError):
@@ -182,30 +185,30 @@ def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str
             return
 
 
-def check_harmless(source: Source) -> None:
-    """Refuse what a reader of XML may be harmed with, well-formed or not.
+def check_harmless(source: SourceFile) -> None:
+    """Refuse XML that could harm a reader, well-formed or not.
 
     Raises:
-        RefusedError: for a DTD, or elements nested beyond reason; with its line.
+        RefusedFileError: for a DTD, or elements nested too deeply; with its line.
     """
     bare = _HIDDEN.sub(lambda hidden: b" " * len(hidden[0]), source.data)
-    if found := _DECLARATION.search(bare):
-        raise _declares(source, source.line(found.start()))
+    if declaration := _DECLARATION.search(bare):
+        raise _declares(source, source.line(declaration.start()))
     if bare.count(b"<") > MOST_DEPTH:
         try:
             read_elements(source)
-        except RefusedError:
+        except RefusedFileError:
             raise
         except LocationError:
-            return  # the engine's parser tells what is wrong with it
+            return  # the engine's parser reports the error
 
 
-def _declares(source: Source, line: int) -> RefusedError:
-    return RefusedError("refused: it declares entities or a DTD", file=source.file, line=line)
+def _declares(source: SourceFile, line: int) -> RefusedFileError:
+    return RefusedFileError("refused: it declares entities or a DTD", file=source.file, line=line)
 
 
-def read_elements(source: Source) -> list[RawElement]:
-    """Every element of a file, in its order; entity expansion off."""
+def read_elements(source: SourceFile) -> list[RawElement]:
+    """Return every element of a file, in order, with entity expansion off."""
     parser = expat.ParserCreate()
     elements: list[RawElement] = []
     open_: list[RawElement] = []
@@ -221,8 +224,8 @@ def read_elements(source: Source) -> list[RawElement]:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         if len(open_) == MOST_DEPTH:
-            told = f"refused: more than {MOST_DEPTH} nested elements"
-            raise RefusedError(told, file=source.file, line=parser.CurrentLineNumber)
+            problem = f"refused: more than {MOST_DEPTH} nested elements"
+            raise RefusedFileError(problem, file=source.file, line=parser.CurrentLineNumber)
         parent = open_[-1] if open_ else None
         element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
         if parent is not None:
@@ -251,18 +254,18 @@ def read_elements(source: Source) -> list[RawElement]:
 
 
 def no_xml(file: Path, *, strict: bool) -> str:
-    """Return why a file is no XML, with its line, at the cost of a parser that keeps nothing.
+    """Return why a file is not XML, with its line, using a parser that keeps nothing.
 
     Args:
-        file: a model file; one that can't be read is left to who reads it.
-        strict: whether only well-formed XML is read. Otherwise an engine's own parser decides,
+        file: a model file; a file that can't be read is reported elsewhere.
+        strict: whether only well-formed XML is accepted. Otherwise an engine's own parser decides,
             unless the file has no element at all, or is binary.
 
     Returns:
-        A sentence that begins with the file; empty where it may be XML.
+        A sentence that begins with the file; empty if it may be XML.
     """
     try:
-        data = mended(read_regular(file, MOST_MODEL))
+        data = repaired_xml(read_regular(file, MOST_MODEL))
         expat.ParserCreate().Parse(data, True)
     except expat.ExpatError as error:
         if strict or b"\0" in data or not _ELEMENT.search(data):
@@ -274,7 +277,7 @@ def no_xml(file: Path, *, strict: bool) -> str:
 
 
 def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
-    """Return the line of what was parsed, and what is wrong: the column and the reason."""
+    """Return the line of a parse error, and the problem: the column and the reason."""
     if not data.strip():
         return 1, "not XML: the file is empty"
     if b"\0" in data:
@@ -283,49 +286,54 @@ def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
 
 
 def _walk(
-    elements: list[RawElement], steps: list[tuple[str, str | None]], address: str, source: Source
+    elements: list[RawElement],
+    steps: list[tuple[str, str | None]],
+    address: str,
+    source: SourceFile,
 ) -> list[RawElement]:
-    """The elements that the steps of an address lead to; at least one."""
+    """Return the elements that match the steps of an address, at least one."""
     pool, parents = elements, list[RawElement]()
     for tag, name in steps:
-        found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
-        if not found:
+        matches = [e for e in pool if e.tag == tag and name in (None, e.identity)]
+        if not matches:
             step = tag if name is None else f"{tag}[{name}]"
             within = f" in {parents[0].spelled(1)}" if parents else ""
             near = [e.spelled(1) for e in pool if e.tag == tag and e.identity is not None]
             near = near or [e.spelled(1) for e in pool]
             raise source.error(
                 address,
-                f"names nothing: there is no {cut(step)}{cut(within)}; nearest: "
+                f"names nothing: there is no {truncate(step)}{truncate(within)}; nearest: "
                 f"{nearest(step, near) or 'nothing'}",
                 parents[0].start if parents else None,
             )
-        parents, pool = found, [child for e in found for child in e.children]
-    return found
+        parents, pool = matches, [child for e in matches for child in e.children]
+    return matches
 
 
-def attribute_span(element: RawElement, attribute: str, source: Source) -> Span:
-    """Where the value of an attribute is that the element has."""
+def attribute_span(element: RawElement, attribute: str, source: SourceFile) -> Span:
+    """Return the span of an attribute's value."""
     tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
-    at = tag.end()
-    while match := ATTRIBUTE.match(source.data, at):
+    position = tag.end()
+    while match := ATTRIBUTE.match(source.data, position):
         if match[1].decode("utf-8") == attribute:
             return match.span(2 if match[2] is not None else 3)
-        at = match.end()
+        position = match.end()
     raise AssertionError(f"{source.file}: the parser finds {attribute}, but the scan does not")
 
 
 def attribute_words(
-    element: RawElement, attribute: str, source: Source, address: str
+    element: RawElement, attribute: str, source: SourceFile, address: str
 ) -> tuple[list[Span], list[str]]:
-    """Where the words of an attribute's value are, and what the parser reads there."""
+    """Return the spans of the words of an attribute's value, and the parser's words."""
     spans = find_words(source, *attribute_span(element, attribute, source), address)
     return spans, element.attributes[attribute].split()
 
 
-def text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:
-    """The same of an element's text."""
+def text_words(
+    element: RawElement, source: SourceFile, address: str
+) -> tuple[list[Span], list[str]]:
+    """Return the same for an element's text."""
     if element.children:
         remedy = "end the address with an attribute, as in '@mass', or with one of its elements"
         raise source.error(
@@ -339,15 +347,15 @@ def text_words(element: RawElement, source: Source, address: str) -> tuple[list[
         )
     tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
-    at = tag.end()
-    while match := ATTRIBUTE.match(source.data, at):
-        at = match.end()
-    first = source.data.index(b">", at) + 1
+    position = tag.end()
+    while match := ATTRIBUTE.match(source.data, position):
+        position = match.end()
+    first = source.data.index(b">", position) + 1
     return find_words(source, first, element.end, address), element.text.split()
 
 
-def find_words(source: Source, start: int, end: int, address: str) -> list[Span]:
-    """Words between two bytes, comments apart."""
+def find_words(source: SourceFile, start: int, end: int, address: str) -> list[Span]:
+    """Return the spans of words between two bytes, without comments."""
     written = source.data[start:end]
     if re.search(rb"&|<!\[CDATA\[", written):
         raise source.error(
@@ -363,7 +371,7 @@ def _component(
     index: str | None,
     what: str,
     address: str,
-    source: Source,
+    source: SourceFile,
 ) -> tuple[Span, float]:
     count = len(spans)
     start = spans[0][0] if spans else None
@@ -379,8 +387,8 @@ def _component(
             address, f"is interrupted by a comment in {what}; move the comment out", start
         )
     try:
-        # Python would read 1_000; no XML reader does.
+        # Python would read 1_000; XML readers do not.
         return spans[place], float(words[place].replace("_", "?"))
     except ValueError:
-        reason = f"is {brief(words[place])}; expected a number"
+        reason = f"is {quote(words[place])}; expected a number"
         raise source.error(address, reason, spans[place][0]) from None

@@ -1,1 +1,1 @@
-"""MJCF files as trees of bodies: read from what an engine compiles."""
+"""MJCF files as trees of bodies, from the numbers that an engine compiles."""

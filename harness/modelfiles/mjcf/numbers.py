@@ -1,7 +1,7 @@
-"""The numbers of a file that an engine compiles, and the tree that it makes of other ones.
+"""The numbers of a file that an engine compiles, and the tree for other values.
 
-Defaults, frames, units and shapes are the engine's to resolve: each change is compiled. So what a
-number says is found by moving it; what is for looks, or for contacts, is moved all at once.
+The engine resolves defaults, frames, units and shapes, so each change is compiled again. The effect
+of a number is found by changing it. Numbers of visuals or contacts are changed all at once.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import numpy as np
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
 from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Numeral, numerals, with_values
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number, numerals, with_values
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 
 class CompiledNumbers:
-    """The numbers of a file, and of those that it includes.
+    """The numbers of a file and of its includes.
 
     Attributes:
         numerals: all of them, file after file.
-        unread: why numbers of some of these files are not among them, a sentence each.
+        unread: why numbers of some of these files are missing, one sentence each.
     """
 
     def __init__(self, path: Path, engine: Engine, controls: Sequence[float]) -> None:
         self._path, self._engine, self._controls = path, engine, controls
         self._texts: dict[Path, bytes] = {}
-        self._known: dict[tuple[int, float], Tree | None] = {}
-        found: list[Numeral] = []
+        self._cache: dict[tuple[int, float], Tree | None] = {}
+        all_numbers: list[Number] = []
         unread: list[str] = []
         for part in engine.parts(path):
             try:
@@ -42,18 +42,18 @@ class CompiledNumbers:
                 unread.append(str(error))
                 continue
             self._texts[part] = document.data
-            found += numerals(document)
-        self.numerals: tuple[Numeral, ...] = tuple(found)
+            all_numbers += numerals(document)
+        self.numerals: tuple[Number, ...] = tuple(all_numbers)
         self.unread = tuple(unread)
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
-        """The tree with other values of some numbers, by their index; None where there is none."""
+        """Return the tree with other values of some numbers, by index, or None."""
         if len(values) != 1:
             return self._compiled(values)
         (key,) = values.items()
-        if key not in self._known:  # one moved a little is asked for more than once
-            self._known[key] = self._compiled(values)
-        return self._known[key]
+        if key not in self._cache:  # slightly changed numbers are requested repeatedly
+            self._cache[key] = self._compiled(values)
+        return self._cache[key]
 
     def _compiled(self, values: Mapping[int, float]) -> Tree | None:
         try:
@@ -61,75 +61,77 @@ class CompiledNumbers:
         except EngineError:
             return None
 
-    def taken(self) -> Iterator[tuple[str, Tree]]:
-        """What the engine does with pulls on its own: each a cause, with the tree that it makes.
+    def engine_variants(self) -> Iterator[tuple[str, Tree]]:
+        """Yield force laws in which the engine differs from the file: causes, each with its tree.
 
         Raises:
             EngineError: naming the file.
         """
-        found = self._engine.compiled(self._path)
-        for cause, pulls in found.taken:
-            tree = tree_of(replace(found, pulls=pulls), self._controls)
+        compiled = self._engine.compiled(self._path)
+        for cause, pulls in compiled.engine_variants:
+            tree = tree_of(replace(compiled, pulls=pulls), self._controls)
             if tree is not None:
                 yield cause, tree
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """The files with other values of some numbers."""
+        """Return the files with other values of some numbers."""
         texts = dict(self._texts)
         for file, data in self._texts.items():
-            own = {i: value for i, value in values.items() if self.numerals[i].file == file}
-            texts[file] = with_values(data, self.numerals, own)
+            changed = {i: value for i, value in values.items() if self.numerals[i].file == file}
+            texts[file] = with_values(data, self.numerals, changed)
         return texts
 
     @cached_property
-    def saying(self) -> tuple[int, ...]:
-        """Indices of those that the tree depends on, as far as a small change tells."""
-        own = self.tree({})
-        if own is None:
+    def relevant_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that affect the tree under a small change."""
+        original = self.tree({})
+        if original is None:
             return ()
         groups: dict[str, list[int]] = {}
-        alone: list[list[int]] = []
-        for i, one in enumerate(self.numerals):
-            if self._engine.choices and re.fullmatch(self._engine.choices, one.path):
+        single: list[list[int]] = []
+        for i, number in enumerate(self.numerals):
+            if self._engine.choices and re.fullmatch(self._engine.choices, number.path):
                 continue
-            if why := self._reason(one):
+            if why := self._reason(number):
                 groups.setdefault(why, []).append(i)
             else:
-                alone.append([i])
-        found = (i for group in (*groups.values(), *alone) for i in self._felt(own, group))
-        return tuple(sorted(found))
+                single.append([i])
+        relevant = (
+            i for group in (*groups.values(), *single) for i in self._relevant(original, group)
+        )
+        return tuple(sorted(relevant))
 
-    def _reason(self, one: Numeral) -> str:
-        idle = self._engine.idle.items()
-        return next((why for kind, why in idle if re.fullmatch(kind, one.path)), "")
+    def _reason(self, number: Number) -> str:
+        kinds = self._engine.non_physical.items()
+        return next((why for kind, why in kinds if re.fullmatch(kind, number.path)), "")
 
-    def _felt(self, own: Tree, group: Sequence[int]) -> Iterator[int]:
-        """Those of a group that the tree depends on."""
+    def _relevant(self, original: Tree, group: Sequence[int]) -> Iterator[int]:
+        """Yield the numbers of a group that affect the tree."""
         ways = (1.0, -1.0)
         for way in ways:
             tree = self.tree({i: _moved(self.numerals[i], way * NUDGE) for i in group})
             if tree is not None:
                 break
         if len(group) == 1:
-            if tree is None or not _same(own, tree):
+            if tree is None or not _same(original, tree):
                 yield from group
-        elif tree is None or not _same(own, tree):
+        elif tree is None or not _same(original, tree):
             half = len(group) // 2
-            yield from self._felt(own, group[:half])
-            yield from self._felt(own, group[half:])
+            yield from self._relevant(original, group[:half])
+            yield from self._relevant(original, group[half:])
 
 
-def _moved(one: Numeral, share: float) -> float:
-    return one.value + share * one.scale
+def _moved(number: Number, share: float) -> float:
+    return number.value + share * number.scale
 
 
-def _same(one: Tree, other: Tree) -> bool:
-    """Whether two trees are equal, to the last digit."""
-    return _plain(one) == _plain(other)
+def _same(first: Tree, second: Tree) -> bool:
+    """Return whether two trees are equal, to the last digit."""
+    return _plain(first) == _plain(second)
 
 
 def _plain(value: object) -> object:
-    """What can be compared: all fields of what it is made of, and arrays as lists."""
+    """Return a comparable value: all fields of nested data classes, and arrays as lists."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, tuple):

@@ -1,4 +1,4 @@
-"""What an engine made of a file, as bodies with their joints and pulls, each with its numbers."""
+"""A compiled file as bodies with joints and forces, each with its numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledTree,
     CompiledWay,
 )
-from physics_crosscheck.harness.modelfiles.robot import LeftOut, Part, Robot, Told, home_of
+from physics_crosscheck.harness.modelfiles.robot import (
+    BodyModel,
+    LinkPart,
+    Omission,
+    Robot,
+    home_of,
+)
 from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
@@ -35,83 +41,89 @@ KINDS: Mapping[str, Kind] = {
 }  # fmt: skip
 
 SPREAD = (5**0.5 - 1) / 2
-"""By whose multiples controls are spread over their ranges, so that no two are alike."""
+"""The step of controls in their ranges; its multiples make all controls differ."""
 
 
 def compiled_robot(
-    found: CompiledTree,
+    compiled: CompiledTree,
     path: Path,
-    left_out: tuple[LeftOut, ...],
+    left_out: tuple[Omission, ...],
     controls: Sequence[float] | None = None,
 ) -> Robot:
-    """Return the whole, its controls held where they are given, or anywhere in their ranges.
+    """Return the robot, with its controls held at given values, or within their ranges.
 
     Raises:
         TreeError: naming the joint that is not covered.
     """
-    controls = held_controls(found) if controls is None else tuple(controls)
-    told = _told(found, controls)
-    whole = _assembled(told)
+    controls = held_controls(compiled) if controls is None else tuple(controls)
+    body_model = _body_model(compiled, controls)
+    whole = _assembled(body_model)
     return Robot(
-        name=found.name or path.stem,
+        name=compiled.name or path.stem,
         file=path,
         tree=whole.tree,
-        parts=tuple(_part(body, whole.bodies[body.name]) for body in told.bodies),
+        parts=tuple(_part(body, whole.bodies[body.name]) for body in body_model.bodies),
         limits=whole.limits,
         home=home_of(whole.tree, whole.limits),
         left_out=left_out,
         obstacles=(),
         controls=controls,
-        told=told,
-        shapes=found.shapes,
+        body_model=body_model,
+        shapes=compiled.shapes,
     )
 
 
-def compiled_tree(found: CompiledTree, controls: Sequence[float]) -> Tree:
-    """The tree alone, under held controls.
+def compiled_tree(compiled: CompiledTree, controls: Sequence[float]) -> Tree:
+    """Return the tree under held controls.
 
     Raises:
         TreeError: naming the joint that is not covered.
     """
-    return _assembled(_told(found, controls)).tree
+    return _assembled(_body_model(compiled, controls)).tree
 
 
-def _told(found: CompiledTree, controls: Sequence[float]) -> Told:
-    bodies = compiled_bodies(found)
-    return Told(
+def _body_model(compiled: CompiledTree, controls: Sequence[float]) -> BodyModel:
+    bodies = compiled_bodies(compiled)
+    return BodyModel(
         bodies=bodies,
-        gravity=found.gravity,
-        pulls=tuple(_pulls(found, bodies, controls)),
-        couplings=tuple(_couplings(found, bodies)),
-        medium=_medium(found),
+        gravity=compiled.gravity,
+        pulls=tuple(_pulls(compiled, bodies, controls)),
+        couplings=tuple(_couplings(compiled, bodies)),
+        fluid=_fluid(compiled),
     )
 
 
-def _medium(found: CompiledTree) -> Fluid | None:
-    one = found.medium
-    if one is None:
+def _fluid(compiled: CompiledTree) -> Fluid | None:
+    fluid = compiled.fluid
+    if fluid is None:
         return None
-    return Fluid(density=one.density, viscosity=one.viscosity, wind=one.wind)
+    return Fluid(density=fluid.density, viscosity=fluid.viscosity, wind=fluid.wind)
 
 
-def _assembled(told: Told) -> Assembled:
-    return assembled(told.bodies, told.gravity, told.pulls, told.couplings, told.medium)
+def _assembled(body_model: BodyModel) -> Assembled:
+    return assembled(
+        body_model.bodies,
+        body_model.gravity,
+        body_model.pulls,
+        body_model.couplings,
+        body_model.fluid,
+    )
 
 
-def _part(body: RigidBody, within: int) -> Part:
+def _part(body: RigidBody, within: int) -> LinkPart:
     mass, center, inertia = body.spatial_inertia
-    return Part(name=body.name, line=0, mass=mass, center=center, inertia=inertia, body=within)
+    return LinkPart(name=body.name, line=0, mass=mass, center=center, inertia=inertia, body=within)
 
 
-def compiled_bodies(found: CompiledTree) -> tuple[RigidBody, ...]:
-    """Bodies in the engine's order; those without a name are called by their number."""
-    taken = {body.name for body in found.bodies}
+def compiled_bodies(compiled: CompiledTree) -> tuple[RigidBody, ...]:
+    """Return bodies in the engine's order; unnamed bodies get a name by index."""
+    used_names = {body.name for body in compiled.bodies}
     names: list[str | None] = [None]
     bodies: list[RigidBody] = []
     count = 0
-    for i, body in enumerate(found.bodies, start=1):
+    for i, body in enumerate(compiled.bodies, start=1):
         name = body.name or f"body_{i}"
-        while not body.name and name in taken:
+        while not body.name and name in used_names:
             name += "_"
         joints = tuple(_joint(one, count + k) for k, one in enumerate(body.joints))
         count += len(joints)
@@ -123,13 +135,13 @@ def compiled_bodies(found: CompiledTree) -> tuple[RigidBody, ...]:
 def _body(
     body: CompiledBody, name: str, parent: str | None, joints: tuple[Joint, ...]
 ) -> RigidBody:
-    """A body; one that moves freely counts from the world, wherever the file draws it."""
+    """Return a body; a free body counts from the world, not from its drawn pose."""
     free = any(joint.kind == "free" for joint in joints)
     xx, yy, zz = body.moments
     return RigidBody(
         name=name,
         parent=parent,
-        position=ZERO if free else _triple(body.at),
+        position=ZERO if free else _triple(body.position),
         quaternion=None if free else _quaternion(body.turn),
         joints=joints,
         mass=body.mass,
@@ -144,7 +156,7 @@ def _body(
 def _joint(joint: CompiledJoint, index: int) -> Joint:
     kind, name = KINDS[joint.kind], joint.name or f"joint_{index}"
     if kind not in ("hinge", "slide"):
-        anchor = _triple(joint.at) if kind == "ball" else ZERO
+        anchor = _triple(joint.position) if kind == "ball" else ZERO
         return Joint(
             name=name,
             kind=kind,
@@ -159,7 +171,7 @@ def _joint(joint: CompiledJoint, index: int) -> Joint:
         name=name,
         kind=kind,
         axis=_triple(joint.axis),
-        at=_triple(joint.at),
+        at=_triple(joint.position),
         zero=joint.zero,
         damping=_powers(joint.damping),
         stiffness=_powers(joint.stiffness),
@@ -169,71 +181,75 @@ def _joint(joint: CompiledJoint, index: int) -> Joint:
     )
 
 
-def held_controls(found: CompiledTree) -> tuple[float, ...]:
-    """A value within the range of each control; within 0 and 1 where it has none."""
-    ranges = {one.control: one.range for one in found.pulls if one.control >= 0}
+def held_controls(compiled: CompiledTree) -> tuple[float, ...]:
+    """Return a value within the range of each control; between 0 and 1 without a range."""
+    ranges = {one.control: one.range for one in compiled.pulls if one.control >= 0}
     held = []
-    for i in range(found.controls):
+    for i in range(compiled.controls):
         low, high = ranges.get(i) or (0.0, 1.0)
         held.append(low + (high - low) * ((i + 1) * SPREAD % 1.0))
     return tuple(held)
 
 
 def _pulls(
-    found: CompiledTree, bodies: tuple[RigidBody, ...], controls: Sequence[float]
+    compiled: CompiledTree, bodies: tuple[RigidBody, ...], controls: Sequence[float]
 ) -> Iterator[ForceElement]:
     names = [joint.name for body in bodies for joint in body.joints]
-    of = [None, *(body.name for body in bodies)]
-    for one in found.pulls:
-        yield replace(_pull(one, names, controls), along=_along(one.along, names, of))
-
-
-def _along(
-    one: CompiledWay | None, joints: list[str], bodies: list[str | None]
-) -> CablePath[Site] | FrameForce[Site] | JointForce[str] | None:
-    """A way by the names of what it is along."""
-    if one is None:
-        return None
-    if one.joint >= 0:
-        return JointForce(joint=joints[one.joint], gear=one.gear, in_parent=one.in_parent)
-
-    def site(mark: CompiledMark) -> Site:
-        turn = _quaternion(mark.turn)
-        return Site(body=bodies[mark.body], position=_triple(mark.at), quaternion=turn)
-
-    if one.frame is None:
-        return CablePath(branches=one.branches).mapped(site)
-    return FrameForce(frame=one.frame, gear=one.gear, against=one.against).mapped(site)
-
-
-def _couplings(found: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[Coupling]:
-    names = [joint.name for body in bodies for joint in body.joints]
-    for one in found.couplings:
-        yield Coupling(
-            follower=names[one.follower],
-            leader=None if one.leader is None else names[one.leader],
-            multiplier=one.multiplier,
-            offset=one.offset,
-            others=tuple((names[joint], share) for joint, share in one.others),
+    body_names = [None, *(body.name for body in bodies)]
+    for force in compiled.pulls:
+        yield replace(
+            _force_element(force, names, controls), along=_along(force.along, names, body_names)
         )
 
 
-def _pull(one: CompiledPull, names: list[str], controls: Sequence[float]) -> ForceElement:
+def _along(
+    length: CompiledWay | None, joints: list[str], bodies: list[str | None]
+) -> CablePath[Site] | FrameForce[Site] | JointForce[str] | None:
+    """Return a length by the names of the elements that it acts along."""
+    if length is None:
+        return None
+    if length.joint >= 0:
+        return JointForce(joint=joints[length.joint], gear=length.gear, in_parent=length.in_parent)
+
+    def site(mark: CompiledMark) -> Site:
+        turn = _quaternion(mark.turn)
+        return Site(body=bodies[mark.body], position=_triple(mark.position), quaternion=turn)
+
+    if length.frame is None:
+        return CablePath(branches=length.branches).at(site)
+    return FrameForce(frame=length.frame, gear=length.gear, against=length.against).at(site)
+
+
+def _couplings(compiled: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[Coupling]:
+    names = [joint.name for body in bodies for joint in body.joints]
+    for coupling in compiled.couplings:
+        yield Coupling(
+            follower=names[coupling.follower],
+            leader=None if coupling.leader is None else names[coupling.leader],
+            multiplier=coupling.multiplier,
+            offset=coupling.offset,
+            others=tuple((names[joint], share) for joint, share in coupling.others),
+        )
+
+
+def _force_element(
+    force: CompiledPull, names: list[str], controls: Sequence[float]
+) -> ForceElement:
     return ForceElement(
-        name=one.name,
-        joints=tuple((names[i], share) for i, share in one.joints),
-        bias=one.bias,
-        gain=one.gain,
-        control=controls[one.control] if one.control >= 0 else 0.0,
-        stiffness=_powers(one.stiffness),
-        damping=_powers(one.damping),
-        rest=one.rest,
-        armature=one.armature,
+        name=force.name,
+        joints=tuple((names[i], share) for i, share in force.joints),
+        bias=force.bias,
+        gain=force.gain,
+        control=controls[force.control] if force.control >= 0 else 0.0,
+        stiffness=_powers(force.stiffness),
+        damping=_powers(force.damping),
+        rest=force.rest,
+        armature=force.armature,
     )
 
 
 def _powers(values: tuple[float, ...]) -> Powers:
-    """One number where there is one alone."""
+    """Return one number if the higher powers are zero."""
     return values if any(values[1:]) else (values[0] if values else 0.0)
 
 
@@ -243,6 +259,6 @@ def _triple(values: tuple[float, ...]) -> Triple:
 
 
 def _quaternion(values: tuple[float, ...]) -> Quaternion | None:
-    """None where nothing is turned."""
+    """Return None for the identity."""
     w, x, y, z = values
     return None if (x, y, z) == ZERO else (w, x, y, z)

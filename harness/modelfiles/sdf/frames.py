@@ -1,9 +1,9 @@
-"""Frames of an SDFormat model, by its pose semantics (SDFormat 1.7 and later).
+"""SdfFrames of an SDFormat model, by its pose semantics (SDFormat 1.7 and later).
 
-A `<pose>` says where a frame stands in another one: that of a link in the model's, that of a joint
-in its child's, that of a `<frame>` in what it is attached to, unless `relative_to` names one
-(http://sdformat.org/tutorials?tut=pose_frame_semantics). In versions to 1.6 the defaults are the
-only way. Angles turn about the fixed axes x, y and z in that order.
+A `<pose>` gives the pose of a frame in another one. By default a link's is in the model's frame, a
+joint's in its child's, and a `<frame>`'s in the frame that it is attached to; `relative_to` names
+another (http://sdformat.org/tutorials?tut=pose_frame_semantics). Versions to 1.6 have the defaults
+only. Angles rotate about the fixed axes x, y and z in that order.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 
@@ -24,21 +24,21 @@ NAMED = ("link", "joint", "frame")
 
 
 @dataclass(frozen=True)
-class Pose:
-    """What a `<pose>` says: where, and relative to what; empty where it names nothing."""
+class StatedPose:
+    """The content of a `<pose>`: the pose and its reference frame, empty for the default."""
 
     place: Place
     relative_to: str
 
 
-def read_pose(document: Document, owner: RawElement, what: str) -> Pose:
-    """The pose of an element; none is none at all."""
+def read_pose(document: Document, owner: RawElement, what: str) -> StatedPose:
+    """Return the pose of an element; the identity without one."""
     element = document.child(owner, "pose")
     if element is None:
-        return Pose(IDENTITY, "")
+        return StatedPose(IDENTITY, "")
     relative_to = element.attributes.get("relative_to", "")
     if element.attributes.get("frame", ""):
-        document.hinder(
+        document.add_problem(
             element,
             f"frame= of the pose of {what} is not covered",
             "use relative_to=",
@@ -48,19 +48,19 @@ def read_pose(document: Document, owner: RawElement, what: str) -> Pose:
         default = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         x, y, z, i, j, k, w = document.text_numbers(element, default, what)
         if not (i or j or k or w):
-            document.hinder(element, f"the rotation of {what} has no length", "write 0 0 0 1")
+            document.add_problem(element, f"the rotation of {what} has no length", "write 0 0 0 1")
             w = 1.0
         turn = from_quaternion(np.array([w, i, j, k]) / np.linalg.norm([w, i, j, k]))
-        return Pose(Place(turn, np.array([x, y, z])), relative_to)
+        return StatedPose(Place(turn, np.array([x, y, z])), relative_to)
     x, y, z, *angles = document.text_numbers(element, (0.0,) * 6, what)
     if element.attributes.get("degrees", "").strip().lower() in ("1", "true"):
         angles = np.radians(angles).tolist()
     roll, pitch, yaw = angles
-    return Pose(Place(from_rpy(roll, pitch, yaw), np.array([x, y, z])), relative_to)
+    return StatedPose(Place(from_rpy(roll, pitch, yaw), np.array([x, y, z])), relative_to)
 
 
-class Frames:
-    """Where links, joints and frames of a model stand, as it is drawn.
+class SdfFrames:
+    """Poses of links, joints and frames of a model in its drawn configuration.
 
     Args:
         document: the file.
@@ -73,8 +73,8 @@ class Frames:
         for element in model.children:
             if element.tag in NAMED:
                 self._add(element)
-        self._poses: dict[str, Pose] = {
-            name: read_pose(document, element, f"{element.tag} {brief(name)}")
+        self._poses: dict[str, StatedPose] = {
+            name: read_pose(document, element, f"{element.tag} {quote(name)}")
             for name, element in self.named.items()
         }
         self._places: dict[str, Place] = {MODEL: IDENTITY}
@@ -82,22 +82,22 @@ class Frames:
     def _add(self, element: RawElement) -> None:
         name, document = element.attributes.get("name", ""), self._document
         if not name:
-            document.hinder(element, f"a <{element.tag}> has no name", "give it a unique name")
+            document.add_problem(element, f"a <{element.tag}> has no name", "give it a unique name")
         elif name in (*self.named, MODEL, WORLD):
-            document.hinder(
+            document.add_problem(
                 element,
-                f"a second link, joint or frame is called {brief(name)}",
+                f"a second link, joint or frame is called {quote(name)}",
                 "give it a unique name",
             )
         else:
             self.named[name] = element
 
-    def of(self, tag: str) -> Mapping[str, RawElement]:
-        """Those of a tag, by their names."""
+    def tagged(self, tag: str) -> Mapping[str, RawElement]:
+        """Return the elements of a tag, by name."""
         return {name: one for name, one in self.named.items() if one.tag == tag}
 
     def link(self, name: str) -> str:
-        """The link, or `world`, with which a frame moves; empty where there is none."""
+        """Return the link, or `world`, that a frame is attached to, or an empty text."""
         passed: set[str] = set()
         while name not in passed:
             passed.add(name)
@@ -111,11 +111,11 @@ class Frames:
 
     @property
     def _canonical(self) -> str:
-        told = self._model.attributes.get("canonical_link", "")
-        return told or next(iter(self.of("link")), "")
+        stated = self._model.attributes.get("canonical_link", "")
+        return stated or next(iter(self.tagged("link")), "")
 
     def place(self, name: str) -> Place:
-        """Where it stands in the model; a frame that can't be had is noted in the document."""
+        """Return the pose of a frame in the model; an invalid frame is noted in the document."""
         return self._place(name, ())
 
     def _place(self, name: str, within: tuple[str, ...]) -> Place:
@@ -126,23 +126,23 @@ class Frames:
         element = self.named.get(name)
         if element is None or name in within:
             last = self.named[within[-1]] if within and within[-1] in self.named else self._model
-            told = "is defined in itself" if element is not None else "does not exist"
-            self._document.hinder(
-                last, f"frame {brief(name)}, which a pose refers to, {told}", "name another"
+            problem = "is defined in itself" if element is not None else "does not exist"
+            self._document.add_problem(
+                last, f"frame {quote(name)}, which a pose refers to, {problem}", "name another"
             )
             return IDENTITY
         pose = self._poses[name]
         outer = pose.relative_to or _default(element)
-        found = self._places[name] = self._place(outer, (*within, name)).compose(pose.place)
-        return found
+        placed = self._places[name] = self._place(outer, (*within, name)).compose(pose.place)
+        return placed
 
     def of_model(self) -> Place:
-        """Where the model's frame stands in the world."""
+        """Return the pose of the model's frame in the world."""
         pose = read_pose(self._document, self._model, "the model")
         if pose.relative_to not in ("", WORLD):
-            self._document.hinder(
+            self._document.add_problem(
                 self._model,
-                f"the pose of the model is relative to {brief(pose.relative_to)}, which is not"
+                f"the pose of the model is relative to {quote(pose.relative_to)}, which is not"
                 " covered",
                 "give the pose in the world",
             )
@@ -151,12 +151,12 @@ class Frames:
 
 
 def inverse(place: Place) -> Place:
-    """Where the outer frame stands in the inner one."""
+    """Return the pose of the outer frame in the inner one."""
     return Place(place.rotation.T, -place.rotation.T @ place.origin)
 
 
 def child_of(joint: RawElement) -> str:
-    """What stands in a joint's `<child>`."""
+    """Return the text of a joint's `<child>`."""
     return next((one.text.strip() for one in joint.children if one.tag == "child"), "")
 
 
@@ -165,7 +165,7 @@ def _carrier(frame: RawElement) -> str:
 
 
 def _default(element: RawElement) -> str:
-    """In which frame a pose stands that names none."""
+    """Return the default reference frame of a pose."""
     if element.tag == "joint":
         return child_of(element)
     return _carrier(element) if element.tag == "frame" else MODEL

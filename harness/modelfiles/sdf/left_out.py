@@ -1,4 +1,4 @@
-"""What an SDFormat file states beyond the bodies and joints of one model, counted by its kind."""
+"""Content of an SDFormat file beyond the bodies and joints of one model, counted by kind."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
-from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Told, tallied
+from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, tallied
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.sdf.parts import SdfJoint
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
@@ -28,9 +28,9 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
         "mimic": ("multiplier", "offset", "reference"),
     }
 )
-"""What is read of an element, here or there, and of whose children the rest is told."""
+"""The child elements that are read, by tag; the other children of these elements are reported."""
 
-_SAID: Mapping[str, Collection[str]] = MappingProxyType(
+_MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "world": ("name",),
         "physics": ("name", "type", "default"),
@@ -44,11 +44,11 @@ _SAID: Mapping[str, Collection[str]] = MappingProxyType(
         "mimic": ("joint", "axis"),
     }
 )
-"""Attributes that have a meaning, by the element's tag; others have none."""
+"""Attributes with a meaning, by the element's tag; others have none."""
 
 _LOOKS = ("visual", "material", "light", "gui", "scene", "audio", "road")
 _WHOLE = ("model", "include", "collision")
-"""What is counted as a whole, whatever is in it."""
+"""Elements that count as a whole, whatever their content."""
 
 
 def sdf_left_out(
@@ -57,13 +57,13 @@ def sdf_left_out(
     world: RawElement | None,
     joints: Mapping[str, SdfJoint],
     followers: Collection[str],
-) -> tuple[LeftOut, ...]:
-    """Return all of it; looks are no loss, and are not counted."""
+) -> tuple[Omission, ...]:
+    """Return all of it, except visual geometry, which does not matter."""
     return tallied(_all(document, model, world, joints), followers)
 
 
 def is_static(model: RawElement) -> bool:
-    """Return whether a model says that nothing of it moves."""
+    """Return whether a model is static."""
     return any(
         one.tag == "static" and one.text.strip().lower() in ("1", "true") for one in model.children
     )
@@ -74,7 +74,7 @@ def _all(
     model: RawElement,
     world: RawElement | None,
     joints: Mapping[str, SdfJoint],
-) -> Iterator[Told]:
+) -> Iterator[Note]:
     for joint in joints.values():
         yield from _of_joint(document, joint)
     for element in model.children:
@@ -94,8 +94,8 @@ def _all(
         yield from _unread(world, world.attributes.get("name", ""))
 
 
-def _of_automatic(link: RawElement, name: str) -> Iterator[Told]:
-    """Yield what `<inertial auto="true">` makes meaningless."""
+def _of_automatic(link: RawElement, name: str) -> Iterator[Note]:
+    """Yield elements that `<inertial auto="true">` makes meaningless."""
     for inertial in link.children:
         if inertial.tag == "inertial" and is_automatic(inertial.attributes.get("auto")):
             for part in inertial.children:
@@ -103,7 +103,7 @@ def _of_automatic(link: RawElement, name: str) -> Iterator[Told]:
                     yield f"<{part.tag}> of an automatic <inertial>", name
 
 
-def _of_joint(document: Document, joint: SdfJoint) -> Iterator[Told]:
+def _of_joint(document: Document, joint: SdfJoint) -> Iterator[Note]:
     axis = document.child(joint.element, "axis")
     if axis is None or joint.joint is None:
         return
@@ -121,22 +121,22 @@ def _of_joint(document: Document, joint: SdfJoint) -> Iterator[Told]:
 
 def _number(document: Document, holder: RawElement | None, key: str) -> float:
     element = None if holder is None else document.child(holder, key)
-    found = None if element is None else read_numbers(element.text, 1)
-    return 0.0 if found is None else found[0]
+    values = None if element is None else read_numbers(element.text, 1)
+    return 0.0 if values is None else values[0]
 
 
-def _unread(element: RawElement, name: str) -> Iterator[Told]:
-    """Yield the elements and attributes within this element that mean nothing here."""
-    said = _SAID.get(element.tag, ())
+def _unread(element: RawElement, name: str) -> Iterator[Note]:
+    """Yield elements and attributes within this element that have no meaning here."""
+    meaningful = _MEANINGFUL_ATTRIBUTES.get(element.tag, ())
     for key, value in element.attributes.items():
-        if key not in said and value.strip() and not key.startswith("xmlns"):
+        if key not in meaningful and value.strip() and not key.startswith("xmlns"):
             yield f"{key} of <{element.tag}>", name
-    known = _READ.get(element.tag)
+    readable = _READ.get(element.tag)
     for child in element.children:
-        if child.tag in _LOOKS or (known is not None and child.tag in _WHOLE):
+        if child.tag in _LOOKS or (readable is not None and child.tag in _WHOLE):
             continue
-        own = name or child.attributes.get("name", "")
-        if known is None or child.tag not in known:
-            yield f"<{child.tag}> of <{element.tag}>", own
+        owner = name or child.attributes.get("name", "")
+        if readable is None or child.tag not in readable:
+            yield f"<{child.tag}> of <{element.tag}>", owner
         else:
-            yield from _unread(child, own)
+            yield from _unread(child, owner)

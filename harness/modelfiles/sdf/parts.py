@@ -1,4 +1,4 @@
-"""Links and joints of an SDFormat model, as bodies that know what they hang from."""
+"""Links and joints of an SDFormat model, with their parents."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from types import MappingProxyType
 import numpy as np
 
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
-from physics_crosscheck.harness.modelfiles.couplings import Mimic, acyclic
+from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, acyclic
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.sdf.frames import (
     MODEL,
     WORLD,
-    Frames,
+    SdfFrames,
     child_of,
     inverse,
     read_pose,
 )
-from physics_crosscheck.harness.modelfiles.sdf.shapes import automatic_lump
+from physics_crosscheck.harness.modelfiles.sdf.shapes import automatic_inertia
 from physics_crosscheck.reference.mechanism.bodies import Joint, Quaternion, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Kind
@@ -29,19 +29,19 @@ from physics_crosscheck.reference.mechanism.tree import Kind
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "fixed": None}
 )
-"""What a joint's type is in a tree; nothing of what is welded."""
+"""The kind of joint in a tree; None for a fixed joint."""
 
 ENDLESS = 1e16
-"""A bound that is none: the format's own, rad or m."""
+"""The format's value for a missing bound, rad or m."""
 
 _TENSOR = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _UNIT = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-"""kg m^2 where a file tells none."""
+"""Default inertia, kg m^2."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SdfLink:
-    """A link: its element, and its body, which hangs from nothing yet."""
+    """A link: its element, and its body, which has no parent yet."""
 
     element: RawElement
     body: RigidBody
@@ -52,9 +52,9 @@ class SdfJoint:
     """A joint.
 
     Attributes:
-        kind: None of a fixed one.
+        kind: None for a fixed joint.
         parent, child: names of links, or `world`.
-        joint: as its child has it; None of a fixed one.
+        joint: in its child's frame; None for a fixed joint.
     """
 
     name: str
@@ -65,39 +65,43 @@ class SdfJoint:
     joint: Joint | None
 
 
-def read_links(document: Document, frames: Frames) -> dict[str, SdfLink]:
-    """The links by their names; what is wrong with them is noted in the document."""
+def read_links(document: Document, frames: SdfFrames) -> dict[str, SdfLink]:
+    """Return the links by name; problems are noted in the document."""
     return {
         name: SdfLink(element=element, body=_body(document, frames, element, name))
-        for name, element in frames.of("link").items()
+        for name, element in frames.tagged("link").items()
     }
 
 
-def _body(document: Document, frames: Frames, link: RawElement, name: str) -> RigidBody:
-    """Return the body of a link: 1 kg and 1 kg m^2 where a file states nothing else."""
-    told = document.child(link, "inertial")
+def _body(document: Document, frames: SdfFrames, link: RawElement, name: str) -> RigidBody:
+    """Return the body of a link: 1 kg and 1 kg m^2 by default."""
+    inertial = document.child(link, "inertial")
     falls = document.child(link, "gravity")
     lift = 1.0 if falls is not None and falls.text.strip().lower() in ("0", "false") else 0.0
-    if told is not None and is_automatic(told.attributes.get("auto")):
-        lump = automatic_lump(document, frames, link, told, name)
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = lump.inertia.tolist()
+    if inertial is not None and is_automatic(inertial.attributes.get("auto")):
+        spatial_inertia = automatic_inertia(document, frames, link, inertial, name)
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = spatial_inertia.inertia.tolist()
         return RigidBody(
             name=name,
             parent=None,
-            mass=lump.mass,
-            center=_triple(lump.center),
+            mass=spatial_inertia.mass,
+            center=_triple(spatial_inertia.center),
             inertia=(xx, yy, zz, xy, xz, yz),
             lift=lift,
         )
-    return _stated_body(document, told, name, lift)
+    return _stated_body(document, inertial, name, lift)
 
 
-def _stated_body(document: Document, told: RawElement | None, name: str, lift: float) -> RigidBody:
-    """Return the body of an `<inertial>` that states its numbers, or of none."""
-    what = f"link {brief(name)}"
-    mass = None if told is None else document.child(told, "mass")
-    inertia = None if told is None else document.child(told, "inertia")
-    place = None if told is None else read_pose(document, told, f"<inertial> of {what}").place
+def _stated_body(
+    document: Document, inertial: RawElement | None, name: str, lift: float
+) -> RigidBody:
+    """Return the body of an `<inertial>` that states its numbers, or of None."""
+    what = f"link {quote(name)}"
+    mass = None if inertial is None else document.child(inertial, "mass")
+    inertia = None if inertial is None else document.child(inertial, "inertia")
+    place = (
+        None if inertial is None else read_pose(document, inertial, f"<inertial> of {what}").place
+    )
     (weight,) = document.text_numbers(mass, (1.0,), what)
     tensor: list[float] = []
     for key, default in zip(_TENSOR, _UNIT, strict=True):
@@ -112,20 +116,20 @@ def _stated_body(document: Document, told: RawElement | None, name: str, lift: f
     return replace(body, center=_triple(place.origin), inertia_quaternion=_turn(place.rotation))
 
 
-def read_joints(document: Document, frames: Frames) -> dict[str, SdfJoint]:
-    """The joints by their names; what is wrong with them is noted in the document."""
+def read_joints(document: Document, frames: SdfFrames) -> dict[str, SdfJoint]:
+    """Return the joints by name; problems are noted in the document."""
     return {
         name: _joint(document, frames, element, name)
-        for name, element in frames.of("joint").items()
+        for name, element in frames.tagged("joint").items()
     }
 
 
-def _joint(document: Document, frames: Frames, element: RawElement, name: str) -> SdfJoint:
-    kind, what = element.attributes.get("type", ""), f"joint {brief(name)}"
+def _joint(document: Document, frames: SdfFrames, element: RawElement, name: str) -> SdfJoint:
+    kind, what = element.attributes.get("type", ""), f"joint {quote(name)}"
     if kind not in KINDS:
-        document.hinder(
+        document.add_problem(
             element,
-            f"{what} is of type {brief(kind)}, which is not covered",
+            f"{what} is of type {quote(kind)}, which is not covered",
             f"types are {', '.join(KINDS)}",
             "unsupported",
         )
@@ -134,13 +138,13 @@ def _joint(document: Document, frames: Frames, element: RawElement, name: str) -
     links = {tag: frames.link(end) for tag, end in ends.items()}
     for tag, link in links.items():
         if not link or (tag, link) == ("child", WORLD):
-            document.hinder(
+            document.add_problem(
                 element,
-                f"the {tag} of {what} is {brief(ends[tag])}, which is not a link",
+                f"the {tag} of {what} is {quote(ends[tag])}, which is not a link",
                 "declare the link, or correct its name",
             )
     of_tree = KINDS.get(kind)
-    known = of_tree is not None and links["child"] not in ("", WORLD)
+    is_valid = of_tree is not None and links["child"] not in ("", WORLD)
     return SdfJoint(
         name=name,
         element=element,
@@ -148,23 +152,25 @@ def _joint(document: Document, frames: Frames, element: RawElement, name: str) -
         parent=links["parent"],
         child=links["child"],
         joint=_moving(document, frames, element, name, of_tree, links["child"])
-        if of_tree is not None and known
+        if of_tree is not None and is_valid
         else None,
     )
 
 
 def _moving(
-    document: Document, frames: Frames, element: RawElement, name: str, kind: Kind, child: str
+    document: Document, frames: SdfFrames, element: RawElement, name: str, kind: Kind, child: str
 ) -> Joint:
-    """Anchor and axis in the child link's frame."""
-    what, axis = f"joint {brief(name)}", document.child(element, "axis")
+    """Return a joint with anchor and axis in the child link's frame."""
+    what, axis = f"joint {quote(name)}", document.child(element, "axis")
     xyz = None if axis is None else document.child(axis, "xyz")
     direction = np.array(document.text_numbers(xyz, (0.0, 0.0, 1.0), what))
     inward = inverse(frames.place(child))
     frame = _expressed_in(document, axis, xyz) or name
     direction = inward.rotation @ frames.place(frame).rotation @ direction
     if not direction.any():
-        document.hinder(xyz or element, f"the axis of {what} has no length", "give a direction")
+        document.add_problem(
+            xyz or element, f"the axis of {what} has no length", "give a direction"
+        )
         direction = np.array([0.0, 0.0, 1.0])
     dynamics = None if axis is None else document.child(axis, "dynamics")
     number = {
@@ -186,17 +192,17 @@ def _moving(
 
 
 def _expressed_in(document: Document, axis: RawElement | None, xyz: RawElement | None) -> str:
-    """The frame of an axis: in versions to 1.4 the model's; empty for the joint's own."""
+    """Return the frame of an axis: in versions to 1.4 the model's; empty for the joint's own."""
     if xyz is not None and xyz.attributes.get("expressed_in"):
         return xyz.attributes["expressed_in"]
-    told = None if axis is None else document.child(axis, "use_parent_model_frame")
-    if told is not None:
-        return MODEL if told.text.strip().lower() in ("1", "true") else ""
+    flag = None if axis is None else document.child(axis, "use_parent_model_frame")
+    if flag is not None:
+        return MODEL if flag.text.strip().lower() in ("1", "true") else ""
     return MODEL if version(document) <= (1, 4) else ""
 
 
 def version(document: Document) -> tuple[int, ...]:
-    """Of the format, such as (1, 7); the newest where it is not told."""
+    """Return the format's version, such as (1, 7); the newest if it is not stated."""
     words = document.root.attributes.get("version", "").split(".")
     return tuple(map(int, words)) if all(word.isdigit() for word in words) else (2,)
 
@@ -211,21 +217,21 @@ def _bounds(
     for tag, sign in (("lower", -1.0), ("upper", 1.0)):
         element = document.child(limit, tag)
         endless = element is None or element.text.strip().lower().lstrip("+-") in ("", "inf")
-        found = sign * ENDLESS if endless else document.text_numbers(element, (0.0,), tag)[0]
-        ends.append(sign * np.inf if abs(found) >= ENDLESS else found)
+        bound = sign * ENDLESS if endless else document.text_numbers(element, (0.0,), tag)[0]
+        ends.append(sign * np.inf if abs(bound) >= ENDLESS else bound)
     lower, upper = ends
     return None if lower > upper or np.isinf(ends).all() else (lower, upper)
 
 
-def read_mimics(document: Document, joints: Mapping[str, SdfJoint]) -> dict[str, Mimic]:
-    """Joints that follow others, by their names, of those whose rates a gear holds."""
-    found: dict[str, Mimic] = {}
+def read_mimics(document: Document, joints: Mapping[str, SdfJoint]) -> dict[str, MimicLeader]:
+    """Return joints that follow others, by name, if a velocity constraint can enforce them."""
+    mimics: dict[str, MimicLeader] = {}
     for name, joint in joints.items():
         axis = document.child(joint.element, "axis")
         mimic = None if axis is None else document.child(axis, "mimic")
         if mimic is None or joint.joint is None:
             continue
-        what = f"<mimic> of joint {brief(name)}"
+        what = f"<mimic> of joint {quote(name)}"
         ratio, offset, reference = (
             document.text_numbers(document.child(mimic, tag), (default,), what)[0]
             for tag, default in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
@@ -233,18 +239,18 @@ def read_mimics(document: Document, joints: Mapping[str, SdfJoint]) -> dict[str,
         leader = joints.get(mimic.attributes.get("joint", ""))
         single = leader is not None and leader.joint is not None
         if leader is not None and single and ratio and offset == ratio * reference:
-            found[name] = Mimic(leader.name, ratio)
-    return acyclic(found)
+            mimics[name] = MimicLeader(leader.name, ratio)
+    return acyclic(mimics)
 
 
 def bodies_of(
-    frames: Frames,
+    frames: SdfFrames,
     root: str,
     links: Mapping[str, SdfLink],
     joints: Mapping[str, SdfJoint],
     still: Collection[str],
 ) -> Iterator[RigidBody]:
-    """Bodies depth first; a root that floats counts from the world, however it is drawn."""
+    """Yield bodies depth first; a floating root counts from the world, not from its drawn pose."""
     below: dict[str, list[SdfJoint]] = {}
     for joint in joints.values():
         below.setdefault(joint.parent, []).append(joint)
@@ -276,7 +282,7 @@ def _triple(vector: Array) -> Triple:
 
 
 def _turn(rotation: Array) -> Quaternion:
-    """The quaternion of a rotation, (w, x, y, z): by its largest component."""
+    """Return the quaternion of a rotation, (w, x, y, z), by its largest component."""
     r = rotation
     products = np.array([
         [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],

@@ -9,18 +9,19 @@ import numpy as np
 from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import brief
-from physics_crosscheck.harness.modelfiles.sdf.frames import Frames, inverse, read_pose
+from physics_crosscheck.harness.modelfiles.quote import quote
+from physics_crosscheck.harness.modelfiles.sdf.frames import SdfFrames, inverse, read_pose
 from physics_crosscheck.reference.mechanism.spatial_inertia import NO_INERTIA, SpatialInertia
 
 
-def automatic_lump(
-    document: Document, frames: Frames, link: RawElement, inertial: RawElement, name: str
+def automatic_inertia(
+    document: Document, frames: SdfFrames, link: RawElement, inertial: RawElement, name: str
 ) -> SpatialInertia:
-    """Return what `<inertial auto="true">` makes of the shapes of a link, in the link's frame.
+    """Return the inertia of an `<inertial auto="true">` from the shapes of a link, in the link's
+    frame.
 
-    A `<mass>` beside it scales the densities; `<pose>` and `<inertia>` have no meaning there.
-    What has no such inertia is noted in the document.
+    A `<mass>` in it scales the densities; `<pose>` and `<inertia>` have no meaning there. Shapes
+    without such an inertia are noted in the document.
 
     Args:
         document: the file.
@@ -28,10 +29,10 @@ def automatic_lump(
         link, inertial: the elements.
         name: of the link.
     """
-    what, total = f"link {brief(name)}", NO_INERTIA
+    what, total = f"link {quote(name)}", NO_INERTIA
     collisions = [one for one in link.children if one.tag == "collision"]
     if not collisions:
-        document.hinder(
+        document.add_problem(
             inertial,
             f'<inertial auto="true"> of {what} has no <collision> to compute it from',
             "give the link a <collision>, or write its mass and inertia",
@@ -43,13 +44,13 @@ def automatic_lump(
             (WATER,),
             what,
         )[0]
-        for own in _solid(document, collision, what, density):
+        for shape_inertia in _solid(document, collision, what, density):
             pose = read_pose(document, collision, f"a <collision> of {what}")
             place = pose.place
             if pose.relative_to:
                 outer = inverse(frames.place(name)).compose(frames.place(pose.relative_to))
                 place = outer.compose(place)
-            total = total.combined(own.in_frame(place))
+            total = total.combined(shape_inertia.in_frame(place))
     mass = document.child(inertial, "mass")
     if mass is None or not total.mass:
         return total
@@ -57,15 +58,13 @@ def automatic_lump(
     return SpatialInertia(total.mass * ratio, total.center, total.inertia * ratio)
 
 
-def _solid(
-    document: Document, collision: RawElement, what: str, density: float
-) -> Iterator[SpatialInertia]:
-    """Yield the body of a collision in its own frame; none where it has no such inertia."""
+def _solid(document: Document, collision: RawElement, what: str, density: float) -> Iterator[SpatialInertia]:
+    """Yield the inertia of a collision shape in its own frame, if it has one."""
     geometry = document.child(collision, "geometry")
     shape = next(iter(geometry.children), None) if geometry is not None else None
     if shape is None or shape.tag not in SIZES:
         label = "an empty <geometry>" if shape is None else f"a <{shape.tag}>"
-        document.hinder(
+        document.add_problem(
             shape or collision,
             f'<inertial auto="true"> of {what} is not computed from {label}',
             f"use {', '.join(SIZES)}, or write its mass and inertia",
@@ -84,10 +83,10 @@ def _solid(
 def _positive(
     document: Document, element: RawElement | None, default: tuple[float, ...], what: str
 ) -> tuple[float, ...]:
-    found = document.text_numbers(element, default, what)
-    if element is not None and min(found) <= 0:
-        document.hinder(
+    values = document.text_numbers(element, default, what)
+    if element is not None and min(values) <= 0:
+        document.add_problem(
             element, f"<{element.tag}> of {what} is not positive", "write a positive number"
         )
         return default
-    return found
+    return values

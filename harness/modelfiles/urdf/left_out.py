@@ -1,4 +1,4 @@
-"""What a URDF says beyond bodies and joints, counted by its kind."""
+"""Content of a URDF beyond bodies and joints, counted by kind."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
-from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Told, tallied
+from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, tallied
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.robot import LeftOut
+from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.parts import UrdfJoint
 
 _LOOKS = ("visual", "material")
@@ -23,9 +23,9 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
         **dict.fromkeys(("limit", "dynamics", "mimic"), ()),
     }
 )
-"""What is read of an element, here or there, and of whose children the rest is told."""
+"""The child elements that are read, by tag; the other children of these elements are reported."""
 
-_SAID: Mapping[str, Collection[str]] = MappingProxyType(
+_MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "robot": ("name", "version"),
         "link": ("name", "type"),
@@ -42,7 +42,7 @@ _SAID: Mapping[str, Collection[str]] = MappingProxyType(
         "limit": ("lower", "upper", "effort", "velocity"),
     }
 )
-"""Attributes that have a meaning."""
+"""Attributes with a meaning."""
 
 
 def urdf_left_out(
@@ -50,48 +50,48 @@ def urdf_left_out(
     joints: Mapping[str, UrdfJoint],
     springs: Collection[str],
     followers: Collection[str],
-) -> tuple[LeftOut, ...]:
-    """All of it; looks are no loss, and are not told.
+) -> tuple[Omission, ...]:
+    """Return all of it, except visual geometry, which does not matter.
 
     Args:
         document: the file.
-        joints: that were read.
-        springs: names of the joints that springs are told of.
-        followers: names of the joints whose mimics are held.
+        joints: of the file.
+        springs: names of the joints with springs.
+        followers: names of the joints whose mimics are enforced.
     """
     return tallied(_all(document, joints, springs), followers)
 
 
 def _all(
     document: Document, joints: Mapping[str, UrdfJoint], springs: Collection[str]
-) -> Iterator[Told]:
+) -> Iterator[Note]:
     for joint in joints.values():
         yield from _of_joint(document, joint)
     for name in springs:
         if name not in joints or joints[name].kind not in ("hinge", "slide"):
             yield "spring of a joint that is neither hinge nor slide", name
     yield from _unread(document.root, "")
-    yield from _unsaid(document.root, "")
+    yield from _unknown_attributes(document.root, "")
     for element in document.root.children:
         name = element.attributes.get("name", element.attributes.get("reference", ""))
         yield from _unread(element, name)
         if element.tag in ("link", "joint"):
-            yield from _unsaid(element, name)
+            yield from _unknown_attributes(element, name)
             yield from _of_parts(element, name)
 
 
-def _of_parts(element: RawElement, name: str) -> Iterator[Told]:
-    """What is within a link or a joint."""
+def _of_parts(element: RawElement, name: str) -> Iterator[Note]:
+    """Yield the omitted content of a link or a joint."""
     if any(part.tag == "collision" for part in element.children):
         yield "collision geometry", name
     for part in element.children:
         if part.tag not in (*_LOOKS, "collision"):
             for inner in (part, *part.children):
                 yield from _unread(inner, name)
-                yield from _unsaid(inner, name)
+                yield from _unknown_attributes(inner, name)
 
 
-def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Told]:
+def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Note]:
     dynamics, limit = (document.child(joint.element, tag) for tag in ("dynamics", "limit"))
     if joint.kind is None:
         return
@@ -105,7 +105,7 @@ def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Told]:
         yield from _of_limit(limit, joint)
 
 
-def _of_limit(limit: RawElement, joint: UrdfJoint) -> Iterator[Told]:
+def _of_limit(limit: RawElement, joint: UrdfJoint) -> Iterator[Note]:
     if any(map(_holds, joint.bounds)):
         yield "limits of position", joint.name
     for key in ("lower", "upper"):
@@ -121,24 +121,24 @@ def _holds(bound: float) -> bool:
 
 
 def _nonzero(element: RawElement, key: str) -> bool:
-    """Whether an attribute says anything but zero."""
+    """Return whether an attribute differs from zero."""
     text = element.attributes.get(key, "0")
     return read_numbers(text, 1) != (0.0,)
 
 
-def _unread(element: RawElement, name: str) -> Iterator[Told]:
-    """Elements within this one that mean nothing here."""
-    known = _READ.get(element.tag)
-    if known is None or (element.tag == "robot" and element.parent is not None):
+def _unread(element: RawElement, name: str) -> Iterator[Note]:
+    """Yield child elements that have no meaning here."""
+    readable = _READ.get(element.tag)
+    if readable is None or (element.tag == "robot" and element.parent is not None):
         return
     for child in element.children:
-        if child.tag not in known and child.tag not in _LOOKS:
+        if child.tag not in readable and child.tag not in _LOOKS:
             within = "" if element.tag == "robot" else f" of <{element.tag}>"
             yield f"<{child.tag}>{within}", name or child.attributes.get("name", "")
 
 
-def _unsaid(element: RawElement, name: str) -> Iterator[Told]:
-    """Yield the attributes of an element that mean nothing."""
-    for key in element.attributes if element.tag in _SAID else ():
-        if key not in _SAID[element.tag] and not key.startswith("xmlns"):
+def _unknown_attributes(element: RawElement, name: str) -> Iterator[Note]:
+    """Yield the attributes of an element that have no meaning."""
+    for key in element.attributes if element.tag in _MEANINGFUL_ATTRIBUTES else ():
+        if key not in _MEANINGFUL_ATTRIBUTES[element.tag] and not key.startswith("xmlns"):
             yield f"{key} of <{element.tag}>", name

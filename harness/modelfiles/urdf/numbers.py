@@ -1,4 +1,4 @@
-"""The numbers of a URDF, and the tree that results where some of them are others.
+"""The numbers of a URDF, and the tree for other values.
 
 A changed number is read again with its link or its joint; the rest stays as it was read.
 """
@@ -13,7 +13,12 @@ from pathlib import Path
 from physics_crosscheck.harness.modelfiles.couplings import couplings
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.numbers import Numeral, numerals, put, with_values
+from physics_crosscheck.harness.modelfiles.numbers import (
+    Number,
+    numerals,
+    set_temporarily,
+    with_values,
+)
 from physics_crosscheck.harness.modelfiles.urdf.parts import (
     read_joint,
     read_joints,
@@ -28,11 +33,11 @@ from physics_crosscheck.harness.modelfiles.urdf.tree import held_still, planned
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.tree import Tree
 
-_SAYING = re.compile(
+_RELEVANT = re.compile(
     r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping|joint/mimic@.*"
     r"|gazebo/spring(Stiffness|Reference))"
 )
-"""Numbers that a tree is made of."""
+"""Numbers that affect a tree."""
 
 
 class UrdfNumbers:
@@ -41,12 +46,12 @@ class UrdfNumbers:
     Args:
         path: of the file.
         floating: whether its root moves freely.
-        held: joints that stand still.
+        held: joints that are fixed.
 
     Attributes:
         numerals: all of them, in the file's order.
-        saying: indices of those that may say something of the tree.
-        unread: none, since a file that is no XML is refused.
+        relevant_numbers: indices of those that may affect the tree.
+        unread: empty, since a file that is not XML is refused.
     """
 
     unread: tuple[str, ...] = ()
@@ -57,25 +62,25 @@ class UrdfNumbers:
         self._root = root_of(self._document, self._links, self._joints)
         self._held = held
         self._floating = floating and self._root != IMPLICIT
-        self.numerals: tuple[Numeral, ...] = numerals(self._document)
+        self.numerals: tuple[Number, ...] = numerals(self._document)
         owners = {id(link.element) for link in self._links.values()}
         owners |= {id(joint.element) for joint in self._joints.values()}
         owners |= {id(one) for one in self._document.root.children if one.tag == "gazebo"}
-        self.saying = tuple(
+        self.relevant_numbers = tuple(
             i
             for i, one in enumerate(self.numerals)
-            if _SAYING.fullmatch(one.path) and id(_owner(one.element)) in owners
+            if _RELEVANT.fullmatch(one.path) and id(_owner(one.element)) in owners
         )
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
-        """The tree with other values of some numbers, by their index; None where there is none."""
+        """Return the tree with other values of some numbers, by index, or None."""
         document, root = self._document, self._root
         if root is None:
             return None
-        known = len(document.obstacles)
+        count = len(document.obstacles)
         with ExitStack() as restored:
             for index, value in values.items():
-                put(self.numerals[index], value, restored)
+                set_temporarily(self.numerals[index], value, restored)
             elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
             links, joints = dict(self._links), dict(self._joints)
             for element in elements.values():
@@ -88,17 +93,17 @@ class UrdfNumbers:
             springs, mimics = read_springs(document), read_mimics(document, moving)
             bodies = planned(root, links, moving, self._floating).with_springs(springs)
             tree = assembled(bodies, GRAVITY, couplings=couplings(mimics)).tree
-        if len(document.obstacles) > known:
-            del document.obstacles[known:]
+        if len(document.obstacles) > count:
+            del document.obstacles[count:]
             return None
         return tree
 
-    def taken(self) -> tuple[tuple[str, Tree], ...]:
-        """None: no engine compiles it."""
+    def engine_variants(self) -> tuple[tuple[str, Tree], ...]:
+        """Return nothing: no engine compiles the file."""
         return ()
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """The file with other values of some numbers."""
+        """Return the file with other values of some numbers."""
         return {self._document.path: with_values(self._document.data, self.numerals, values)}
 
     def _owner(self, index: int) -> RawElement | None:
@@ -106,7 +111,7 @@ class UrdfNumbers:
 
 
 def _owner(element: RawElement) -> RawElement | None:
-    """The element of the root in which another one is."""
+    """Return the child of the root that contains an element."""
     while element.parent is not None and element.parent.parent is not None:
         element = element.parent
     return None if element.parent is None else element

@@ -1,4 +1,4 @@
-"""Links and joints of a URDF, each by itself: before it is known what hangs from what."""
+"""Links and joints of a URDF, each by itself, before the tree is built."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.modelfiles.couplings import Mimic, acyclic
+from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, acyclic
 from physics_crosscheck.harness.modelfiles.document import EXPAND, Document, read_numbers
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import brief
+from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.reference.mechanism.bodies import ZERO, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind
@@ -26,22 +26,22 @@ KINDS: Mapping[str, Kind | None] = MappingProxyType(
         "fixed": None,
     }
 )
-"""What a joint's type is in a tree; nothing of what is welded. "spherical" is one engine's own."""
+"""The kind of joint in a tree; None for a fixed joint. Only one engine defines "spherical"."""
 
 ENDLESS = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UrdfLink:
-    """A link: its element, and its body, of which it is not known yet what it hangs from."""
+    """A link: its element, and its body, which has no parent yet."""
 
     name: str
     element: RawElement
     body: RigidBody
 
     @property
-    def lump(self) -> SpatialInertia:
-        """Its mass in its own frame."""
+    def spatial_inertia(self) -> SpatialInertia:
+        """Its mass and inertia in its own frame."""
         return self.body.spatial_inertia
 
 
@@ -50,12 +50,12 @@ class UrdfJoint:
     """A joint.
 
     Attributes:
-        kind: None of a fixed one.
+        kind: None for a fixed joint.
         parent, child: names of links.
-        at, rpy: place of its frame in the parent's.
+        origin, rpy: pose of its frame in the parent's.
         axis: direction in its frame, of any length but zero.
         damping: N s/m or N m s/rad.
-        bounds: of its position; infinite ones where they hold nothing.
+        bounds: of its position; infinite without a limit.
     """
 
     name: str
@@ -63,7 +63,7 @@ class UrdfJoint:
     kind: Kind | None
     parent: str
     child: str
-    at: Triple
+    origin: Triple
     rpy: Triple
     axis: Triple
     damping: float
@@ -71,47 +71,47 @@ class UrdfJoint:
 
 
 def read_links(document: Document) -> dict[str, UrdfLink]:
-    """The links by their names; what is wrong with them is noted in the document."""
-    found: dict[str, UrdfLink] = {}
+    """Return the links by name; problems are noted in the document."""
+    links: dict[str, UrdfLink] = {}
     for name, element in _named(document, "link").items():
-        found[name] = read_link(document, element, name)
-    return found
+        links[name] = read_link(document, element, name)
+    return links
 
 
 def read_link(document: Document, element: RawElement, name: str) -> UrdfLink:
-    """One of them."""
+    """Read a link."""
     return UrdfLink(name=name, element=element, body=_body(document, element, name))
 
 
 def read_joints(document: Document) -> dict[str, UrdfJoint]:
-    """The joints by their names, but those that make no sense, which are noted in the document."""
+    """Return the joints by name, without invalid ones, which are noted in the document."""
     named = _named(document, "joint")
     return {name: read_joint(document, element, name) for name, element in named.items()}
 
 
 def read_joint(document: Document, element: RawElement, name: str) -> UrdfJoint:
-    """One of them."""
-    kind, what = element.attributes.get("type", ""), f"joint {brief(name)}"
+    """Read a joint."""
+    kind, what = element.attributes.get("type", ""), f"joint {quote(name)}"
     if kind == "planar":
-        document.hinder(
+        document.add_problem(
             element,
             f"{what} is planar, which is not covered",
             "write two prismatic joints and a continuous one",
             "unsupported",
         )
     elif kind not in KINDS:
-        document.hinder(
-            element, f"{what} is of type {brief(kind)}", f"types are {', '.join(KINDS)}"
+        document.add_problem(
+            element, f"{what} is of type {quote(kind)}", f"types are {', '.join(KINDS)}"
         )
     ends = [_end(document, element, tag, what) for tag in ("parent", "child")]
-    at, rpy = _place(document, element, what)
+    origin, rpy = _place(document, element, what)
     return UrdfJoint(
         name=name,
         element=element,
         kind=KINDS.get(kind),
         parent=ends[0],
         child=ends[1],
-        at=at,
+        origin=origin,
         rpy=rpy,
         axis=_axis(document, element, KINDS.get(kind), what),
         damping=document.number(document.child(element, "dynamics"), "damping", 0.0, what),
@@ -120,12 +120,12 @@ def read_joint(document: Document, element: RawElement, name: str) -> UrdfJoint:
 
 
 def read_springs(document: Document) -> dict[str, tuple[float, float]]:
-    """Stiffness and rest of joints, in Gazebo's convention: by what `<gazebo>` refers to.
+    """Return stiffness and rest of joints by their reference, in Gazebo's convention.
 
     `<gazebo reference="joint"><springStiffness>k</springStiffness>
     <springReference>rest</springReference></gazebo>` (SDFormat 1.x, URDF extensions).
     """
-    found: dict[str, tuple[float, float]] = {}
+    springs: dict[str, tuple[float, float]] = {}
     for element in document.root.children:
         if element.tag != "gazebo":
             continue
@@ -135,28 +135,28 @@ def read_springs(document: Document) -> dict[str, tuple[float, float]]:
         name = element.attributes.get("reference", "")
         rest = document.child(element, "springReference")
         spring = _text(document, stiffness, name), _text(document, rest, name)
-        if found.setdefault(name, spring) != spring:
-            document.hinder(
-                stiffness, f"a second spring of joint {brief(name)}", "keep one of them"
+        if springs.setdefault(name, spring) != spring:
+            document.add_problem(
+                stiffness, f"a second spring of joint {quote(name)}", "keep one of them"
             )
-    return found
+    return springs
 
 
 def _named(document: Document, tag: str) -> dict[str, RawElement]:
-    found: dict[str, RawElement] = {}
+    by_name: dict[str, RawElement] = {}
     for element in document.root.children:
         if element.tag != tag:
             continue
         name = element.attributes.get("name", "")
         if not name:
-            document.hinder(element, f"a <{tag}> has no name", "give it a unique name")
-        elif name in found:
-            document.hinder(
-                element, f"a second {tag} is called {brief(name)}", "give it a unique name"
+            document.add_problem(element, f"a <{tag}> has no name", "give it a unique name")
+        elif name in by_name:
+            document.add_problem(
+                element, f"a second {tag} is called {quote(name)}", "give it a unique name"
             )
         else:
-            found[name] = element
-    return found
+            by_name[name] = element
+    return by_name
 
 
 def _body(document: Document, link: RawElement, name: str) -> RigidBody:
@@ -164,13 +164,13 @@ def _body(document: Document, link: RawElement, name: str) -> RigidBody:
     inertial = document.child(link, "inertial")
     if inertial is None:
         return bare
-    what = f"link {brief(name)}"
+    what = f"link {quote(name)}"
     center, rpy = _place(document, inertial, f"<inertial> of {what}")
     mass, inertia = document.child(inertial, "mass"), document.child(inertial, "inertia")
     if mass is None and inertia is None:
         return bare
     if mass is None or "value" not in mass.attributes:
-        document.hinder(mass or inertial, f"{what} has an inertial without mass",
+        document.add_problem(mass or inertial, f"{what} has an inertial without mass",
                         'write <mass value="..."/>, in kg')  # fmt: skip
     weight = document.number(mass, "value", 0.0, f"<mass> of {what}")
     return replace(
@@ -185,11 +185,13 @@ def _body(document: Document, link: RawElement, name: str) -> RigidBody:
 def _tensor(
     document: Document, inertial: RawElement, inertia: RawElement | None, mass: float, what: str
 ) -> tuple[float, float, float, float, float, float]:
-    """About the center of mass, in the axes of `<inertial>`; products that are not told are 0."""
-    told = {} if inertia is None else inertia.attributes
-    missing = [key for key in ("ixx", "iyy", "izz") if key not in told]
-    if missing and (mass or told):
-        document.hinder(
+    """Return the tensor about the center of mass, in the axes of `<inertial>`; products default to
+    0.
+    """
+    stated = {} if inertia is None else inertia.attributes
+    missing = [key for key in ("ixx", "iyy", "izz") if key not in stated]
+    if missing and (mass or stated):
+        document.add_problem(
             inertia or inertial,
             f"the inertia of {what} has no {' and no '.join(missing)}",
             "write all of ixx, ixy, ixz, iyy, iyz and izz, in kg m^2",
@@ -202,7 +204,7 @@ def _tensor(
 
 
 def _place(document: Document, element: RawElement, what: str) -> tuple[Triple, Triple]:
-    """Origin and rpy."""
+    """Return origin and rpy."""
     origin = document.child(element, "origin")
     if origin is None:
         return ZERO, ZERO
@@ -215,21 +217,21 @@ def _end(document: Document, joint: RawElement, tag: str, what: str) -> str:
     element = document.child(joint, tag)
     link = "" if element is None else element.attributes.get("link", "")
     if not link:
-        document.hinder(joint, f"{what} has no {tag}", f'write <{tag} link="..."/>')
+        document.add_problem(joint, f"{what} has no {tag}", f'write <{tag} link="..."/>')
     return link
 
 
 def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -> Triple:
-    """The x axis where none is told, and of joints that have none."""
+    """Return the axis; x by default, and for joints without an axis."""
     default = (1.0, 0.0, 0.0)
     element = document.child(joint, "axis")
     if kind not in ("hinge", "slide"):
         return default
     if element is not None and "xyz" not in element.attributes:
-        document.hinder(element, f"the <axis> of {what} has no xyz", 'write <axis xyz="..."/>')
+        document.add_problem(element, f"the <axis> of {what} has no xyz", 'write <axis xyz="..."/>')
     x, y, z = document.numbers(element, "xyz", default, f"<axis> of {what}")
     if not (x or y or z):
-        document.hinder(
+        document.add_problem(
             element or joint, f"the axis of {what} has no length", "give it a direction"
         )
         return default
@@ -237,54 +239,54 @@ def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -
 
 
 def _bounds(document: Document, joint: RawElement, kind: str) -> tuple[float, float]:
-    """Of its position; a lower one above the upper one holds nothing, nor do unreadable ones.
+    """Return position bounds; infinite if lower is above upper, or they can't be read.
 
-    Where one of both is told, the other is 0, as the format has it; no engine holds a joint at
-    bounds of which neither is told.
+    If only one bound is stated, the other is 0, as the format defines; without both, engines apply
+    no limit.
     """
     limit = document.child(joint, "limit")
-    told = {} if limit is None else limit.attributes
-    if kind not in ("revolute", "prismatic") or not {"lower", "upper"} & set(told):
+    stated = {} if limit is None else limit.attributes
+    if kind not in ("revolute", "prismatic") or not {"lower", "upper"} & set(stated):
         return ENDLESS
-    lower, upper = (read_numbers(told.get(key, "0"), 1) for key in ("lower", "upper"))
+    lower, upper = (read_numbers(stated.get(key, "0"), 1) for key in ("lower", "upper"))
     if lower is None or upper is None or lower > upper:
         return ENDLESS
     return lower[0], upper[0]
 
 
 def _text(document: Document, element: RawElement | None, joint: str) -> float:
-    """The number of a spring; 0 where there is no element."""
+    """Return the number of a spring; 0 without an element."""
     if element is None:
         return 0.0
-    found = read_numbers(element.text, 1)
-    if found is None or not np.isfinite(found[0]):
-        document.hinder(
+    values = read_numbers(element.text, 1)
+    if values is None or not np.isfinite(values[0]):
+        document.add_problem(
             element,
-            f"<{element.tag}> of joint {brief(joint)} is "
-            f"{brief(element.text.strip())}; expected a finite number",
+            f"<{element.tag}> of joint {quote(joint)} is "
+            f"{quote(element.text.strip())}; expected a finite number",
             EXPAND if "$" in element.text else "write a number",
             "file",
         )
         return 0.0
-    return found[0]
+    return values[0]
 
 
-def read_mimics(document: Document, joints: Mapping[str, UrdfJoint]) -> dict[str, Mimic]:
-    """By the following joint's name.
+def read_mimics(document: Document, joints: Mapping[str, UrdfJoint]) -> dict[str, MimicLeader]:
+    """Return the mimics by the follower's name.
 
-    A gear holds rates, so that one with an offset, or with the multiplier zero, is none; it is left
-    free, as is one whose leader is no hinge and no slide, or that follows itself by way of others.
+    A gear constrains velocities. A mimic with an offset or a zero multiplier is therefore left
+    free, and so is one whose leader is not a hinge or slide, or that follows itself through others.
     """
-    found: dict[str, Mimic] = {}
+    mimics: dict[str, MimicLeader] = {}
     for name, joint in joints.items():
         mimic = document.child(joint.element, "mimic")
         if mimic is None or joint.kind not in ("hinge", "slide"):
             continue
         leader = joints.get(mimic.attributes.get("joint", ""))
-        what = f"<mimic> of joint {brief(name)}"
+        what = f"<mimic> of joint {quote(name)}"
         multiplier = document.number(mimic, "multiplier", 1.0, what)
         offset = document.number(mimic, "offset", 0.0, what)
         single = leader is not None and leader.kind in ("hinge", "slide")
         if leader is not None and single and multiplier and not offset:
-            found[name] = Mimic(leader.name, multiplier)
-    return acyclic(found)
+            mimics[name] = MimicLeader(leader.name, multiplier)
+    return acyclic(mimics)

@@ -1,4 +1,4 @@
-"""Links and joints of a URDF put together: what hangs from what, each link a body."""
+"""Links and joints of a URDF, connected: each link is a body with its parent."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ Springs = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What hangs from what.
+class UrdfPlan:
+    """The bodies of a URDF, connected.
 
     Attributes:
-        bodies: the links, each after the one that carries it.
+        bodies: the links, each after its parent.
     """
 
     bodies: tuple[RigidBody, ...]
 
     def with_springs(self, springs: Springs) -> tuple[RigidBody, ...]:
-        """The bodies with springs on their hinges and slides."""
+        """Return the bodies with springs on their hinges and slides."""
         return tuple(
             replace(body, joints=tuple(_sprung(one, springs) for one in body.joints))
             for body in self.bodies
@@ -38,15 +38,15 @@ def _sprung(joint: Joint, springs: Springs) -> Joint:
 
 
 def held_still(joints: Mapping[str, UrdfJoint], names: Collection[str]) -> dict[str, UrdfJoint]:
-    """The joints with some of them fixed where the file draws them."""
+    """Return the joints with some of them fixed at their drawn positions."""
     return {name: replace(one, kind=None) if name in names else one for name, one in joints.items()}
 
 
 def planned(
     root: str, links: Mapping[str, UrdfLink], joints: Mapping[str, UrdfJoint], floating: bool
-) -> Plan:
-    """Bodies depth first, from the root; joints of one link in the file's order."""
-    return Plan(tuple(_bodies(root, links, joints, floating)))
+) -> UrdfPlan:
+    """Return bodies depth first, from the root; joints of one link in the file's order."""
+    return UrdfPlan(tuple(_bodies(root, links, joints, floating)))
 
 
 def _bodies(
@@ -61,20 +61,20 @@ def _bodies(
     waiting = list(reversed(below.get(root, [])))
     while waiting:
         joint = waiting.pop()
-        # What moves freely beside a root that stands still counts from the world, as engines do.
+        # A free body next to a fixed root counts from the world, as in engines.
         loose = joint.kind == "free" and joint.parent == root and not floating
         yield replace(
             links[joint.child].body,
             parent=joint.parent if carried or joint.parent != root else None,
-            position=ZERO if loose else joint.at,
+            position=ZERO if loose else joint.origin,
             rpy=ZERO if loose else joint.rpy,
-            joints=_own(joint),
+            joints=_joints_of(joint),
         )
         waiting += reversed(below.get(joint.child, []))
 
 
-def _own(joint: UrdfJoint) -> tuple[Joint, ...]:
-    """None of a fixed one."""
+def _joints_of(joint: UrdfJoint) -> tuple[Joint, ...]:
+    """Return the joint of a body; empty for a fixed one."""
     if joint.kind is None:
         return ()
     return (
@@ -89,7 +89,7 @@ def _own(joint: UrdfJoint) -> tuple[Joint, ...]:
 
 
 def _free(root: str, joints: Mapping[str, UrdfJoint]) -> tuple[Joint, ...]:
-    """The joint of a root that moves freely: called as the link, unless a joint is."""
+    """Return the joint of a floating root: with the link's name, unless a joint has it."""
     name = root
     while name in joints:
         name += "_free"

@@ -1,8 +1,8 @@
-"""A file of XML without what a strict parser stops at and engines read over.
+"""XML text without errors that a strict parser rejects and engines ignore.
 
-Measured with MuJoCo 4.0.0 and PyBullet 3.2.7, whose parsers are of one family (TinyXML-2): both
-take blank lines before the declaration, a byte order mark, Latin-1 (whatever is declared), two
-hyphens in a comment, and a zero byte at the end.
+MuJoCo 4.0.0 and PyBullet 3.2.7, whose parsers are of one family (TinyXML-2), accept blank lines
+before the declaration, a byte order mark, Latin-1 (whatever is declared), two hyphens in a comment,
+and a zero byte at the end.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ _HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
 _HIDDEN = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-"""How a text of two bytes a character begins, which no engine reads."""
+"""First bytes of UTF-16 text, which no engine reads."""
 
 
-def mended(data: bytes) -> bytes:
-    """The file as UTF-8, in which all that is left stands in its line."""
+def repaired_xml(data: bytes) -> bytes:
+    """Return the file as UTF-8, with the content on its original lines."""
     plain = _decoded(data).encode("utf-8").rstrip(b"\0 \t\r\n") + b"\n"
     if head := _HEAD.match(plain):
         plain = _blank(head[0]) + plain[head.end() :]
@@ -25,7 +25,7 @@ def mended(data: bytes) -> bytes:
 
 
 def _decoded(data: bytes) -> str:
-    """The text; bytes that are no such text are characters of their own, so that names differ."""
+    """Return the text; undecodable bytes become distinct characters, so that names differ."""
     if data.startswith(UTF_16):
         return data.decode("utf-16", errors="replace")
     head = _HEAD.match(data)

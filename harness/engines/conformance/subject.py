@@ -1,4 +1,4 @@
-"""What every check has: an adapter, and a model of it with states near its home."""
+"""The input of every check: an adapter, and a model with states near its home."""
 
 from __future__ import annotations
 
@@ -10,74 +10,74 @@ from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, Mo
 
 BATCH, STEPS, EVERY = 3, 12, 4
 NEAR = 0.05
-"""Share of its reach by which a coordinate is away from home, and of it in a second."""
+"""Share of its sampling range by which a coordinate differs from home, also per second."""
 
 Motion = tuple[Array, Array]
 
 
 class BrokenError(AssertionError):
-    """What a check has found wrong; the message is a sentence."""
+    """The problem that a check finds; the message is a sentence."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class ConformanceSubject:
     """An adapter, and a model for it."""
 
     engine: Engine
     spec: ModelSpec
 
     def load(self) -> Loaded:
-        """The model, loaded anew."""
+        """Load the model again."""
         model = self.engine.load(self.spec)
         return Loaded(model, model.step)
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """A model with the step that it ships with, seconds."""
+    """A model with the file's own time step, seconds."""
 
     model: Model
     h: float
 
     @property
     def size(self) -> int:
-        """How many coordinates it has."""
+        """The number of coordinates."""
         return len(self.model.coordinates)
 
     def states(self) -> Motion:
-        """Positions and velocities near home, (BATCH, nz) each."""
+        """Return positions and velocities near home, (BATCH, nz) each."""
         random = np.random.default_rng(5)
-        half = np.diff(self.model.reach, axis=1)[:, 0] / 2
+        half = np.diff(self.model.sampling_range, axis=1)[:, 0] / 2
         q = self.model.home + NEAR * half * random.uniform(-1, 1, (BATCH, self.size))
         return q, NEAR * half * random.uniform(-1, 1, (BATCH, self.size))
 
     def pushes(self, n: int) -> Array:
-        """Forces that differ from step to step, (BATCH, n, nz)."""
+        """Return forces that differ from step to step, (BATCH, n, nz)."""
         return np.random.default_rng(7).uniform(-0.01, 0.01, (BATCH, n, self.size))
 
     def run(
         self, states: Motion, n: int, force: Force, every: int, h: float | None = None
     ) -> Motion:
-        """A rollout of these states, in arrays of its own."""
+        """Return a rollout of these states, in new arrays."""
         q, v = (values.copy() for values in states)
         z, w = self.model.rollout(q, v, h or self.h, n, force, every)
         return z.copy(), w.copy()
 
     def free(self, n: int = STEPS, every: int | None = None, h: float | None = None) -> Motion:
-        """A rollout without forces."""
+        """Return a rollout without forces."""
         return self.run(self.states(), n, None, every or n, h)
 
     def pushed(self, n: int = STEPS, every: int | None = None) -> Motion:
-        """A rollout with forces."""
+        """Return a rollout with forces."""
         return self.run(self.states(), n, self.pushes(n), every or n)
 
 
 def ask(holds: bool, sentence: str) -> None:
-    """Raise what is wrong, unless it holds."""
+    """Raise a BrokenError with this sentence unless the condition holds."""
     if not holds:
         raise BrokenError(sentence)
 
 
 def alike(first: Motion, second: Motion) -> bool:
-    """Bitwise, NaN being itself."""
+    """Return whether two motions are bitwise equal, with NaN equal to NaN."""
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True))
