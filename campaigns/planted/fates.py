@@ -19,7 +19,7 @@ from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -180,7 +180,9 @@ def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted
     fate, said = Fate.INVISIBLE, ""
     if effect > ROUNDING:
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-            copy = copied(ground.prepared.file, ground.numbers.texts({index: value}), Path(folder))
+            copy = copy_with_texts(
+                ground.prepared.file, ground.numbers.texts({index: value}), Path(folder)
+            )
             fate, said = judged(copy, one, value, effect)
     return Planted(
         file=one.file.name,

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, 
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task
-from physics_crosscheck.harness.modelfiles.inertias import impossible
+from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -47,7 +47,7 @@ def read_entry(file: Path) -> Entry:
         freedoms=0 if robot.tree is None else robot.tree.dof,
         obstacles=tuple(map(str, robot.obstacles)),
         left_out=tuple(sorted({one.what for one in robot.left_out})),
-        impossible=tuple(sorted({one.kind for one in impossible(robot)})),
+        impossible=tuple(sorted({one.kind for one in impossible_inertias(robot)})),
     )
 
 

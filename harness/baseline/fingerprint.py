@@ -19,7 +19,11 @@ from physics_crosscheck.harness.modelfiles.path_states import (
     states_now,
     without_content,
 )
-from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, left_to_others, read_sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import (
+    SidecarError,
+    drop_absent_models,
+    read_sidecar,
+)
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.records.baseline import RobotOptions
 
@@ -124,7 +128,7 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
     beside = {name: digest(folder / name) for name in _inside(folder, apart) if name not in own}
     system = digest(folder / "system.py")
     found = []
-    for name, sidecar in zip(sidecars, left_to_others(sidecars.values()), strict=True):
+    for name, sidecar in zip(sidecars, drop_absent_models(sidecars.values()), strict=True):
         copies = (name, f"{name}.toml", "system.py")
         hashes = {copy: digest(folder / copy) for copy in copies}
         named = {}

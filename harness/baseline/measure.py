@@ -24,7 +24,7 @@ from physics_crosscheck.harness.baseline.snapshot import (
 from physics_crosscheck.harness.checks.case import CaseTask, load
 from physics_crosscheck.harness.checks.prepare import Prepared
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import rows
@@ -91,7 +91,7 @@ def measure(task: MeasureTask) -> Measurement:
         EngineError, SidecarError, BlownUpError: naming what could not be run.
     """
     folder = task.sidecar.model.parent
-    with recorded(folder) as reads:
+    with record_reads(folder) as reads:
         found = _measured(task)
     return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
 

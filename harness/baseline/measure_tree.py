@@ -16,7 +16,7 @@ from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
 from physics_crosscheck.harness.baseline.snapshot import PICKED, ends, segments_of
 from physics_crosscheck.harness.checks.robot_task import RobotTask, load_robot, order_of
 from physics_crosscheck.harness.checks.verdict import filled
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.records.base import rows
 from physics_crosscheck.harness.records.baseline import Measurement, OnAccepted, Snapshot
@@ -52,7 +52,7 @@ def measure_tree(task: MeasureTreeTask) -> Measurement:
     folder = Path(task.task.folder)
     if folder == task.task.file:
         return _measured(task)  # the file given alone is hashed with all that it names
-    with recorded(folder) as reads:
+    with record_reads(folder) as reads:
         found = _measured(task)
     return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
 

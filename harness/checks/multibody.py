@@ -21,7 +21,7 @@ from physics_crosscheck.harness.checks.robot_case import (
 )
 from physics_crosscheck.harness.checks.robot_record import robot_findings, told, tree_record
 from physics_crosscheck.harness.checks.robot_task import RobotTask
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import CaseId
@@ -107,7 +107,7 @@ def prepare_folder(
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
     began = time.perf_counter()
-    with recorded(folder) as reads:
+    with record_reads(folder) as reads:
         declared = load_declaration(folder)
     if isinstance(declared, System):
         return derived(folder, declared, reads.states(), began, described=described)

@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.engines.registry import installs
+from physics_crosscheck.harness.engines.registry import install_command
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
@@ -55,7 +55,9 @@ def hurdle(known: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hur
 def absent(engine: Engine) -> Hurdle | None:
     """That an engine is not installed; None where it is."""
     if engine.version() is None:
-        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed; {installs(engine)}", "")
+        return Hurdle(
+            Outcome.ABSENT, f"{engine.name} is not installed; {install_command(engine)}", ""
+        )
     return None
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.system_record import system_record
 from physics_crosscheck.harness.checks.verdict import component_scale, filled
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
@@ -76,7 +76,7 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
     began = time.perf_counter()
-    with recorded(folder) as reads:
+    with record_reads(folder) as reads:
         system = load_system(folder)
     return derived(folder, system, reads.states(), began, described=described)
 

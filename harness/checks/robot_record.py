@@ -13,7 +13,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
-from physics_crosscheck.harness.modelfiles.inertias import impossible
+from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
@@ -46,7 +46,7 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
             found=None,
             severity="note" if one.link in still else "finding",
         )
-        for one in impossible(robot)
+        for one in impossible_inertias(robot)
     )
 
 

@@ -12,7 +12,7 @@ from physics_crosscheck.harness.engines.compiled import CompiledActuator, Compil
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
 from physics_crosscheck.harness.modelfiles.folders import FORMATS
-from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
@@ -218,7 +218,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         check_parts(path)
     except PartError as error:
         raise UnreadableModelError(str(error)) from None
-    if path.suffix in FORMATS and (why := no_xml(path, strict=path.suffix != ".xml")):
+    if path.suffix in FORMATS and (why := xml_problem(path, strict=path.suffix != ".xml")):
         raise UnreadableModelError(why)
     sidecar = read_sidecar(beside) if beside.exists() else None
     name = _engine(label, path, engine, sidecar)

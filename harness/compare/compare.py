@@ -34,7 +34,7 @@ from physics_crosscheck.harness.compare.terms import Frame, Term, terms
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.modelfiles.inertias import impossible
+from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
@@ -187,7 +187,7 @@ def _impossible(made: Prepared) -> tuple[str, ...]:
     told = [
         str(one)
         for robot in robots
-        for one in impossible(robot)
+        for one in impossible_inertias(robot)
         if one.link not in {part.name for part in robot.parts if part.body == WORLD}
     ]
     return tuple(dict.fromkeys(told))

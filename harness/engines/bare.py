@@ -27,7 +27,7 @@ def bare_links(robot: ET.Element) -> list[str]:
     ]
 
 
-def weightless(robot: ET.Element) -> None:
+def zero_missing_inertials(robot: ET.Element) -> None:
     """Give these links an explicit mass and moments of inertia of zero."""
     bare = set(bare_links(robot))
     for link in robot.findall("link"):

@@ -14,7 +14,9 @@ STDOUT, STDERR = 1, 2
 
 
 @contextmanager
-def captured(streams: Sequence[int] = (STDOUT,), *, again: bool = True) -> Iterator[list[str]]:
+def capture_output(
+    streams: Sequence[int] = (STDOUT,), *, again: bool = True
+) -> Iterator[list[str]]:
     """Yield a list that holds the text of each stream after the block ends.
 
     Args:

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.urdf import Mimic
 
 
-def leading(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Array:
+def leader_matrix(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Array:
     """Return G of v = G v', (n, n - followers), where v' are the velocities of the leaders.
 
     Args:
@@ -40,7 +40,7 @@ def leading(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Arr
     return rows
 
 
-def held_accelerations(mass: Array, force: Array, along: Array) -> Array:
+def constrained_accelerations(mass: Array, force: Array, along: Array) -> Array:
     """Solve M a = force subject to v = along v'; the constraint forces do no work.
 
     Args:
@@ -48,12 +48,12 @@ def held_accelerations(mass: Array, force: Array, along: Array) -> Array:
         force: (..., n).
         along: by `leading`, (n, n').
     """
-    led = _solved(along.T @ mass @ along, (along.T @ force[..., None])[..., 0])
+    led = _solve(along.T @ mass @ along, (along.T @ force[..., None])[..., 0])
     result: Array = (along @ led[..., None])[..., 0]
     return result
 
 
-def _solved(a: Array, b: Array) -> Array:
+def _solve(a: Array, b: Array) -> Array:
     """Solve A x = b, (..., k); faster than numpy's solver for up to two leaders."""
     if b.shape[-1] == 1:
         return b / a[..., 0]

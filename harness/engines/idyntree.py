@@ -13,13 +13,13 @@ from types import MappingProxyType
 import numpy as np
 
 from physics_crosscheck.harness.engines.attitude import cross, matrix, turned
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
-from physics_crosscheck.harness.engines.following import held_accelerations, leading
-from physics_crosscheck.harness.engines.installed import quietly
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
+from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
+from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import each_alone, to_state
-from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.stepped_here import (
     ADDED_HERE,
     SteppedHere,
@@ -75,15 +75,15 @@ class IdyntreeModel(SteppedHere, UrdfModel):
     """A tree of slides and hinges, fixed or floating."""
 
     def __init__(self, spec: ModelSpec) -> None:
-        idt = quietly("idyntree.bindings")
+        idt = import_quietly("idyntree.bindings")
         kept = (with_masses,) if spec.settings.get("massless_links") else ()
         UrdfModel.__init__(self, spec, "iDynTree", READER, DEFAULTS, (without_shapes, *kept))
         self._loader = idt.ModelLoader()  # owns the model
-        with captured((STDOUT, STDERR), again=False) as printed:
+        with capture_output((STDOUT, STDERR), again=False) as printed:
             done = self._loader.loadModelFromString(self.declared.text, "urdf")
         # After an error iDynTree continues with the rest of the file.
         if not done or any("[ERROR]" in text for text in printed):
-            raise EngineError(f"{spec.path}: iDynTree can't load it: {folded(' '.join(printed))}")
+            raise EngineError(f"{spec.path}: iDynTree can't load it: {one_line(' '.join(printed))}")
         self._model = self._loader.model()
         self._centres = {
             self._model.getLinkName(i): np.array(link.getCenterOfMass().toNumPy())
@@ -96,7 +96,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         self._bias = idt.FreeFloatingGeneralizedTorques(self._model)
         self._springs = self.dampers(*self._joints())
         held = self.mimics if self.settings["hold_mimics"] else ()
-        self._along = leading(held, self.coordinates, self.path) if held else None
+        self._along = leader_matrix(held, self.coordinates, self.path) if held else None
         # Pose of iDynTree's base link in the file's root link.
         base = self._model.getLinkName(self._model.getDefaultBaseLink())
         placed = self._computed.getRelativeTransform(self.declared.root, base)
@@ -134,7 +134,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         """Return the accelerations of one state, (n,) each."""
         force = f if self._springs.empty else f + self._springs.forces(x, m)
         mass, bias = self._mass_and_bias(x, m)
-        return self._solved(mass[FREE:, FREE:], force - bias[FREE:])
+        return self._solve(mass[FREE:, FREE:], force - bias[FREE:])
 
     def _floating(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations at the root's origin; iDynTree's are at its base link, along world
@@ -150,7 +150,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
             self._mass_and_bias(self._frame(w, q[:3]), q[FREE + 1 :], v, u) for w, q, v, u in rows
         ]
         mass, bias = (np.array(part) for part in zip(*rows_of_terms, strict=True))
-        a = self._solved(mass, forces - bias)
+        a = self._solve(mass, forces - bias)
         a[:, :3] -= cross(a[:, 3:6], arm) + cross(spin, cross(spin, arm))
         a[:, 3:6] = turned(turn.swapaxes(1, 2), a[:, 3:6])
         return a
@@ -161,9 +161,9 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         pose[:3, :3], pose[:3, 3] = turn @ self._turn, origin + turn @ self._arm
         return pose
 
-    def _solved(self, mass: Array, force: Array) -> Array:
+    def _solve(self, mass: Array, force: Array) -> Array:
         if self._along is not None:
-            return held_accelerations(mass, force, self._along)
+            return constrained_accelerations(mass, force, self._along)
         try:
             return np.asarray(np.linalg.solve(mass, force[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError:

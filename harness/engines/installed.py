@@ -30,11 +30,11 @@ def version_of(package: str, distribution: str) -> str | None:
 
     "unknown" for a package without that distribution, as some of ROS.
     """
-    return _looked_up(package, distribution, python_path())
+    return _cached_version(package, distribution, python_path())
 
 
 @lru_cache(maxsize=64)
-def _looked_up(package: str, distribution: str, _: Path) -> str | None:
+def _cached_version(package: str, distribution: str, _: Path) -> str | None:
     if importlib.util.find_spec(package) is None:
         return None
     try:
@@ -43,7 +43,7 @@ def _looked_up(package: str, distribution: str, _: Path) -> str | None:
         return "unknown"
 
 
-def quietly(name: str) -> Any:
+def import_quietly(name: str) -> Any:
     """Import a module whose import warns: SWIG modules end the process if warnings are errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, shaped
+from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, has_shape_inertia
 from physics_crosscheck.harness.engines.mjcf_inertias import is_aligned
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
 from physics_crosscheck.harness.engines.source import finite_numbers
@@ -37,7 +37,7 @@ _KEPT = {
 """Attributes that describe bodies and joints."""
 
 
-def copied(
+def copy_mjcf(
     declared: DeclaredMjcf,
     *,
     limits: bool,
@@ -106,7 +106,7 @@ class _Copy:
         inherited = body.get("childclass", inherited)
         copy = _shallow(parent, body, self._gone)
         copy.set("name", self._names[body])
-        weighing = "geom" if shaped(self._source, body) else "inertial"
+        weighing = "geom" if has_shape_inertia(self._source, body) else "inertial"
         if compiled := self._inertias.get(body):
             weighing = ""
             _state_inertia(copy, compiled)

@@ -86,7 +86,7 @@ def _below(parent: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, str
         yield from _below(body, childclass)
 
 
-def shaped(source: MjcfSource, body: ET.Element) -> bool:
+def has_shape_inertia(source: MjcfSource, body: ET.Element) -> bool:
     """Return whether a body's inertia follows from its geoms."""
     mode = source.stated("compiler", "inertiafromgeom", "auto")
     return mode == "true" or (mode == "auto" and body.find("inertial") is None)

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.protocol import (
     ModelSpec,
     Sample,
     Spring,
-    within,
+    clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
 from physics_crosscheck.harness.engines.tree_model import FREE, TreeModel, Weight
@@ -42,7 +42,7 @@ NAMES = {
     "gravcomp": "gravity compensation",
 }
 
-URDF_ALONE = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links")
+URDF_ONLY = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links")
 """Settings for facts that an MJCF states itself."""
 
 MJCF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(
@@ -119,7 +119,7 @@ class MjcfModel(TreeModel):
         compiler: Engine | None,
     ) -> None:
         super().__init__(spec, title, {**defaults, **spec.settings})
-        for key in URDF_ALONE:
+        for key in URDF_ONLY:
             if spec.settings.get(key):
                 raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} only for URDFs")
         self._ignored_options, self.misread = ignored_options, False
@@ -181,13 +181,15 @@ class MjcfModel(TreeModel):
     @property
     def sampling_range(self) -> Array:
         """Sampling range around home, within the file's limits."""
-        return within(super().sampling_range + self.home[:, None], self.stated_limits)
+        return clip_ranges(super().sampling_range + self.home[:, None], self.stated_limits)
 
     @property
-    def remedied(self) -> dict[str, Mapping[str, object]]:
+    def lost_settings(self) -> dict[str, Mapping[str, object]]:
         """Elements that the engine leaves out under the current settings, with corrections."""
         settings = {cause: {key: True} for cause, key in self.lost.items()}
-        return {**settings, self._classes: {"resolved": True}} if self.misread else {**settings}
+        return (
+            {**settings, self._defaults_cause: {"resolved": True}} if self.misread else {**settings}
+        )
 
     @property
     def reservations(self) -> tuple[str, ...]:
@@ -199,11 +201,11 @@ class MjcfModel(TreeModel):
         return (f"the inertia of {bodies} as {self._compiler} compiles the file",)
 
     @property
-    def _classes(self) -> str:
+    def _defaults_cause(self) -> str:
         """The cause that a diagnosis reports."""
         return f"{self.title}'s own reading of defaults"
 
-    def _merged(self) -> Iterator[str]:
+    def _merged_elements(self) -> Iterator[str]:
         """Yield how elements are combined in the copy."""
         for tag, how in (("compiler", "are merged"), ("default", "are written into each element")):
             count = len(self.declared.source.root.findall(tag))
@@ -216,7 +218,7 @@ class MjcfModel(TreeModel):
         """
         yield from option_remarks(self.declared.source, self.title, self._ignored_options)
         yield from (Remark(message=f"{self.title}: {joint}") for joint in self.reservations)
-        yield from (Remark(message=f"{self.title}: {joint}") for joint in self._merged())
+        yield from (Remark(message=f"{self.title}: {joint}") for joint in self._merged_elements())
         for element, what in unread(self.declared.source):
             file, line = self.declared.source.places[element]
             yield Remark(kind="ignored", message=f"{file}:{line}: {self.title} ignores {what}")
@@ -226,7 +228,7 @@ class MjcfModel(TreeModel):
                 kind="setting", message=f"{cause}, by a setting", fault=True, address=address
             )
         if self.misread:
-            message = f"{self._classes}: it loses numbers that classes give joints or geoms"
+            message = f"{self._defaults_cause}: it loses numbers that classes give joints or geoms"
             yield Remark(kind="ignored", message=message, fault=True, address="mujoco/default")
         stops = self.limits
         for joint in self.declared.singles:

@@ -13,9 +13,9 @@ from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,
     Defaults,
     bodies_of,
+    has_shape_inertia,
     number_of,
     numbers_of,
-    shaped,
 )
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, MjcfJoint
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
@@ -61,11 +61,11 @@ def left_to_compiler(
         joints: of the file.
         no_fromto: shapes whose `fromto` the parser ignores.
     """
-    everywhere = list(_changing(source))
+    everywhere = list(_mass_changing(source))
     aligned = {joint.body: joint.element for joint in joints if is_aligned(source, joint)}
     reasons_by_body = {}
     for body, inherited in bodies_of(source):
-        reasons = [*everywhere, *_of_body(source, defaults, (body, inherited), no_fromto)]
+        reasons = [*everywhere, *_body_reasons(source, defaults, (body, inherited), no_fromto)]
         if body in aligned:
             reasons.append((aligned[body], "a free body that is aligned with its inertia"))
         if reasons:
@@ -135,7 +135,7 @@ def lifts_of(source: MjcfSource, compiled: Mapping[ET.Element, CompiledBody]) ->
             yield Lift(body=body, centre=tuple(centre), mass=share * mass)
 
 
-def _changing(source: MjcfSource) -> Iterator[Reason]:
+def _mass_changing(source: MjcfSource) -> Iterator[Reason]:
     """Yield compiler attributes that change all masses."""
     for key, off in CHANGING.items():
         element = source.stating("compiler", key)
@@ -149,24 +149,24 @@ def _changing(source: MjcfSource) -> Iterator[Reason]:
         yield element, "an inertiagrouprange"
 
 
-def _of_body(
+def _body_reasons(
     source: MjcfSource, defaults: Defaults, row: tuple[ET.Element, str], no_fromto: Collection[str]
 ) -> Iterator[Reason]:
     body, inherited = row
-    if not shaped(source, body):
+    if not has_shape_inertia(source, body):
         return
     for child in body:
         if child.tag in GEOMS_ALONE and child.find(".//geom") is not None:
             yield child, f"<{child.tag}> with content that has mass"
     for geom in body.findall("geom"):
         attributes = defaults.attributes(geom, inherited)
-        if what := _unlike_a_shape(source, geom, attributes, no_fromto):
+        if what := _why_not_plain_shape(source, geom, attributes, no_fromto):
             yield geom, f"a mass of {what}"
     if number_of(source, body, body.attrib, "gravcomp"):
         yield body, "gravity compensation of the mass of geoms"
 
 
-def _unlike_a_shape(
+def _why_not_plain_shape(
     source: MjcfSource, geom: ET.Element, attributes: Attributes, no_fromto: Collection[str]
 ) -> str:
     """Return why a parser can't compute a geom's mass; empty for a plain or massless shape."""

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     bodies_of,
+    has_shape_inertia,
     number_of,
     numbers_of,
-    shaped,
 )
 from physics_crosscheck.harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
 from physics_crosscheck.harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
@@ -76,13 +76,13 @@ def refuse(source: MjcfSource, joints: Sequence[MjcfJoint], title: str) -> None:
         UnsupportedError: for the first element that the adapter does not support.
         EngineError: for the first mistake in numbers and words that parsers read.
     """
-    for element, sentence in _mistakes(source):
+    for element, sentence in _invalid_values(source):
         raise source.refused(element, sentence)
     for element, sentence in (
-        *_acting(source),
-        *_turned(source),
-        *_moving(source, joints),
-        *_built(source),
+        *_unsupported_forces(source),
+        *_unsupported_frames(source),
+        *_unsupported_joints(source, joints),
+        *_unsupported_bodies(source),
     ):
         raise source.unsupported(element, f"{sentence}, which {title}'s adapter does not support")
 
@@ -103,7 +103,7 @@ def unread(source: MjcfSource) -> Iterator[Reason]:
                 yield element, f"<{element.tag} {key}>"
 
 
-def _mistakes(source: MjcfSource) -> Iterator[Reason]:
+def _invalid_values(source: MjcfSource) -> Iterator[Reason]:
     """Yield numbers and words that engines' parsers misread or crash on."""
     for key, words in WORDS.items():
         compiler = source.stating("compiler", key)
@@ -138,7 +138,7 @@ def _wrong_numbers(source: MjcfSource, element: ET.Element) -> Iterator[Reason]:
             yield element, f"<{element.tag} {key}> is {element.get(key)!r}, which is less than 0"
 
 
-def _acting(source: MjcfSource) -> Iterator[Reason]:
+def _unsupported_forces(source: MjcfSource) -> Iterator[Reason]:
     for key in FLUID_OPTIONS:
         option = source.stating("option", key)
         if option is not None and any(numbers_of(source, option, option.attrib, key, "0")):
@@ -153,7 +153,7 @@ def _acting(source: MjcfSource) -> Iterator[Reason]:
         yield from ((one, f"<{tag}>") for one in source.root.findall(f"{tag}/*"))
 
 
-def _turned(source: MjcfSource) -> Iterator[Reason]:
+def _unsupported_frames(source: MjcfSource) -> Iterator[Reason]:
     compiler = source.stating("compiler", "coordinate")
     if compiler is not None and compiler.get("coordinate") != "local":
         yield compiler, "coordinates that are not local"
@@ -162,7 +162,7 @@ def _turned(source: MjcfSource) -> Iterator[Reason]:
         yield compiler, "angles about fixed axes (eulerseq)"
 
 
-def _moving(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iterator[Reason]:
+def _unsupported_joints(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iterator[Reason]:
     free = [joint for joint in joints if joint.kind == FREE]
     for joint in joints:
         if joint.kind == BALL:
@@ -180,13 +180,13 @@ def _moving(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iterator[Reason]
             yield joint.element, "a free joint of a body within another"
 
 
-def _built(source: MjcfSource) -> Iterator[Reason]:
+def _unsupported_bodies(source: MjcfSource) -> Iterator[Reason]:
     """Yield bodies with generated content or an impossible inertia."""
     for world in source.root.findall("worldbody"):
         yield from _macros(world)
     for body, _ in bodies_of(source):
         yield from _macros(body)
-        for inertial in () if shaped(source, body) else body.findall("inertial"):
+        for inertial in () if has_shape_inertia(source, body) else body.findall("inertial"):
             mass = number_of(source, inertial, inertial.attrib, "mass", "nan")
             moments = (numbers_of(source, inertial, inertial.attrib, key, "0") for key in MOMENTS)
             if mass < 0 or (not mass and any(map(any, moments))):

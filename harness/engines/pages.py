@@ -14,7 +14,7 @@ from types import MappingProxyType
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.pybullet.settings import DEFAULTS as PYBULLET
-from physics_crosscheck.harness.engines.registry import BUILT_IN, installs
+from physics_crosscheck.harness.engines.registry import BUILT_IN, install_command
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
 
 BEGIN, END = (
@@ -154,7 +154,7 @@ def facts(engine: Engine) -> str:
         ("fact", "value"),
         ("---", "---"),
         ("files", _formats(engine)),
-        ("installation", f"`{installs(engine)}`"),
+        ("installation", f"`{install_command(engine)}`"),
     ]
     if engine.massless_link_default:
         rows.append(("mass of a URDF link without `<inertial>`", engine.massless_link_default))

@@ -118,7 +118,7 @@ Force = Array | StateForce | None
 """Forces on the engine's coordinates, held over each step: (B, n, nz), by state, or None."""
 
 
-def within(free: Array, limits: Array) -> Array:
+def clip_ranges(free: Array, limits: Array) -> Array:
     """Restrict ranges (nz, 2) to limits; if nothing remains, return the limits."""
     bounded = np.stack(
         [np.maximum(free[:, 0], limits[:, 0]), np.minimum(free[:, 1], limits[:, 1])], 1

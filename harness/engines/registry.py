@@ -61,7 +61,7 @@ def _points(*_: object) -> tuple[EntryPoint, ...]:
     return tuple(entry_points(group="crosscheck.engines"))
 
 
-def installs(engine: Engine) -> str:
+def install_command(engine: Engine) -> str:
     """Return the command that installs an engine."""
     if not isinstance(engine, BUILT_IN):
         return f"pip install {distribution(engine)}"
@@ -75,7 +75,7 @@ def distribution(engine: Engine) -> str:
 
 def missing(engine: Engine) -> str:
     """Return the message for a missing engine, with the command that installs it."""
-    return f"{engine.name}: not installed; {installs(engine)}"
+    return f"{engine.name}: not installed; {install_command(engine)}"
 
 
 def absent_extras() -> dict[str, str]:

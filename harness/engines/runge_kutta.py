@@ -104,7 +104,7 @@ class RungeKutta:
         f = np.zeros_like(x)
         for row in range(n // every):
             for i in range(row * every, (row + 1) * every):
-                x, m = _straight(self._single_state, x, m, f if force is None else force[i], h)
+                x, m = _step_plain(self._single_state, x, m, f if force is None else force[i], h)
             out_q[row], out_v[row] = x, m
             if not (np.isfinite(x).all() and np.isfinite(m).all()):
                 break
@@ -126,17 +126,17 @@ class RungeKutta:
         """Return the next positions and velocities, by four accelerations."""
         acceleration = self._accelerations
         if not self._floats:
-            return _straight(acceleration, x, m, f, h)
+            return _step_plain(acceleration, x, m, f, h)
         half, sixth = 0.5 * h, h / 6
         speeds, gains = [m], [acceleration(x, m, f)]
         for share in (half, half, h):
             moved, now = share * speeds[-1], m + share * gains[-1]
-            speeds.append(unturned(moved, now))
-            gains.append(acceleration(advanced(x, moved), now, f))
-        return advanced(x, sixth * _weighed(speeds)), m + sixth * _weighed(gains)
+            speeds.append(displacement_rate(moved, now))
+            gains.append(acceleration(displaced(x, moved), now, f))
+        return displaced(x, sixth * _weighted_sum(speeds)), m + sixth * _weighted_sum(gains)
 
 
-def _straight(
+def _step_plain(
     acceleration: Accelerations, x: Array, m: Array, f: Array, h: float
 ) -> tuple[Array, Array]:
     """Step coordinates whose rates are the velocities."""
@@ -154,7 +154,7 @@ def _straight(
     )
 
 
-def _weighed(stages: list[Array]) -> Array:
+def _weighted_sum(stages: list[Array]) -> Array:
     first, second, third, fourth = stages
     return first + fourth + 2 * (second + third)
 
@@ -175,13 +175,13 @@ def rates(z: Array, m: Array) -> Array:
     return _joined(m[..., :3], rate(z[..., 3:6], m[..., 3:6]), m[..., 6:])
 
 
-def advanced(x: Array, moved: Array) -> Array:
+def displaced(x: Array, moved: Array) -> Array:
     """Return positions after a displacement; the root rotates about its own axes."""
     turned = product(x[..., 3:7], exponential(moved[..., 3:6]))
     return _joined(x[..., :3] + moved[..., :3], turned, x[..., 7:] + moved[..., 6:])
 
 
-def unturned(moved: Array, m: Array) -> Array:
+def displacement_rate(moved: Array, m: Array) -> Array:
     """Return velocities m as rates of the displacement: the inverse of the exponential's
     differential.
     """

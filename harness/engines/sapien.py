@@ -22,7 +22,7 @@ from physics_crosscheck.harness.engines.attitude import (
     quaternion,
     rate,
 )
-from physics_crosscheck.harness.engines.installed import quietly
+from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
 from physics_crosscheck.harness.engines.one_by_one import Stepper
 from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec
@@ -31,7 +31,7 @@ from physics_crosscheck.harness.engines.springs import SpringForces
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
-from physics_crosscheck.harness.engines.urdf_copy import Change, rewritten, without_looks
+from physics_crosscheck.harness.engines.urdf_copy import Change, temporary_urdf, without_visuals
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
@@ -113,24 +113,24 @@ class SapienModel(UrdfModel):
         super().__init__(spec, "SAPIEN", READER, DEFAULTS, _changes(spec))
         refuse_negative_masses(self.declared.source, "SAPIEN", floats=self.floats)
         self.integrator = f"semi-implicit euler ({self.settings['solver']})"
-        sapien = quietly("sapien")
+        sapien = import_quietly("sapien")
         physx = sapien.physx
         uses_tgs = self.settings["solver"] == "TGS"
         physx.set_scene_config(gravity=list(self.gravity), enable_tgs=uses_tgs)
         self._scene = sapien.Scene([physx.PhysxCpuSystem()])  # owns its content
         loader = self._scene.create_urdf_loader()
         loader.fix_root_link = not self.floats
-        with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
+        with temporary_urdf(self.declared.robot, spec.path, self.declared.changes) as path:
             self._body = loader.load(str(path))
         self._dropped = [link.get("name", "") for link in _lost(self.declared.robot)]
         self._links = {link.name: link for link in self._body.links}
-        self._let_go()
+        self._disable_effects()
         joints = self._body.active_joints
         self._damping = np.array([float(joint.damping) for joint in joints])
         springs = self.name([joint.name for joint in joints])
         self.stepper = self._steps = _Steps(self._scene, self._body, self.floats, springs)
 
-    def _let_go(self) -> None:
+    def _disable_effects(self) -> None:
         """Disable SAPIEN's own effects, unless the settings keep them."""
         drag, friction = (self.settings[key] for key in ("link_damping", "joint_friction"))
         bounded = self.settings["bounded_speeds"]
@@ -285,10 +285,10 @@ def _changes(spec: ModelSpec) -> tuple[Change, ...]:
     free = bool(spec.settings.get("smooth"))
     keeps = not spec.settings.get("dropped_inertials", DEFAULTS["dropped_inertials"])
     with_inertials = (_with_inertials,) if keeps else ()
-    return (partial(_completed, free=free), *with_inertials, _without_idle_shapes)
+    return (partial(_complete, free=free), *with_inertials, _without_idle_shapes)
 
 
-def _completed(robot: ET.Element, free: bool) -> None:
+def _complete(robot: ET.Element, free: bool) -> None:
     """Add the limits and dampers that SAPIEN requires; make continuous joints unbounded revolute
     joints.
 
@@ -338,7 +338,7 @@ def _with_inertials(robot: ET.Element) -> None:
 
 def _without_idle_shapes(robot: ET.Element) -> None:
     """Remove shapes, except those from which SAPIEN computes a mass."""
-    without_looks(robot)
+    without_visuals(robot)
     for link in robot.findall("link"):
         for shape in link.findall("collision") if all(_has_mass_and_moments(link)) else ():
             link.remove(shape)

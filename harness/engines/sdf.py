@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.sdf_check import WORLD, CheckedJoint, checked
+from physics_crosscheck.harness.engines.sdf_check import WORLD, CheckedJoint, check_sdf
 from physics_crosscheck.harness.engines.source import (
     XmlSource,
     finite_numbers,
@@ -101,7 +101,7 @@ def read_sdf(path: Path, model: object = "") -> SdfFile:
     if not isinstance(model, str):
         raise EngineError(f"{path}.toml: [settings] model is {model!r}; expected a name")
     source = read_xml(read_source(path, tolerant=True), path)
-    return SdfFile(source, *checked(source, model))
+    return SdfFile(source, *check_sdf(source, model))
 
 
 def mimic_of(joint: ET.Element) -> Mimic | None:

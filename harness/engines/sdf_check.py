@@ -66,7 +66,7 @@ class CheckedJoint:
         return self.kind != "fixed"
 
 
-def checked(
+def check_sdf(
     source: XmlSource, chosen: str = ""
 ) -> tuple[ET.Element, ET.Element | None, dict[str, CheckedJoint]]:
     """Return the model, its world, and its joints.

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from physics_crosscheck.harness.engines.sdf import SdfFile
 from physics_crosscheck.harness.engines.sdf_check import OPAQUE, has_automatic
-from physics_crosscheck.harness.engines.urdf_copy import Change, changed
+from physics_crosscheck.harness.engines.urdf_copy import Change, with_changes
 
 VERSION = "1.6"
 """The last version without frames, which older parsers read."""
@@ -16,7 +16,7 @@ VERSION = "1.6"
 def sdf_text(file: SdfFile, changes: Sequence[Change]) -> str:
     """Return the model as text, without its world, after changes of the `<model>`."""
     root = ET.Element("sdf", {"version": file.source.root.get("version", VERSION)})
-    root.append(changed(file.model, changes))
+    root.append(with_changes(file.model, changes))
     return ET.tostring(root, encoding="unicode")
 
 

@@ -73,7 +73,7 @@ def read_source(path: Path, *, tolerant: bool = False) -> str:
 
 
 @contextmanager
-def written(root: ET.Element, path: Path) -> Iterator[Path]:
+def temporary_file(root: ET.Element, path: Path) -> Iterator[Path]:
     """Yield a temporary file of an element, with the name of another file."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         file = Path(folder) / path.name
@@ -154,7 +154,7 @@ def finite_numbers(words: str) -> list[float] | None:
     return numbers if all(map(math.isfinite, numbers)) else None
 
 
-def folded(error: object) -> str:
+def one_line(error: object) -> str:
     """Return an engine's message on one line."""
     return " ".join(str(error).split())
 
@@ -172,7 +172,7 @@ def check_memory(error: Exception) -> None:
     Raises:
         MemoryError: with the engine's message.
     """
-    message = folded(error)
+    message = one_line(error)
     if isinstance(error, MemoryError) or any(words in message.lower() for words in _NO_MEMORY):
         raise MemoryError(message) from error
 
@@ -186,5 +186,5 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
         raise
     except Exception as error:
         check_memory(error)
-        problem = f"{title} raises {type(error).__name__}: {folded(error)}"
+        problem = f"{title} raises {type(error).__name__}: {one_line(error)}"
         raise EngineError(problem, file=Path(path)) from error

@@ -62,7 +62,7 @@ def check_urdf(source: XmlSource) -> None:
             f"it has {len(roots)} root links, {names}: every root except one needs a joint",
         )
     for name in links:
-        if not _hangs(name, parents):
+        if not _reaches_root(name, parents):
             raise source.refused(
                 links[name], f"link {name!r} is its own ancestor through its joints"
             )
@@ -125,7 +125,7 @@ def _check_joint(source: XmlSource, joint: ET.Element, name: str) -> None:
         raise source.refused(mimic, f"joint {name!r} mimics itself")
 
 
-def _hangs(name: str, parents: dict[str, str]) -> bool:
+def _reaches_root(name: str, parents: dict[str, str]) -> bool:
     """Return whether the chain of parents from a link ends."""
     for _ in range(len(parents) + 1):
         if name not in parents:

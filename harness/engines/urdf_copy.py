@@ -10,14 +10,16 @@ from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.source import XmlSource, written
+from physics_crosscheck.harness.engines.source import XmlSource, temporary_file
 
 Change = Callable[[ET.Element], None]
 """A change of a `<robot>`, in place."""
 
 
 @contextmanager
-def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -> Iterator[Path]:
+def temporary_urdf(
+    robot: ET.Element | None, path: Path, changes: Sequence[Change]
+) -> Iterator[Path]:
     """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
     Relative file names become absolute.
@@ -25,16 +27,16 @@ def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -
     if robot is None or not changes:
         yield path
         return
-    robot = changed(robot, changes)
+    robot = with_changes(robot, changes)
     for element in robot.iter():
         name = element.get("filename", "")
         if name and "://" not in name and (path.parent / name).is_file():
             element.set("filename", str((path.parent / name).resolve()))
-    with written(robot, path) as file:
+    with temporary_file(robot, path) as file:
         yield file
 
 
-def changed(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
+def with_changes(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
     """Return a copy of a `<robot>` with changes."""
     robot = copy.deepcopy(robot)
     for change in changes:
@@ -44,11 +46,11 @@ def changed(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
 
 def without_shapes(robot: ET.Element) -> None:
     """Remove visual and collision shapes, so that no meshes are loaded."""
-    without_looks(robot)
+    without_visuals(robot)
     _without(robot, "collision")
 
 
-def without_looks(robot: ET.Element) -> None:
+def without_visuals(robot: ET.Element) -> None:
     """Remove visual shapes."""
     _without(robot, "visual")
     for material in robot.findall("material"):

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Model,
     ModelSpec,
     Sample,
-    within,
+    clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
@@ -136,7 +136,7 @@ class UrdfModel(TreeModel):
     @property
     def sampling_range(self) -> Array:
         """Sampling range within the file's limits, whether or not they are enforced."""
-        return within(super().sampling_range, self.stated_limits)
+        return clip_ranges(super().sampling_range, self.stated_limits)
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield remarks about the file."""

@@ -29,9 +29,9 @@ from physics_crosscheck.harness.engines.urdf import (
 )
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
-    changed,
     followers_of,
     mimics_of,
+    with_changes,
     with_held,
     without_shapes,
 )
@@ -94,7 +94,7 @@ class DeclaredUrdf:
     @property
     def text(self) -> str:
         """The text that an engine loads."""
-        return ET.tostring(changed(self.robot, self.changes), encoding="unicode")
+        return ET.tostring(with_changes(self.robot, self.changes), encoding="unicode")
 
     @property
     def bounds(self) -> Mapping[str, tuple[float, float]]:

@@ -29,7 +29,7 @@ from physics_crosscheck.reference.mechanism.system import System
 SIDECAR = "sidecar:"
 """The prefix of addresses in the sidecar itself."""
 
-ENOUGH_DIGITS = 6
+MIN_ROUNDED_DIGITS = 6
 """A literal with this many significant digits or more may be a rounded value.
 
 `%g` writes six digits, and a single-precision number holds them. With fewer, 0.02 would pass for
@@ -78,7 +78,7 @@ class Binding:
         assert isinstance(exponent, int)  # a literal is finite
         half = float(Decimal(5).scaleb(exponent - 1))
         near = abs(self.value - self.expected) <= half + self.rounding
-        return near and not self.exact and len(digits) >= ENOUGH_DIGITS
+        return near and not self.exact and len(digits) >= MIN_ROUNDED_DIGITS
 
     @property
     def correction(self) -> float:

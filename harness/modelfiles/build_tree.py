@@ -10,7 +10,7 @@ from typing import Protocol
 
 from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, couplings
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.inertias import resting
+from physics_crosscheck.harness.modelfiles.inertias import massless_groups
 from physics_crosscheck.harness.modelfiles.left_out import HELD
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.quote import quote
@@ -88,7 +88,7 @@ def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tu
         )
     if document.obstacles:
         return ()
-    groups, tree = resting(built.tree, built.limits), built.tree
+    groups, tree = massless_groups(built.tree, built.limits), built.tree
     if groups is None:
         document.add_problem(
             document.root,

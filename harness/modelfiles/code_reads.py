@@ -58,12 +58,12 @@ class Reads:
 
         Installed packages may be on the call stack in between, but not this package.
         """
-        frame = _asking()
+        frame = _calling_frame()
         while frame is not None and frame is not self._caller:
             file = frame.f_code.co_filename
-            if self._is_within(os.path.abspath(file)) or _whose(file) == "code":
+            if self._is_within(os.path.abspath(file)) or _origin(file) == "code":
                 return True
-            if _whose(file) == "ours":
+            if _origin(file) == "ours":
                 return False
             frame = frame.f_back
         return frame is None  # a foreign thread
@@ -119,11 +119,11 @@ class Reads:
         """Return the states by path, relative to the folder."""
         return {
             Path(os.path.relpath(path, self._folder)).as_posix(): found
-            for path, found in self._kept().items()
+            for path, found in self._all_states().items()
         }
 
-    def _kept(self) -> dict[str, str]:
-        words = {path: dict.fromkeys(self._plain(path)) for path in self._words}
+    def _all_states(self) -> dict[str, str]:
+        words = {path: dict.fromkeys(self._relevant_states(path)) for path in self._words}
         for folder, states_found in self._modules.items():
             words.setdefault(folder, {})[states.modules(states_found)] = None
         return {
@@ -132,7 +132,7 @@ class Reads:
             if states_found
         }
 
-    def _plain(self, path: str) -> Iterator[str]:
+    def _relevant_states(self, path: str) -> Iterator[str]:
         """Yield the states of a path, without those that a more precise one implies.
 
         A temporary copy that a C library has created and removed is not an input.
@@ -195,7 +195,7 @@ def _roots() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1024)
-def _whose(file: str) -> str:
+def _origin(file: str) -> str:
     """Return the origin of a source file: `code` for a folder's, `ours`, or else `installed`."""
     here = os.path.abspath(file)
     if is_own(here):
@@ -216,7 +216,7 @@ def _standard_module(file: str) -> str:
     return ""
 
 
-def _asking() -> FrameType | None:
+def _calling_frame() -> FrameType | None:
     """Return the frame that makes the current access: the innermost outside this file."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_code.co_filename == __file__:
@@ -237,7 +237,7 @@ class _Noting(threading.local):
 _noting = _Noting()
 
 
-def _quietly(function: Callable[..., None], *arguments: Any) -> None:
+def _call_recorder(function: Callable[..., None], *arguments: Any) -> None:
     """Call a recording function and suppress its exceptions, which would end the user's code."""
     if not _recordings or _noting.on:
         return
@@ -252,7 +252,7 @@ def _quietly(function: Callable[..., None], *arguments: Any) -> None:
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     """Record an audit event of opening, listing, creating or moving."""
     if _recordings and event in _EVENTS:
-        _quietly(_EVENTS[event], *arguments)
+        _call_recorder(_EVENTS[event], *arguments)
 
 
 def _note(path: Any, way: Way) -> None:
@@ -328,7 +328,7 @@ def _moved(path: Any, target: Any, *dir_fds: int) -> None:
 
 def _listed(path: Any = None, *, entries: bool = False) -> None:
     """Record that a folder is listed; its entries may expose sizes and times."""
-    asking = _asking()
+    asking = _calling_frame()
     if isinstance(path, int) or asking is None:  # opened before
         return
     module = _standard_module(asking.f_code.co_filename)
@@ -379,7 +379,7 @@ def _queried() -> Way | None:
     `exists`, `is_file` and similar functions query the kind only, and so do the modules of the
     standard library that compare or copy files. For `realpath` only links matter.
     """
-    frame = _asking()
+    frame = _calling_frame()
     while frame is not None:
         module = _standard_module(frame.f_code.co_filename)
         if module not in ("genericpath", "posixpath", "ntpath", "pathlib"):
@@ -443,7 +443,7 @@ def _noted_open(path: Any, flags: int, *rest: Any, dir_fd: int | None = None) ->
 def _wrapped(function: Callable[..., Any], note: Callable[..., None]) -> Callable[..., Any]:
     @functools.wraps(function)
     def noted(*arguments: Any, **named: Any) -> Any:
-        _quietly(functools.partial(note, *arguments, **named))
+        _call_recorder(functools.partial(note, *arguments, **named))
         if named.get("dir_fd") is None or _noting.on:
             return function(*arguments, **named)
         _noting.on = True  # its audit event would not contain the folder
@@ -470,7 +470,7 @@ _LOOK_UPS: Mapping[str, Callable[..., Any]] = {
 
 
 @contextlib.contextmanager
-def recorded(folder: Path) -> Iterator[Reads]:
+def record_reads(folder: Path) -> Iterator[Reads]:
     """Record the files that a folder's code reads and searches for in this block.
 
     Modules that an earlier folder's code imported, except installed ones, are forgotten, so that
@@ -488,7 +488,7 @@ def recorded(folder: Path) -> Iterator[Reads]:
         for name, function in _LOOK_UPS.items():
             setattr(os, name, function)
         builtins.__import__ = _imports
-        with _sources_alone():
+        with _source_loaders():
             yield reads
     finally:
         builtins.__import__ = imports
@@ -500,8 +500,8 @@ def recorded(folder: Path) -> Iterator[Reads]:
 
 def _imports(name: str, *rest: Any, **more: Any) -> Any:
     """Replace `import`, which does not search for a module that is already loaded."""
-    if _recordings and _whose(sys._getframe(1).f_code.co_filename) == "code":
-        _quietly(_searched, name.partition(".")[0])
+    if _recordings and _origin(sys._getframe(1).f_code.co_filename) == "code":
+        _call_recorder(_searched, name.partition(".")[0])
     return _import(name, *rest, **more)
 
 
@@ -547,7 +547,7 @@ class _Finder(importlib.machinery.FileFinder):
     """
 
     def find_spec(self, fullname: str, target: ModuleType | None = None) -> ModuleSpec | None:
-        _quietly(self._note, fullname.rpartition(".")[2])
+        _call_recorder(self._note, fullname.rpartition(".")[2])
         return super().find_spec(fullname, target)
 
     def _note(self, name: str) -> None:
@@ -571,7 +571,7 @@ def _finder(path: str) -> PathEntryFinder:
 
 
 @contextlib.contextmanager
-def _sources_alone() -> Iterator[None]:
+def _source_loaders() -> Iterator[None]:
     cache = dict(sys.path_importer_cache)
     sys.path_importer_cache.clear()
     sys.path_hooks.insert(0, _finder)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 
-def copied(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
+def copy_with_texts(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
     """Write a file and its includes with other texts, and link to the other files of the folder."""
     top = Path(os.path.commonpath([path.parent.resolve() for path in texts]))
     for path, data in texts.items():

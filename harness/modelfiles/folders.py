@@ -80,7 +80,7 @@ def named_folders(named: Sequence[str], *, allow_none: bool = False) -> NamedFol
     faults: dict[str, str] = {}
     for name in named:
         try:
-            folders += [folder for folder in _meant(name) if folder not in folders]
+            folders += [folder for folder in _resolve(name) if folder not in folders]
         except FolderError as error:
             faults[name] = str(error)
     if not folders and not allow_none:
@@ -88,7 +88,7 @@ def named_folders(named: Sequence[str], *, allow_none: bool = False) -> NamedFol
     return NamedFolders(folders, faults)
 
 
-def _meant(name: str) -> list[Path]:
+def _resolve(name: str) -> list[Path]:
     if not name:  # an unset variable, which would mean the working folder
         raise FolderError("a name is empty; name a folder, or . for the folders in the current one")
     path = Path(name)

@@ -19,16 +19,16 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 MARGIN = 1e-9
 """Tolerance of a tensor's rules, relative to the largest moment: for the digits of a file."""
 
-DIGITS = 1e-14
+MOMENT_ROUNDING = 1e-14
 """Rounding error of a moment moved to the center of mass, relative to m r^2."""
 
-ROUNDED = 1e-13
+ZERO_INERTIA = 1e-13
 """Inertia of a joint that counts as zero, relative to its moved masses."""
 
-SEEN = 1e-6
+MIN_SHARE = 1e-6
 """Share of a joint in a motion that counts as nonzero."""
 
-STATES = 6
+SAMPLE_COUNT = 6
 """Positions at which a mass matrix is evaluated; one that is singular at a few is singular at
 all.
 """
@@ -60,7 +60,7 @@ class Finding:
         return f"{self.file}:{self.line}: {self.sentence}; {self.remedy}"
 
 
-def impossible(robot: Robot) -> tuple[Finding, ...]:
+def impossible_inertias(robot: Robot) -> tuple[Finding, ...]:
     """Return every rule that a link of the file breaks, also for fixed links."""
     return tuple(
         Finding(
@@ -72,11 +72,11 @@ def impossible(robot: Robot) -> tuple[Finding, ...]:
             remedy=remedy,
         )
         for part in robot.parts
-        for kind, sentence, remedy in _broken(part)
+        for kind, sentence, remedy in _violations(part)
     )
 
 
-def _broken(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
+def _violations(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
     numbers = [part.mass, *part.center, *part.inertia.ravel()]
     if not np.isfinite(numbers).all():
         yield "not finite", "has an inertia that is not finite", "write finite numbers"
@@ -85,7 +85,7 @@ def _broken(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
         yield "negative mass", f"has a mass of {part.mass:g} kg", "write a positive mass"
     small, middle, large = np.linalg.eigvalsh(part.inertia).tolist()
     far = float(part.center @ part.center)
-    allowed = MARGIN * max(abs(small), abs(large)) + DIGITS * abs(part.mass) * far
+    allowed = MARGIN * max(abs(small), abs(large)) + MOMENT_ROUNDING * abs(part.mass) * far
     moments = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m^2"
     if small < -allowed:
         yield (
@@ -107,7 +107,7 @@ def _broken(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
         )
 
 
-def resting(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:
+def massless_groups(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:
     """Return groups of joints, by their links, whose combined motion moves no mass at any position.
 
     Then the mass matrix is not positive definite, and accelerations do not exist. None if it is not
@@ -125,28 +125,28 @@ def resting(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], .
     if not np.isfinite(mass).all():
         return None
     diagonal = np.diagonal(mass, axis1=1, axis2=2)
-    bare = (diagonal <= ROUNDED * _carried(tree, q)[:, owner]).all(axis=0)
+    bare = (diagonal <= ZERO_INERTIA * _carried_inertia(tree, q)[:, owner]).all(axis=0)
     groups = [(i,) for i in dict.fromkeys(np.array(owner)[bare].tolist())]
     remaining = np.flatnonzero(~bare & (diagonal > 0).all(axis=0))
-    together = _together(mass[:, remaining[:, None], remaining])
+    together = _massless_motion(mass[:, remaining[:, None], remaining])
     if together:
         groups.append(tuple(dict.fromkeys(owner[remaining[k]] for k in together)))
     return tuple(groups)
 
 
 def _positions(tree: Tree, limits: tuple[Array, Array]) -> Array:
-    """Return random positions within limits, (nq, `STATES`)."""
+    """Return random positions within limits, (nq, `SAMPLE_COUNT`)."""
     random = np.random.default_rng(20260101)
-    q = random.normal(size=(tree.nq, STATES))
+    q = random.normal(size=(tree.nq, SAMPLE_COUNT))
     for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True):
         if link.kind in ("hinge", "slide"):
             lower = max(float(limits[0][there.start]), -np.pi)
             upper = max(min(float(limits[1][there.start]), np.pi), lower)
-            q[here] = random.uniform(lower, upper, size=(1, STATES))
+            q[here] = random.uniform(lower, upper, size=(1, SAMPLE_COUNT))
     return q
 
 
-def _carried(tree: Tree, q: Array) -> Array:
+def _carried_inertia(tree: Tree, q: Array) -> Array:
     """Return the inertia about a point, or the mass, that each joint carries; (states, links)."""
     poses = Recursion(tree).poses(q)
     centers = [
@@ -167,7 +167,7 @@ def _carried(tree: Tree, q: Array) -> Array:
     return out
 
 
-def _together(mass: Array) -> list[int]:
+def _massless_motion(mass: Array) -> list[int]:
     """Return indices of the velocities of a motion without mass at every position, (states, n,
     n).
     """
@@ -175,8 +175,8 @@ def _together(mass: Array) -> list[int]:
         return []
     scale = 1 / np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
     values, vectors = np.linalg.eigh(mass * scale[:, :, None] * scale[:, None])
-    if not (values[:, 0] <= ROUNDED * mass.shape[1]).all():
+    if not (values[:, 0] <= ZERO_INERTIA * mass.shape[1]).all():
         return []
     share = np.abs(vectors[-1, :, 0])
-    indices: list[int] = np.flatnonzero(share > SEEN * share.max()).tolist()
+    indices: list[int] = np.flatnonzero(share > MIN_SHARE * share.max()).tolist()
     return indices

@@ -14,7 +14,7 @@ Note = tuple[str, str]
 """The kind, and the name of a joint or a link."""
 
 
-def tallied(notes: Iterable[Note], followers: Collection[str]) -> tuple[Omission, ...]:
+def count_notes(notes: Iterable[Note], followers: Collection[str]) -> tuple[Omission, ...]:
     """Count notes by kind, without the mimics of `followers`, which are enforced."""
     counts: dict[str, int] = {}
     places: dict[str, dict[str, None]] = {}

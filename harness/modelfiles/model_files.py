@@ -22,7 +22,7 @@ from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.sidecar import (
     Sidecar,
     SidecarError,
-    left_to_others,
+    drop_absent_models,
     read_sidecar,
 )
 from physics_crosscheck.harness.results.status import counted
@@ -65,7 +65,7 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
             results.append(sidecar)
         except SidecarError as error:
             results.append(UnreadModel(model=name, reason=str(error)))
-    kept = iter(left_to_others(one for one in results if isinstance(one, Sidecar)))
+    kept = iter(drop_absent_models(one for one in results if isinstance(one, Sidecar)))
     yield from (next(kept) if isinstance(one, Sidecar) else one for one in results)
     formats = model_formats()
     for path in sorted(folder.iterdir()):
@@ -85,7 +85,7 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
         yield UnreadModel(model="-", reason=reason)
 
 
-def absent_lines(folders: Iterable[Path]) -> list[str]:
+def absent_engine_lines(folders: Iterable[Path]) -> list[str]:
     """Return lines about engines of extras that sidecars name and that are not installed."""
     files = [one for folder in folders for one in model_files(folder)]
     named = Counter(name for one in files if isinstance(one, Sidecar) for name in one.absent)

@@ -13,7 +13,11 @@ from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.xml import check_harmless, read_elements
 from physics_crosscheck.harness.modelfiles.path_states import digest
-from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, no_plain_file, read_regular
+from physics_crosscheck.harness.modelfiles.reading import (
+    MOST_MODEL,
+    not_plain_file_error,
+    read_regular,
+)
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")
@@ -161,7 +165,7 @@ def _is_file(path: Path) -> bool:
     except (OSError, ValueError):  # not there, or a name that the file system rejects
         return False
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
-        raise no_plain_file(path, mode)
+        raise not_plain_file_error(path, mode)
     return stat.S_ISREG(mode)
 
 

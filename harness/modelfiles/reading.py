@@ -43,14 +43,14 @@ def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     """
     status = os.stat(path)
     if not stat.S_ISREG(status.st_mode):
-        raise no_plain_file(path, status.st_mode)
+        raise not_plain_file_error(path, status.st_mode)
     if max_bytes is not None and status.st_size > max_bytes:
         size = f"{status.st_size / 2**20:.1f} MB; at most {max_bytes / 2**20:g} MB are allowed"
         raise OSError(errno.EFBIG, f"it has {size}", str(path))
     return path.read_bytes()
 
 
-def no_plain_file(path: Path, mode: int) -> OSError:
+def not_plain_file_error(path: Path, mode: int) -> OSError:
     """Return the error for a path that is not a plain file, by its mode."""
     kind = _KINDS.get(stat.S_IFMT(mode), "not a file")
     return OSError(errno.EINVAL, f"it is {kind}; expected a file", str(path))

@@ -126,7 +126,7 @@ def read_sidecar(path: Path) -> Sidecar:
     )
 
 
-def left_to_others(sidecars: Iterable[Sidecar]) -> list[Sidecar]:
+def drop_absent_models(sidecars: Iterable[Sidecar]) -> list[Sidecar]:
     """Return the sidecars of one folder, without engines for those whose engines are all absent
     extras.
 

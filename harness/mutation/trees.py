@@ -22,7 +22,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     some_of,
 )
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
 from physics_crosscheck.harness.modelfiles.quote import original_paths
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
@@ -116,7 +116,7 @@ def mutated_tree(fault: TreeFault) -> Mutation:
     row = _row(fault, one.address, FaultVerdict.UNTESTED)
     if np.isfinite(fault.first_seen):
         with scratch() as copies:
-            copy = copied(fault.model.file, numbers.texts({fault.index: value}), copies)
+            copy = copy_with_texts(fault.model.file, numbers.texts({fault.index: value}), copies)
             try:
                 row = _judged(fault, one, value, replace(fault.model, file=copy))
             except (EngineError, BlownUpError) as error:

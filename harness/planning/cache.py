@@ -28,7 +28,7 @@ from physics_crosscheck.harness.baseline.fingerprint import folder_files
 from physics_crosscheck.harness.baseline.inputs import versions
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Task
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
@@ -260,6 +260,6 @@ class Reading:
 
     def __call__(self, argument: Any) -> Told:
         """Do it."""
-        with recorded(self._folder) as reads:
+        with record_reads(self._folder) as reads:
             value = self._function(argument)
         return Told(value, reads.states())

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.checks.not_run import absent, barred_case, faile
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines
 from physics_crosscheck.harness.planning.cache import piece_of_robot, robot_inputs
 from physics_crosscheck.harness.planning.model_plan import text_of
@@ -103,7 +103,7 @@ class RobotPlan:
         for file in files:
             self._found.expect(str(file), [_stand_in(file)])
         for file in files:
-            if why := no_xml(file, strict=file.suffix != MJCF):
+            if why := xml_problem(file, strict=file.suffix != MJCF):
                 failure = Failure(f"{why}; {GIVE_XML}", "", kind="file")
                 self._found.add(failed_case(_stand_in(file), str(file), failure))
             else:

@@ -13,7 +13,7 @@ import pytest
 
 import physics_crosscheck.harness.modelfiles.code_reads
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import is_content
 from physics_crosscheck.harness.planning.cache import Cache, Piece
 from physics_crosscheck.harness.records.coverage import Coverage
@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
 def reads(folder: Path, code: str) -> set[str]:
     """What is read of a declaration that begins with some code, itself left out."""
     (folder / "system.py").write_text(HERE + code + SYSTEM)
-    with recorded(folder) as found:
+    with record_reads(folder) as found:
         load_system(folder)
     return {name for name, state in found.states().items() if is_content(state)} - {"system.py"}
 
@@ -130,7 +130,7 @@ def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path)
         (one / "lib" / "local_name.py").write_text(f"MASS = {number}\n")
         text = SYSTEM.replace('"m", 1.3,', '"m", local_name.MASS,')
         (one / "system.py").write_text(HERE + code + text)
-        with recorded(one) as found:
+        with record_reads(one) as found:
             assert load_system(one).constants[0].value == number
         assert {"system.py", "lib/local_name.py"} <= set(found.states())
 
@@ -166,10 +166,10 @@ def test_packages_that_another_environment_lends_are_installed_ones(
     physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
     try:
         (folder / "system.py").write_text(f"import lent_module\n{SYSTEM}")
-        with recorded(folder) as seen:
+        with record_reads(folder) as seen:
             load_system(folder)
         assert not [name for name in seen.states() if "lent_module" in name]
-        with recorded(folder):
+        with record_reads(folder):
             assert "lent_module" in sys.modules, "an installed module is not dropped"
     finally:
         sys.modules.pop("lent_module", None)
@@ -180,7 +180,7 @@ def test_a_file_that_the_code_makes_itself_is_no_input_of_a_case(
     folder: Path, tmp_path: Path
 ) -> None:
     kept, gone = tmp_path / "kept.csv", tmp_path / "copy.urdf"
-    with recorded(folder) as reads:
+    with record_reads(folder) as reads:
         for file in (kept, gone):
             file.write_text("1")
             file.read_text()
@@ -294,7 +294,7 @@ def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
     # What the first run made for itself is there for the second.
     for _ in range(1 if way == "removed" else 2):
-        with recorded(folder) as found:
+        with record_reads(folder) as found:
             load_system(folder)
     reads = found.states()
     (model,) = folder_files(folder).models
@@ -328,7 +328,7 @@ QUIET = {
 @pytest.mark.parametrize("code", QUIET.values(), ids=QUIET)
 def test_what_is_no_input_leaves_no_trace(folder: Path, code: str) -> None:
     (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
-    with recorded(folder) as found:
+    with record_reads(folder) as found:
         load_system(folder)
     assert found.states().keys() == {"system.py"}, found.states()
 
@@ -336,7 +336,7 @@ def test_what_is_no_input_leaves_no_trace(folder: Path, code: str) -> None:
 def test_a_recording_within_another_hides_nothing_from_it(folder: Path) -> None:
     """As where the measurement of a model that is code is kept in a cache."""
     mass = folder.parent / "shared" / "mass.txt"
-    with recorded(folder) as outer, recorded(folder) as inner:
+    with record_reads(folder) as outer, record_reads(folder) as inner:
         mass.read_text()
     assert outer.states() == inner.states() != {}
 
@@ -349,7 +349,7 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
     )
     monkeypatch.setattr(physics_crosscheck.harness.modelfiles.code_reads, "_place", lambda *_: None)
     (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
-    with recorded(folder) as found:
+    with record_reads(folder) as found:
         load_system(folder)
     assert "can't be read" in found.states().values()
     cache, piece = Cache(folder / "cache"), Piece(kind="coverage", folder="f", inputs="known")
@@ -360,6 +360,6 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
 def test_functions_are_as_they_were_after_a_recording(folder: Path) -> None:
     before = os.stat, os.open, __import__
     (folder / "system.py").write_text("raise SystemExit\n")
-    with pytest.raises(SystemExit), recorded(folder):
+    with pytest.raises(SystemExit), record_reads(folder):
         load_system(folder)
     assert (os.stat, os.open, __import__) == before

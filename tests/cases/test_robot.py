@@ -21,7 +21,7 @@ from physics_crosscheck.harness.checks.robot_case import (
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.modelfiles.locations.xml import no_xml
+from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
@@ -397,8 +397,8 @@ def test_what_is_no_xml_fails_before_a_worker_process_is_started(
 def test_what_an_engine_reads_though_it_is_no_xml_is_left_to_it(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     file.write_text("before <mujoco/>")
-    assert no_xml(file, strict=False) == ""
-    assert no_xml(file, strict=True) == f"{file}:1: not XML at column 1: syntax error"
+    assert xml_problem(file, strict=False) == ""
+    assert xml_problem(file, strict=True) == f"{file}:1: not XML at column 1: syntax error"
 
 
 def test_source_for_xacro_is_refused_with_the_commands_that_help(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from physics_crosscheck.harness.engines.registry import default_engines
-from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.robots.files import joint, link
@@ -54,7 +54,7 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
     (index,) = (i for i, one in enumerate(numbers.numerals) if one.address == address)
     one = numbers.numerals[index]
     (file.parent / "wrong").mkdir()
-    copy = copied(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
+    copy = copy_with_texts(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
     task = replace(prepared.task(engine, 1e-9), file=copy)
     assert run_robot(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(RobotDiagnosisTask(task=task, own=False))

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.registry import (
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.modelfiles.model_files import absent_lines
+from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 
@@ -50,7 +50,7 @@ def absent(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_absent_is_left_out_of_a_sidecar_and_told(folder: Path) -> None:
     sidecar = read_sidecar(folder / "robot.urdf.toml")
     assert (sidecar.engines, sidecar.absent) == (("mujoco",), ("pinocchio",))
-    assert absent_lines([folder]) == [
+    assert absent_engine_lines([folder]) == [
         "pinocchio: not installed; pip install 'physics-crosscheck[pinocchio]'"
         " (1 model file could run in it too)"
     ]
@@ -61,7 +61,7 @@ def test_what_is_there_is_run(folder: Path) -> None:
     assert engines()["pinocchio"].version() is not None
     sidecar = read_sidecar(folder / "robot.urdf.toml")
     assert (sidecar.engines, sidecar.absent) == (("mujoco", "pinocchio"), ())
-    assert "pinocchio" not in "".join(absent_lines([folder]))
+    assert "pinocchio" not in "".join(absent_engine_lines([folder]))
 
 
 @pytest.mark.usefixtures("absent")

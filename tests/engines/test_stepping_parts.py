@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.attitude import angular_velocity, matrix, quaternion
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
-from physics_crosscheck.harness.engines.following import held_accelerations, leading
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
+from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -20,10 +20,10 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.runge_kutta import (
     RungeKutta,
-    advanced,
+    displaced,
+    displacement_rate,
     each_alone,
     to_state,
-    unturned,
 )
 from physics_crosscheck.harness.engines.springs import SpringForces
 from physics_crosscheck.harness.engines.urdf import Mimic
@@ -78,10 +78,12 @@ def test_a_body_that_tumbles_keeps_its_angular_momentum_in_the_world() -> None:
 def test_the_rate_of_a_move_is_the_inverse_of_the_exponentials_differential(angle: float) -> None:
     by = angle * np.array([0.36, -0.48, 0.8])
     spin = np.array([0.3, 0.9, -0.4])
-    rate = unturned(np.concatenate([np.zeros(3), by]), np.concatenate([np.zeros(3), spin]))[3:6]
+    rate = displacement_rate(
+        np.concatenate([np.zeros(3), by]), np.concatenate([np.zeros(3), spin])
+    )[3:6]
     h = 1e-5
     x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0]])
-    one, other = (advanced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1))
+    one, other = (displaced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1))
     turn = matrix(one[3:7]).T @ matrix(other[3:7]) / (2 * h)
     found = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     np.testing.assert_allclose(found / 2, spin, atol=1e-9)
@@ -117,7 +119,7 @@ CHAIN = [Mimic("b", "a", 2.0, 0.0), Mimic("c", "b", -0.5, 0.0)]
 
 
 def test_joints_that_follow_followers_follow_what_leads_those() -> None:
-    along = leading(CHAIN, ("c", "x", "a", "b"), "f")
+    along = leader_matrix(CHAIN, ("c", "x", "a", "b"), "f")
     np.testing.assert_array_equal(along, [[0, -1], [1, 0], [0, 1], [0, 2]])
 
 
@@ -127,13 +129,13 @@ def test_joints_that_follow_followers_follow_what_leads_those() -> None:
 ])  # fmt: skip
 def test_mimics_that_lead_nowhere_are_refused(mimics: list[Mimic], told: str) -> None:
     with pytest.raises(EngineError, match=told):
-        leading(mimics, ("a", "b"), "f")
+        leader_matrix(mimics, ("a", "b"), "f")
 
 
 def test_what_holds_a_follower_does_no_work() -> None:
     mass = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 0.7]])
-    pull, along = np.array([1.0, -2.0, 0.4]), leading(CHAIN, ("a", "b", "c"), "f")
-    a = held_accelerations(mass, pull, along)
+    pull, along = np.array([1.0, -2.0, 0.4]), leader_matrix(CHAIN, ("a", "b", "c"), "f")
+    a = constrained_accelerations(mass, pull, along)
     np.testing.assert_allclose(a[1:], [2 * a[0], -a[0]], rtol=1e-14)
     np.testing.assert_allclose(along.T @ (mass @ a - pull), 0, atol=1e-15)
 
@@ -150,11 +152,11 @@ def test_springs_pull_on_combinations_of_joints() -> None:
 
 
 def test_what_a_library_prints_is_caught_on_both_streams(capfd: pytest.CaptureFixture[str]) -> None:
-    with captured((STDOUT, STDERR), again=False) as texts:
+    with capture_output((STDOUT, STDERR), again=False) as texts:
         os.write(STDOUT, b"out")
         os.write(STDERR, b"err")
     assert texts == ["out", "err"]
-    with captured() as texts:
+    with capture_output() as texts:
         os.write(STDOUT, b"again")
     assert texts == ["again"]
     assert capfd.readouterr() == ("again", "")

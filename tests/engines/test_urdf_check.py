@@ -12,7 +12,7 @@ import pytest
 
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.engines.source import written
+from physics_crosscheck.harness.engines.source import temporary_file
 from physics_crosscheck.harness.engines.urdf import read_urdf
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -229,6 +229,6 @@ def test_a_gear_of_nothing_is_refused(tmp_path: Path) -> None:
 def test_what_is_said_of_a_rewritten_copy_names_the_users_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     root = ElementTree.Element("robot")
-    with pytest.raises(RuntimeError) as told, written(root, path) as copy:
+    with pytest.raises(RuntimeError) as told, temporary_file(root, path) as copy:
         raise RuntimeError(f"{copy}:3: no mass")
     assert str(told.value) == f"{path}:3: no mass"

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
 from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
@@ -106,7 +106,7 @@ def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
         for i, one in enumerate(numbers.numerals)
         if one.address in last.constants
     }
-    copy = copied(urdf, numbers.texts(values), tmp_path / "copy")
+    copy = copy_with_texts(urdf, numbers.texts(values), tmp_path / "copy")
     assert f'damping="{last.constants[DAMPING]!r}"' in copy.read_text()
     assert judge_robot(prepare_robot(copy).task(last.engine, 1e-9)).outcome is last.outcome
 
@@ -117,7 +117,7 @@ def test_a_copy_that_does_not_follow_the_draw_differs(
     def unchanged(file: Path, _: Mapping[Path, bytes], __: Path) -> Path:
         return file
 
-    monkeypatch.setattr(swept_robot, "copied", unchanged)
+    monkeypatch.setattr(swept_robot, "copy_with_texts", unchanged)
     swept.cache_clear()
     rows = run_block(only_block(whole(urdf, workers, engines=("mujoco",))))
     assert [row.outcome for row in rows] == [Outcome.DIFFERS] * 3

@@ -15,8 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.bare import BARE, bare_cause, bare_links, weightless
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
+from physics_crosscheck.harness.engines.bare import (
+    BARE,
+    bare_cause,
+    bare_links,
+    zero_missing_inertials,
+)
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
@@ -46,7 +51,7 @@ from physics_crosscheck.harness.engines.runge_kutta import each_alone
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
 from physics_crosscheck.harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
 from physics_crosscheck.harness.engines.sdf_sidecar import DeclaredSdf
-from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -168,9 +173,9 @@ class DartModel(UrdfModel):
 
     def _skeleton(self) -> Any:
         load = sdf_skeleton if self._sdf else _urdf_skeleton
-        with captured((STDOUT, STDERR), again=False) as printed:
+        with capture_output((STDOUT, STDERR), again=False) as printed:
             skeleton = load(self.declared.text, self.path, self.floats)
-        message = _COLOUR.sub("", folded(" ".join(printed)))
+        message = _COLOUR.sub("", one_line(" ".join(printed)))
         if skeleton is None:
             raise EngineError(f"{self.path}: DART can't load it: {message}")
         self._printed = (message,) if message else ()
@@ -245,7 +250,7 @@ class DartModel(UrdfModel):
     ) -> tuple[Array, Array]:
         """Step through a rollout, without the text that DART prints about diverging motions."""
         self._world.setTimeStep(h)
-        with captured((STDOUT, STDERR), again=False):
+        with capture_output((STDOUT, STDERR), again=False):
             return super().rollout(q, v, h, n, force, every)
 
 
@@ -262,7 +267,7 @@ def _changes(spec: ModelSpec) -> list[Change]:
     further: list[Change] = [without_shapes]
     further += [without_friction] if smooth else []
     further += [trim_numbers] if spec.settings.get("trimmed_numbers", False) else []
-    return further + ([] if spec.settings.get("bare_links", True) else [weightless])
+    return further + ([] if spec.settings.get("bare_links", True) else [zero_missing_inertials])
 
 
 _INERTIALS: Mapping[str, Change] = MappingProxyType({

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.sdf import SdfFile, number
 from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, has_automatic
 from physics_crosscheck.harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
 from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
-from physics_crosscheck.harness.engines.source import written
+from physics_crosscheck.harness.engines.source import temporary_file
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")
@@ -34,7 +34,7 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
         _axes_in_model(root)
     if root.get("version") not in _PARSED_VERSIONS:
         root.set("version", VERSION)
-    with written(root, path) as file:
+    with temporary_file(root, path) as file:
         skeleton = parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
     if skeleton is not None:
         _restore_root_and_masses(skeleton, root, floats)

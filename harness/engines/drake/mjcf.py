@@ -18,7 +18,7 @@ import numpy as np
 from physics_crosscheck.harness.engines.attitude import coordinates
 from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
 from physics_crosscheck.harness.engines.drake.plant import moving_joints
-from physics_crosscheck.harness.engines.mjcf_copy import POSE, copied
+from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of
 from physics_crosscheck.harness.engines.mjcf_engine import MjcfModel
@@ -44,7 +44,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         self.stepping = str(spec.settings.get("stepping", SAP))
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
         smooth, resolved = bool(self.settings["smooth"]), self.resolved
-        root = copied(self.declared, limits=not smooth, touches=False, resolved=resolved)
+        root = copy_mjcf(self.declared, limits=not smooth, touches=False, resolved=resolved)
         heavy = [joint for joint in self.declared.singles if joint.armature]
         self._heavy = heavy if self.settings["armature"] else []
         self._light = bool(heavy) and not self._heavy
@@ -80,12 +80,12 @@ class DrakeMjcf(DrakeModel, MjcfModel):
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:
         """Elements that Drake leaves out under the current settings, with corrections."""
-        settings = self.remedied
+        settings = self.lost_settings
         if self._light:
             settings[ARMATURE] = {"armature": True}
         if self._misplaced:
             settings[MISPLACED] = {"chained": True}
-        return {**settings, EQUALITIES: {"stepping": SAP}} if self.let_go else settings
+        return {**settings, EQUALITIES: {"stepping": SAP}} if self.ignores_mimics else settings
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
                 address="sidecar:settings.armature",
                 shows_in=("inertia",),
             )
-        yield from self.said_remarks()
+        yield from self.warning_remarks()
 
     @property
     def places(self) -> tuple[str, ...]:

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
-from physics_crosscheck.harness.engines.drake.reading import logged
-from physics_crosscheck.harness.engines.following import held_accelerations, leading
+from physics_crosscheck.harness.engines.drake.reading import collect_log
+from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, UnsupportedError
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import RungeKutta, each_alone, to_state
-from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.tree_model import TreeModel
 from physics_crosscheck.harness.engines.urdf import Mimic
@@ -46,7 +46,7 @@ class DrakeModel(TreeModel):
         self._text, self._kind, self._messages = text, kind, list[str]()
         self._continuous = self.stepping == CONTINUOUS
         self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
-        plant = self._plant = self._built(0.0 if self._continuous else self.step)
+        plant = self._plant = self._build(0.0 if self._continuous else self.step)
         joints = moving_joints(plant)[1 if self.floats else 0 :]
         for joint in joints:
             if joint.num_velocities() != 1:
@@ -55,8 +55,8 @@ class DrakeModel(TreeModel):
                 )
         self._springs = self.name([joint.name() for joint in joints])
         self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
-        self._along = leading(hold, self.coordinates, self.path) if hold else None
-        self.let_go = bool(self.mimics) and self.stepping != SAP and self._along is None
+        self._along = leader_matrix(hold, self.coordinates, self.path) if hold else None
+        self.ignores_mimics = bool(self.mimics) and self.stepping != SAP and self._along is None
         self._discrete = lru_cache(maxsize=32)(self._discrete_of)
         forward = each_alone(self._accelerations)
         if self._continuous:
@@ -68,7 +68,7 @@ class DrakeModel(TreeModel):
     def complete(self, plant: Any) -> None:
         """Add elements that Drake's parser ignores, before the plant is finalized."""
 
-    def _built(self, h: float) -> Any:
+    def _build(self, h: float) -> Any:
         """Build a plant with this step; 0 gives a continuous plant."""
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
@@ -79,14 +79,14 @@ class DrakeModel(TreeModel):
         if h:
             plant.SetUseSampledOutputPorts(False)
         try:
-            with logged(self._messages):
+            with collect_log(self._messages):
                 Parser(plant).AddModelsFromString(self._text, self._kind)
                 self.complete(plant)
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
             message = re.sub(
-                r"<(literal|data)-string>(\.\w+)?(:\d+)*", self.path.name, folded(error)
+                r"<(literal|data)-string>(\.\w+)?(:\d+)*", self.path.name, one_line(error)
             )
             raise UnsupportedError(f"{self.path}: Drake can't load it: {message}") from None
         return plant
@@ -94,13 +94,13 @@ class DrakeModel(TreeModel):
     @cached_property
     def _continuous_plant(self) -> Plant:
         """A continuous plant, since a discrete one does not provide accelerations."""
-        return self._wrap(self._plant if self._continuous else self._built(0.0))
+        return self._wrap(self._plant if self._continuous else self._build(0.0))
 
     def _wrap(self, plant: Any) -> Plant:
         return Plant(plant, self.floats, self._springs, self.lifts)
 
     def _discrete_of(self, h: float) -> DiscreteSteps:
-        plant = self._plant if h == self.step else self._built(h)
+        plant = self._plant if h == self.step else self._build(h)
         wrapped = self._wrap(plant)
         return DiscreteSteps(wrapped, self.floats, wrapped.pulled)
 
@@ -110,7 +110,7 @@ class DrakeModel(TreeModel):
         if self._along is None:
             return a
         mass = self._continuous_plant.mass(x)
-        return held_accelerations(mass, mass @ a, self._along)
+        return constrained_accelerations(mass, mass @ a, self._along)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -134,7 +134,7 @@ class DrakeModel(TreeModel):
         if self.floats:
             return None
         damping = self._damping if self.stepping == SAP and self._damping.any() else None
-        soft = "couplings, which are soft" if self.mimics and not self.let_go else ""
+        soft = "couplings, which are soft" if self.mimics and not self.ignores_mimics else ""
         return StepRule(scheme="semi-implicit Euler", damping=damping, besides=soft)
 
     @property
@@ -154,7 +154,7 @@ class DrakeModel(TreeModel):
         """Warnings of Drake's parser."""
         return tuple(dict.fromkeys(self._messages))
 
-    def said_remarks(self) -> Iterator[Remark]:
+    def warning_remarks(self) -> Iterator[Remark]:
         """Yield Drake's warnings about the file."""
         yield from (
             Remark(kind="warning", message=f"Drake: {word}", address="") for word in self.warnings

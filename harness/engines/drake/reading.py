@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.source import one_line
 
 BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
 """Moments of inertia, kg m^2, of a 1 kg ball of water: Drake's substitute for an impossible
@@ -51,12 +51,12 @@ def refuse_balls(plant: Any, moments_of: Mapping[str, float], path: Path) -> Non
 
 
 @contextmanager
-def logged(messages: list[str]) -> Iterator[None]:
+def collect_log(messages: list[str]) -> Iterator[None]:
     """Collect Drake's log messages in a list instead of on stderr."""
 
     class Kept(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            message = folded(record.getMessage())
+            message = one_line(record.getMessage())
             messages.append(re.sub(r"^<(literal|data)-string>(\.\w+)?:", "", message))
 
     logger, handler = logging.getLogger("drake"), Kept(logging.WARNING)

@@ -33,7 +33,7 @@ def own_mimics(model: ET.Element) -> None:
             ET.SubElement(joint, f"{{{SPACE}}}mimic", attributes)
 
 
-def weightless(model: ET.Element) -> tuple[str, ...]:
+def weightless_links(model: ET.Element) -> tuple[str, ...]:
     """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
     return tuple(
         link.get("name", "")

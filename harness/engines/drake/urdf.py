@@ -11,7 +11,7 @@ from physics_crosscheck.harness.engines.drake.reading import refuse_balls
 from physics_crosscheck.harness.engines.drake.sdf import (
     own_mimics,
     weight_cause,
-    weightless,
+    weightless_links,
     without_own,
 )
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
@@ -43,7 +43,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
         )
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, _changes(spec, self.stepping))
-        self._weightless = weightless(self.declared.robot) if spec.path.suffix == SDF else ()
+        self._weightless = weightless_links(self.declared.robot) if spec.path.suffix == SDF else ()
         held = self.settings["hold_mimics"] and self.stepping == CONTINUOUS
         self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else ())
         if self.settings["weightless_links"]:
@@ -63,7 +63,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         them.
         """
         settings: dict[str, Mapping[str, object]] = (
-            {MIMICS: {"stepping": SAP}} if self.let_go else {}
+            {MIMICS: {"stepping": SAP}} if self.ignores_mimics else {}
         )
         if self._weightless and not self.lifts:
             settings[weight_cause(self._weightless)] = {"weightless_links": True}
@@ -72,7 +72,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield ignored parts of the file, and Drake's warnings."""
         yield from UrdfModel.remarks(self, z, w)
-        yield from self.said_remarks()
+        yield from self.warning_remarks()
 
     @property
     def places(self) -> tuple[str, ...]:

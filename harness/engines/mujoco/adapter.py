@@ -25,7 +25,7 @@ from physics_crosscheck.harness.engines.mujoco.mjcf import (
     checked_numbers,
     checked_step,
     included,
-    refusal,
+    load_error,
     sources,
 )
 from physics_crosscheck.harness.engines.mujoco.poses import PoseEvaluator
@@ -42,7 +42,11 @@ from physics_crosscheck.harness.engines.mujoco.settings import (
     is_on,
     rounded_frames,
 )
-from physics_crosscheck.harness.engines.mujoco.smooth import hold, leave_out, without_joints
+from physics_crosscheck.harness.engines.mujoco.smooth import (
+    keep_equalities,
+    remove_uncovered,
+    without_joints,
+)
 from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
 from physics_crosscheck.harness.engines.mujoco.urdf import changes, complete_urdf
@@ -56,8 +60,8 @@ from physics_crosscheck.harness.engines.protocol import (
     ModelSpec,
     Sample,
     StateForce,
+    clip_ranges,
     held_joints,
-    within,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import XmlSource, engine_errors
@@ -68,7 +72,7 @@ from physics_crosscheck.harness.engines.urdf import (
     read_urdf,
     sample_urdf,
 )
-from physics_crosscheck.harness.engines.urdf_copy import followers_of, rewritten
+from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 
@@ -140,7 +144,7 @@ class MujocoEngine(Engine):
         robot = read_urdf(spec.path) if spec.path.suffix == ".urdf" else None
         xml_sources, warnings = sources(spec.path), Warnings()
         try:
-            with warnings.heard(), rewritten(robot, spec.path, changes(spec)) as path:
+            with warnings.collecting(), temporary_urdf(robot, spec.path, changes(spec)) as path:
                 tree = mujoco.MjSpec.from_file(str(path))
                 if robot is not None:
                     complete_urdf(tree, spec, robot)
@@ -151,14 +155,14 @@ class MujocoEngine(Engine):
         except EngineError:
             raise
         except Exception as error:
-            raise refusal(error, spec.path, xml_sources) from None
+            raise load_error(error, spec.path, xml_sources) from None
         if is_on(spec, "exact_frames", otherwise=False):
             model.body_sameframe[:] = 0
         if is_on(spec, "compensated", otherwise=False):
             model.jnt_actgravcomp[:] = 0
-        hold(model, followers_of(spec.settings, f"{spec.path}.toml"))
+        keep_equalities(model, followers_of(spec.settings, f"{spec.path}.toml"))
         if is_on(spec, "smooth", otherwise=False):
-            leave_out(model)
+            remove_uncovered(model)
         checked_step(model.opt.timestep, xml_sources, spec, mujoco.mjMINVAL)
         checked_numbers(_not_finite(model), xml_sources, spec.path)
         if not model.njnt:
@@ -191,7 +195,9 @@ class MujocoEngine(Engine):
         robot = read_urdf(path) if path.suffix == ".urdf" else None
         if robot is not None and robot.find("mujoco/compiler") is None:
             return
-        with rewritten(robot, path, changes(ModelSpec(path, settings={"smooth": True}))) as copy:
+        with temporary_urdf(
+            robot, path, changes(ModelSpec(path, settings={"smooth": True}))
+        ) as copy:
             yield from file_remarks(copy, path)
 
     def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
@@ -269,7 +275,7 @@ class MujocoModel(Model):
         half = np.where(hinge, np.pi, 1.0)
         free = np.stack([self.home - half, self.home + half], axis=1)
         limited = self._limited
-        return within(free, np.where(limited[:, None], self.model.jnt_range[joints], free))
+        return clip_ranges(free, np.where(limited[:, None], self.model.jnt_range[joints], free))
 
     @property
     def limits(self) -> Array:
@@ -304,7 +310,7 @@ class MujocoModel(Model):
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield changes that MuJoCo and its formats make to the model."""
-        with self._warnings.heard():
+        with self._warnings.collecting():
             yield from model_remarks(self.model, self._spec, self._sources, self._states.qpos(z), w)
         for warning in self._warnings:
             yield Remark(kind="warning", message=f"MuJoCo warns: {warning}", address="")
@@ -312,7 +318,7 @@ class MujocoModel(Model):
     @property
     def step_rule(self) -> StepRule | None:
         """The step rule of its integrator."""
-        with self._warnings.heard():
+        with self._warnings.collecting():
             return step_rule(self.model)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
@@ -323,14 +329,14 @@ class MujocoModel(Model):
         if equalities_act(self.model) and not self._equalities_hold:
             return None
         held = self._controls, self._activations
-        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():
+        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.collecting():
             return forward(self.model, self._data, self._states, (z, w, force), held)
 
     def equality_errors(self, z: Array) -> Array | None:
         """Return the errors of equalities that `accelerations` holds exactly."""
         if not self._equalities_hold:
             return None
-        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():
+        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.collecting():
             return equality_errors(self.model, self._data, self._states.qpos(z))
 
     @cached_property
@@ -353,8 +359,8 @@ class MujocoModel(Model):
         # By default MuJoCo fuses links on fixed joints, such as a tool's, with their parents.
         robot = read_urdf(self._spec.path)
         with (
-            self._warnings.heard(),
-            rewritten(robot, self._spec.path, changes(self._spec)) as path,
+            self._warnings.collecting(),
+            temporary_urdf(robot, self._spec.path, changes(self._spec)) as path,
         ):
             tree = mujoco.MjSpec.from_file(str(path))
             complete_urdf(tree, self._spec, robot)  # a floating root has coordinates
@@ -399,7 +405,7 @@ class MujocoModel(Model):
     ) -> tuple[Array, Array]:
         """Run a batch in C (`mujoco.rollout`), with a fresh warm start for each state."""
         quiet = np.errstate(all="ignore")
-        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard(), quiet:
+        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.collecting(), quiet:
             if isinstance(force, StateForce):
                 return self._step_by_state(q, v, h, n, force, every)
             return self._step_all(q, v, h, n, force, every)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.following import held_accelerations
+from physics_crosscheck.harness.engines.following import constrained_accelerations
 from physics_crosscheck.harness.engines.mujoco.equalities import straight_equalities
 from physics_crosscheck.harness.engines.mujoco.pulls import acts
 from physics_crosscheck.harness.engines.mujoco.state import States
@@ -111,4 +111,4 @@ def _held(model: Any, data: Any, followers: list[int]) -> Array | float:
     mass = np.empty((model.nv, model.nv))
     for column, unit in zip(mass, np.eye(model.nv), strict=True):  # M is symmetric
         mujoco.mj_mulM(model, data, column, unit)
-    return held_accelerations(mass, np.array(data.qfrc_smooth), along)
+    return constrained_accelerations(mass, np.array(data.qfrc_smooth), along)

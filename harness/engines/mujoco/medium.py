@@ -37,7 +37,7 @@ def without_ellipsoids(m: Any) -> None:
     m.geom_fluid[ellipsoids(m), 0] = FAINT
 
 
-def boxed(m: Any, body: int) -> bool:
+def has_box_drag(m: Any, body: int) -> bool:
     """Return whether the fluid acts on a body as on a box."""
     first, count = int(m.body_geomadr[body]), int(m.body_geomnum[body])
     return not (count and ellipsoids(m)[first : first + count].any())

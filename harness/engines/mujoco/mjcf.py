@@ -14,7 +14,7 @@ from physics_crosscheck.harness.engines.source import (
     NoXmlError,
     XmlSource,
     check_memory,
-    folded,
+    one_line,
     read_source,
     read_xml,
 )
@@ -202,7 +202,7 @@ def _same(words: str, given: object) -> bool:
     return [value for _, value in _numbers(words)] == values
 
 
-def refusal(error: Exception, path: Path, xml_sources: Sequence[XmlSource]) -> EngineError:
+def load_error(error: Exception, path: Path, xml_sources: Sequence[XmlSource]) -> EngineError:
     """Return MuJoCo's message as one line, with the line number if it is in this file.
 
     Raises:
@@ -211,7 +211,7 @@ def refusal(error: Exception, path: Path, xml_sources: Sequence[XmlSource]) -> E
     check_memory(error)
     if wrong := _not_a_number(_words(xml_sources)):
         return wrong
-    reason = folded(error)
+    reason = one_line(error)
     # MuJoCo reports the line in its text only.
     line = re.search(r",? line (\d+)", reason)
     is_only_file = len(xml_sources) == 1 and not any(

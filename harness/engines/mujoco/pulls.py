@@ -210,7 +210,7 @@ def split_tendons(m: Any) -> Iterator[tuple[int, tuple[str, str]]]:
             yield i, (joint_name(m, first), joint_name(m, other))
 
 
-def pulls_taken(m: Any) -> tuple[CompiledPull, ...]:
+def pulls_as_computed(m: Any) -> tuple[CompiledPull, ...]:
     """Return all forces, with tendon armatures uncoupled across branches as in MuJoCo."""
     split = dict(split_tendons(m))
     names = {m.tendon(i).name or f"tendon_{i}": i for i in split}

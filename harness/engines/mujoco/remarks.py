@@ -10,8 +10,8 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.mjcf import (
     doubled_remarks,
+    load_error,
     override_remarks,
-    refusal,
     stated,
 )
 from physics_crosscheck.harness.engines.mujoco.pulls import (
@@ -297,14 +297,14 @@ def _read(copy: Path, path: Path, off: Sequence[str]) -> tuple[Any, Any]:
     import mujoco
 
     try:
-        with Warnings().heard():
+        with Warnings().collecting():
             tree = mujoco.MjSpec.from_file(str(copy))
             without_idle_files(tree)
             for key in off:
                 setattr(tree.compiler, key, _OFF[key])
             return tree, tree.compile()
     except Exception as error:
-        raise refusal(error, path, ()) from None
+        raise load_error(error, path, ()) from None
 
 
 def _replaced(key: str, compiled: tuple[Any, Any], copy: Path, path: Path) -> Iterator[str]:

@@ -35,17 +35,19 @@ def step_rule(m: Any) -> StepRule | None:
     match kinds(m.opt.integrator):
         case kinds.mjINT_RK4:
             return StepRule(scheme="Runge-Kutta 4", besides=besides)
-        case kinds.mjINT_IMPLICIT if not (_has_nonlinear_damping(m) or _drags(m) or _moves(m)):
+        case kinds.mjINT_IMPLICIT if not (
+            _has_nonlinear_damping(m) or _has_unresolved_drag(m) or _has_motors_on_frames(m)
+        ):
             return StepRule(
                 scheme="semi-implicit Euler",
                 by_velocity=True,
-                coupled=_coupled(m),
+                coupled=_derivative_entries(m),
                 besides=besides,
             )
         case kinds.mjINT_EULER:
-            implicit_damping = _joint_dampers(m)
-        case kinds.mjINT_IMPLICITFAST if not _moves(m):
-            implicit_damping = _dampers(m)
+            implicit_damping = _euler_damping(m)
+        case kinds.mjINT_IMPLICITFAST if not _has_motors_on_frames(m):
+            implicit_damping = _implicitfast_damping(m)
         case _:
             return None
     if implicit_damping is None:
@@ -54,7 +56,7 @@ def step_rule(m: Any) -> StepRule | None:
     return StepRule(scheme="semi-implicit Euler", damping=damping, besides=besides)
 
 
-def _joint_dampers(m: Any) -> Array | None:
+def _euler_damping(m: Any) -> Array | None:
     """Return the damping that Euler evaluates at the end, (nv, nv), or None if it is not
     constant.
     """
@@ -67,7 +69,7 @@ def _joint_dampers(m: Any) -> Array | None:
     return np.diag(np.array(m.dof_damping, dtype=float))
 
 
-def _coupled(m: Any) -> NDArray[np.bool_] | None:
+def _derivative_entries(m: Any) -> NDArray[np.bool_] | None:
     """Return the pairs of degrees of freedom with an entry in the derivative, (nv, nv); None for
     all.
     """
@@ -81,7 +83,7 @@ def _has_nonlinear_damping(m: Any) -> bool:
     return any(any(powers(m, "dof_damping", i)[1:]) for i in range(m.nv))
 
 
-def _drags(m: Any) -> bool:
+def _has_unresolved_drag(m: Any) -> bool:
     """Return whether a force has no finite-difference slope in velocity: of a fluid, or |w| w."""
     tendons = (powers(m, "tendon_damping", i) for i in range(m.ntendon))
     motors = (
@@ -91,7 +93,7 @@ def _drags(m: Any) -> bool:
     return box_fluid(m) is not None or any(any(one[1:]) for one in (*tendons, *motors))
 
 
-def _moves(m: Any) -> bool:
+def _has_motors_on_frames(m: Any) -> bool:
     """Return whether motors act on frames, whose dampers may have no entry in the sparsity of M."""
     import mujoco
 
@@ -99,7 +101,7 @@ def _moves(m: Any) -> bool:
     return any(m.actuator_trntype[i] not in fixed for i in range(actuators(m)))
 
 
-def _dampers(m: Any) -> Array | None:
+def _implicitfast_damping(m: Any) -> Array | None:
     """Return the damping that `implicitfast` evaluates at the end, (nv, nv), or None if not
     constant.
     """

@@ -28,7 +28,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
 _SOLREF, _SOLIMP = [1e-12, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Equalities as stiff as a step allows, which settle in one step; steps can be 1e-8 s or less."""
 
-_HEAVIER = 1e-2
+_INVERSE_WEIGHT_FACTOR = 1e-2
 """A factor of the inverse weights that scale the softness of equalities.
 
 With it, limits of tendon equalities are known to 3e-12, without it to 2e-9. For two fingers with
@@ -48,7 +48,7 @@ def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
         without_idle_files(tree)
 
 
-def hold(m: Any, followers: Collection[str] | None) -> None:
+def keep_equalities(m: Any, followers: Collection[str] | None) -> None:
     """Activate only those equalities whose followers are named; None activates all."""
     if followers is not None:
         held = {
@@ -60,7 +60,7 @@ def hold(m: Any, followers: Collection[str] | None) -> None:
             m.eq_active0[i] = 0
 
 
-def leave_out(m: Any) -> None:
+def remove_uncovered(m: Any) -> None:
     """Remove features without a formula here, and all saturation, from a compiled model.
 
     The remaining equalities settle in one step. Their solver iterates to the last digit, under
@@ -80,8 +80,8 @@ def leave_out(m: Any) -> None:
         # The inverse weights scale the softness of an equality. They are much larger than a
         # tendon's
         # effective inverse mass, and for a body at its own center they omit the joint's armature.
-        m.tendon_invweight0[:] *= _HEAVIER
-        m.dof_invweight0[:] *= _HEAVIER
+        m.tendon_invweight0[:] *= _INVERSE_WEIGHT_FACTOR
+        m.dof_invweight0[:] *= _INVERSE_WEIGHT_FACTOR
     limited = ("actuator_forcelimited", "actuator_actlimited", "jnt_actfrclimited")
     for name in (*limited, "tendon_actfrclimited"):
         getattr(m, name)[:] = 0
@@ -94,10 +94,10 @@ def leave_out(m: Any) -> None:
         "biastype",
         "dyntype",
     )  # type 0 is constant
-    _zero(m, "actuator", (*force, *own_fields), _bent_actuators(m))
-    _zero(m, "tendon", ("armature",), _heavy_cords(m))
-    _zero(m, "actuator", ("armature",), _heavy_motors(m))
-    _zero(m, "tendon", ("stiffness", "stiffnesspoly", *own_fields), _bent_tendons(m))
+    _zero(m, "actuator", (*force, *own_fields), _uncovered_actuators(m))
+    _zero(m, "tendon", ("armature",), _spatial_tendons_with_armature(m))
+    _zero(m, "actuator", ("armature",), _actuators_with_armature(m))
+    _zero(m, "tendon", ("stiffness", "stiffnesspoly", *own_fields), _uncovered_tendons(m))
 
 
 def _zero(m: Any, prefix: str, names: tuple[str, ...], rows: Iterable[int]) -> None:
@@ -108,20 +108,20 @@ def _zero(m: Any, prefix: str, names: tuple[str, ...], rows: Iterable[int]) -> N
             getattr(m, f"{prefix}_{name}")[wanted] = 0
 
 
-def _bent_actuators(m: Any) -> list[int]:
+def _uncovered_actuators(m: Any) -> list[int]:
     return [i for i in range(actuators(m)) if not covered_actuator(m, i)]
 
 
-def _bent_tendons(m: Any) -> list[int]:
+def _uncovered_tendons(m: Any) -> list[int]:
     return [i for i in range(m.ntendon) if pulls_by_itself(m, i) and not covered_tendon(m, i)]
 
 
-def _heavy_cords(m: Any) -> list[int]:
+def _spatial_tendons_with_armature(m: Any) -> list[int]:
     """Return spatial tendons with an armature."""
     return [i for i in range(m.ntendon) if spatial_tendon(m, i) and m.tendon_armature[i]]
 
 
-def _heavy_motors(m: Any) -> list[int]:
+def _actuators_with_armature(m: Any) -> list[int]:
     """Return actuators with an armature on such tendons."""
     import mujoco
 
@@ -160,12 +160,13 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
     held = int(np.count_nonzero(m.eq_active0)) if equalities_act(m) else 0
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
     counts: dict[str, Any] = {
-        "actuators of other laws or transmissions": len(_bent_actuators(m)),
+        "actuators of other laws or transmissions": len(_uncovered_actuators(m)),
         "saturation of actuators": sum(map(bool, _saturation(m)))
         + np.count_nonzero(m.jnt_actfrclimited)
         + np.count_nonzero(m.tendon_actfrclimited),
-        "tendons around shapes that pull": len(_bent_tendons(m)),
-        "armatures along tendons in space": len(_heavy_cords(m)) + len(_heavy_motors(m)),
+        "tendons around shapes that pull": len(_uncovered_tendons(m)),
+        "armatures along tendons in space": len(_spatial_tendons_with_armature(m))
+        + len(_actuators_with_armature(m)),
         "equality constraints": held - len(straight_equalities(m)),
         "limits of position": np.count_nonzero(m.jnt_limited) + np.count_nonzero(m.tendon_limited),
         "dry friction": np.count_nonzero(m.dof_frictionloss)

@@ -16,15 +16,15 @@ from physics_crosscheck.harness.engines.compiled import (
 )
 from physics_crosscheck.harness.engines.mujoco.actuators import compiled_actuator
 from physics_crosscheck.harness.engines.mujoco.equalities import couplings
-from physics_crosscheck.harness.engines.mujoco.medium import box_fluid, boxed
-from physics_crosscheck.harness.engines.mujoco.mjcf import included, refusal, sources
+from physics_crosscheck.harness.engines.mujoco.medium import box_fluid, has_box_drag
+from physics_crosscheck.harness.engines.mujoco.mjcf import included, load_error, sources
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     UNCOUPLED,
     acts,
     actuators,
     powers,
     pulls,
-    pulls_taken,
+    pulls_as_computed,
     split_tendons,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
@@ -44,13 +44,13 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
     """
     xml_sources = () if texts else sources(path)
     try:
-        with Warnings().heard():
+        with Warnings().collecting():
             tree = _spec(path, texts)
             without_idle_files(tree)
             shapes = files_of_shapes(tree)
             m: Any = tree.compile()
     except Exception as error:
-        raise refusal(error, path, xml_sources) from None
+        raise load_error(error, path, xml_sources) from None
     x, y, z = map(float, m.opt.gravity if acts(m, "GRAVITY") else np.zeros(3))
     return CompiledTree(
         pulls=tuple(pulls(m)),
@@ -65,7 +65,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         actuators=tuple(compiled_actuator(m, i) for i in range(actuators(m))),
         states=int(m.na),
         shapes=shapes,
-        engine_variants=((UNCOUPLED, pulls_taken(m)),) if any(split_tendons(m)) else (),
+        engine_variants=((UNCOUPLED, pulls_as_computed(m)),) if any(split_tendons(m)) else (),
     )
 
 
@@ -96,7 +96,7 @@ def _body(m: Any, i: int) -> CompiledBody:
         moments=_numbers(m.body_inertia[i]),
         joints=tuple(_joint(m, j) for j in range(first, first + count)),
         lift=float(m.body_gravcomp[i]) if acts(m, "SPRING") or acts(m, "DAMPER") else 0.0,
-        dragged=boxed(m, i),
+        dragged=has_box_drag(m, i),
         ordinary=not (m.body_mocapid[i] >= 0 or m.body_gravcomp[i]),
     )
 

@@ -29,7 +29,7 @@ class Warnings:
         return iter(self._kinds.values())
 
     @contextmanager
-    def heard(self) -> Iterator[None]:
+    def collecting(self) -> Iterator[None]:
         """Collect all warnings that MuJoCo gives in this block, its own and Python's."""
         import mujoco
 

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Model,
     ModelSpec,
     Sample,
-    within,
+    clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors
@@ -143,7 +143,7 @@ class NewtonModel(Model):
         return StepRule(scheme="semi-implicit Euler") if plain else None
 
     @property
-    def _enlarged(self) -> str:
+    def _enlarged_cause(self) -> str:
         """The cause that a diagnosis reports; empty if no inertia was changed."""
         names = ", ".join(self._corrected[:_NAMED])
         more = ", ..." if len(self._corrected) > _NAMED else ""
@@ -156,7 +156,7 @@ class NewtonModel(Model):
         """
         settings = dict(self._read.lost)
         return (
-            {**settings, self._enlarged: {"corrected_inertias": False}}
+            {**settings, self._enlarged_cause: {"corrected_inertias": False}}
             if self._corrected
             else settings
         )
@@ -170,7 +170,7 @@ class NewtonModel(Model):
         """Yield elements that Newton changes, leaves out or ignores."""
         if self._corrected:
             message = (
-                f"{self._enlarged}: they are too small relative to the body's other "
+                f"{self._enlarged_cause}: they are too small relative to the body's other "
                 "moments, or violate the triangle inequality"
             )
             yield Remark(kind="replaced", message=message, address="", shows_in=("inertia",))
@@ -225,4 +225,4 @@ class NewtonMjcf(NewtonModel):
     @property
     def sampling_range(self) -> Array:
         """Sampling range around home, within limits."""
-        return within(super().sampling_range + self.home[:, None], self.limits)
+        return clip_ranges(super().sampling_range + self.home[:, None], self.limits)

@@ -13,10 +13,10 @@ from physics_crosscheck.harness.engines.mjcf_source import option_remarks, read_
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.reading import (
     Read,
+    collect_warnings,
     correct_inertias,
-    heard,
     new_builder,
-    without_stops,
+    without_limit_forces,
 )
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, Spring
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
@@ -36,20 +36,20 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
     source = read_source_mjcf(spec.path)
     root = source.root
     builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
-    with heard(messages):
+    with collect_warnings(messages):
         builder.add_mjcf(str(spec.path), parse_visuals=False, enable_self_collisions=False)
     followers = followers_of(settings, f"{spec.path}.toml")
     for reason in _left_out(root, followers is None):
         raise EngineError(f"{spec.path}: it has {reason}, which {DROPS}")
     if settings["smooth"]:
-        without_stops(builder)
+        without_limit_forces(builder)
     attributes = builder.custom_attributes
     refs = np.zeros(len(builder.joint_qd))
     for dof, value in (attributes["mujoco:dof_ref"].values or {}).items():
         refs[dof] = value
     layout = Layout(builder, _names(root, builder, spec.path), refs)
     lost: dict[str, Mapping[str, object]] = {}
-    with heard(messages):
+    with collect_warnings(messages):
         tendons = tuple(_tendons(builder, layout, spec.path))
         if _equal(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}

@@ -12,7 +12,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.protocol import Array, Spring
-from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.source import one_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,15 +49,15 @@ def new_builder(gravity: Sequence[float]) -> Any:
 
 
 @contextmanager
-def heard(messages: list[str]) -> Iterator[None]:
+def collect_warnings(messages: list[str]) -> Iterator[None]:
     """Collect warnings in this block instead of printing them."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield
-    messages += [folded(one.message) for one in caught]
+    messages += [one_line(one.message) for one in caught]
 
 
-def without_stops(builder: Any) -> None:
+def without_limit_forces(builder: Any) -> None:
     """Remove the springs and dampers of joint limits."""
     for name in ("joint_limit_ke", "joint_limit_kd"):
         setattr(builder, name, [0.0] * len(getattr(builder, name)))
@@ -106,7 +106,7 @@ def correct_inertias(builder: Any, messages: list[str]) -> list[str]:
     """
     import newton
 
-    with heard(messages):
+    with collect_warnings(messages):
         model = builder.finalize(device="cpu")
     pairs = (
         (builder.body_mass, model.body_mass.numpy()),

@@ -11,14 +11,14 @@ from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.reading import (
     Read,
     collapse,
+    collect_warnings,
     correct_inertias,
-    heard,
     new_builder,
-    without_stops,
+    without_limit_forces,
 )
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.urdf import UrdfReader
-from physics_crosscheck.harness.engines.urdf_copy import changed
+from physics_crosscheck.harness.engines.urdf_copy import with_changes
 from physics_crosscheck.harness.engines.urdf_engine import UrdfModel
 
 READER = UrdfReader(
@@ -53,13 +53,13 @@ def read_urdf(model: UrdfModel) -> Read:
     Raises:
         EngineError: naming file and joint.
     """
-    robot = changed(model.declared.robot, model.declared.changes)
+    robot = with_changes(model.declared.robot, model.declared.changes)
     builder, messages = new_builder(model.gravity), list[str]()
-    with heard(messages):
+    with collect_warnings(messages):
         text = ET.tostring(robot, encoding="unicode")
         builder.add_urdf(text, floating=model.floats, enable_self_collisions=False)
     if model.settings["smooth"]:
-        without_stops(builder)
+        without_limit_forces(builder)
     corrected = correct_inertias(builder, messages) if model.settings["corrected_inertias"] else ()
     lost = collapse(builder, bool(model.settings["collapse_fixed_joints"]))
     prefix = f"{robot.get('name')}/" if robot.get("name") else ""

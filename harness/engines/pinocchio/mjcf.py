@@ -14,16 +14,16 @@ import numpy as np
 
 from physics_crosscheck.harness.engines import tree_model
 from physics_crosscheck.harness.engines.attitude import coordinates
-from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose
+from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copy_mjcf, without_pose
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, shaped
+from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, has_shape_inertia
 from physics_crosscheck.harness.engines.mjcf_engine import MjcfModel
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, rows_of
 from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
 from physics_crosscheck.harness.engines.pinocchio.reading import GROUND, read_mjcf
 from physics_crosscheck.harness.engines.protocol import Array, Engine, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import written
+from physics_crosscheck.harness.engines.source import temporary_file
 
 ROOTS = "Pinocchio's reading of the first root body alone"
 GEOMS = "Pinocchio's leaving out of geoms that touch nothing"
@@ -40,26 +40,28 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         ignored = frozenset({"timestep", "gravity"})
         MjcfModel.__init__(self, spec, "Pinocchio", defaults, ignored, compiler)
         resolved = self.resolved
-        root = copied(self.declared, limits=False, touches=True, resolved=resolved, refs=False)
+        root = copy_mjcf(self.declared, limits=False, touches=True, resolved=resolved, refs=False)
         self._one_root = not self.settings["all_roots"] and len(root.findall("worldbody/body")) > 1
         self._few_geoms = not self.settings["all_geoms"] and root.find(".//body/geom") is not None
         if self.settings["all_roots"]:
-            _grounded(root)
+            _attach_to_ground(root)
         if self.settings["all_geoms"]:
-            _touching(root)
+            _enable_contacts(root)
         if self.floats:
             self.drawn = _drawn(self._read(root), self.root)
         model = self._read(without_pose(root))
         names = self._names(model)
         refs = {one.name: one.ref for one in self.declared.singles}
         self.take(model, names, np.array([refs[n] for row in names for n in row]), self.mimics)
-        self.misread = not resolved and (self._other(model) or any(_unread(self.declared)))
+        self.misread = not resolved and (
+            self._differs_from_defaults(model) or any(_unread(self.declared))
+        )
 
     def _read(self, root: ET.Element) -> Any:
-        with written(root, self.path) as path:
+        with temporary_file(root, self.path) as path:
             return read_mjcf(path, self.path)
 
-    def _other(self, model: Any) -> bool:
+    def _differs_from_defaults(self, model: Any) -> bool:
         """Return whether dampers and armatures of joints differ from those of their classes."""
         stated = {one.name: one for one in self.declared.singles}
         ordered = [
@@ -91,7 +93,7 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:
         """Elements that Pinocchio leaves out under the current settings, with corrections."""
-        settings = {**self.remedied, **self.undamped}
+        settings = {**self.lost_settings, **self.undamped}
         if self._one_root:
             settings[ROOTS] = {"all_roots": True}
         return {**settings, GEOMS: {"all_geoms": True}} if self._few_geoms else settings
@@ -107,7 +109,7 @@ def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
     itself.
     """
     for body, inherited in bodies_of(declared.source):
-        weighing = shaped(declared.source, body) and body not in declared.inertias
+        weighing = has_shape_inertia(declared.source, body) and body not in declared.inertias
         for element in (*body.findall("joint"), *(body.findall("geom") if weighing else ())):
             lost = {"pos"} if element.tag == "joint" else {"mass", *POSE}
             yield bool(
@@ -115,7 +117,7 @@ def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
             )
 
 
-def _grounded(root: ET.Element) -> None:
+def _attach_to_ground(root: ET.Element) -> None:
     """Attach all root bodies to one fixed body."""
     for world in root.findall("worldbody"):
         bodies = list(world)
@@ -124,7 +126,7 @@ def _grounded(root: ET.Element) -> None:
         ET.SubElement(world, "body", name=GROUND).extend(bodies)
 
 
-def _touching(root: ET.Element) -> None:
+def _enable_contacts(root: ET.Element) -> None:
     for geom in root.findall(".//body/geom"):
         for key in TOUCHES:
             geom.set(key, "1")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.attitude import cross, matrix, turned
-from physics_crosscheck.harness.engines.following import held_accelerations, leading
-from physics_crosscheck.harness.engines.pinocchio.reading import frames, lifting
+from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
+from physics_crosscheck.harness.engines.pinocchio.reading import frames, lift_models
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.runge_kutta import to_state
 from physics_crosscheck.harness.engines.stepped_here import SteppedHere
@@ -72,13 +72,13 @@ class PinocchioModel(SteppedHere):
         )
         damping = np.array(model.damping)[velocity_indices[first:]]
         self._springs = self.dampers(singles, damping)
-        along = leading(mimics, self.coordinates, self.path) if mimics else None
+        along = leader_matrix(mimics, self.coordinates, self.path) if mimics else None
         # In Pinocchio's order.
         self._along = along if along is None or self._order is None else along[self._order]
         self._upper = np.triu(np.ones((model.nv, model.nv)))
         self._above = np.triu(self._upper, 1)
         self._referred = bool(refs.any())
-        self._lifts = lifting(model, self.lifts)
+        self._lifts = lift_models(model, self.lifts)
         is_plain = not (self.floats or self._turns or self._referred)
         self._straight = is_plain and np.array_equal(there, np.arange(len(singles)))
         self._permuted = np.argsort(there) if is_plain else None
@@ -143,14 +143,16 @@ class PinocchioModel(SteppedHere):
             aba, model, data = self._aba, self._model, self._data
             a = np.array([aba(model, data, *row) for row in rows])
         else:
-            a = self._led(rows, self._along)
+            a = self._accelerations_with_mimics(rows, self._along)
         if order is None:
             return a
         result = np.empty_like(a)
         result[:, order] = a
         return result
 
-    def _led(self, rows: Iterable[tuple[Array, Array, Array]], along: Array) -> Array:
+    def _accelerations_with_mimics(
+        self, rows: Iterable[tuple[Array, Array, Array]], along: Array
+    ) -> Array:
         """Solve with mimic joints on the mass matrix, whose upper half Pinocchio computes."""
         import pinocchio as pin
 
@@ -161,7 +163,9 @@ class PinocchioModel(SteppedHere):
         ]
         upper = np.array([mass for mass, _ in mass_and_force]) * self._upper
         mass = upper + (upper * self._above).swapaxes(1, 2)
-        return held_accelerations(mass, np.array([pull for _, pull in mass_and_force]), along)
+        return constrained_accelerations(
+            mass, np.array([pull for _, pull in mass_and_force]), along
+        )
 
     def _configuration(self, x: Array) -> Array:
         """Return positions (..., nq) in Pinocchio's convention, with the real part of a quaternion

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import Array, UnsupportedError
-from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.tree_model import Weight
 
 
-def built(path: Path, file: Path, root: str) -> Any:
+def build_urdf(path: Path, file: Path, root: str) -> Any:
     """Build the model of a URDF, its root fixed or on a joint of that name.
 
     Raises:
@@ -23,12 +23,12 @@ def built(path: Path, file: Path, root: str) -> Any:
     import pinocchio as pin
 
     try:
-        with captured((STDOUT, STDERR), again=False) as printed:
+        with capture_output((STDOUT, STDERR), again=False) as printed:
             if root:
                 return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer(), root)
             return pin.buildModelFromUrdf(str(path))
     except ValueError as error:
-        message = folded(" ".join(printed)) or folded(error)
+        message = one_line(" ".join(printed)) or one_line(error)
         raise UnsupportedError(f"{file}: Pinocchio can't load it: {message}") from None
 
 
@@ -45,15 +45,15 @@ def read_mjcf(path: Path, file: Path) -> Any:
     import pinocchio as pin
 
     try:
-        with captured((STDOUT, STDERR), again=False):
+        with capture_output((STDOUT, STDERR), again=False):
             model = pin.buildModelFromMJCF(str(path))
     except (ValueError, RuntimeError, IndexError) as error:
-        message = folded(error).rpartition("message: ")[2]
+        message = one_line(error).rpartition("message: ")[2]
         raise UnsupportedError(f"{file}: Pinocchio can't load it: {message}") from None
     return model[0] if isinstance(model, tuple) else model
 
 
-def lifting(model: Any, weights: Sequence[Weight]) -> list[tuple[float, Any, Any]]:
+def lift_models(model: Any, weights: Sequence[Weight]) -> list[tuple[float, Any, Any]]:
     """Return models whose generalized gravity is the compensating force: sign, model, data.
 
     They have the lifted masses only, with negative ones in a separate model.

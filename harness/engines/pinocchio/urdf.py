@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
-from physics_crosscheck.harness.engines.pinocchio.reading import built
+from physics_crosscheck.harness.engines.pinocchio.reading import build_urdf
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     TRIMMED,
     dropped_cause,
     refuse_blanks,
-    rewritten,
+    temporary_urdf,
     trim_numbers,
     without_shapes,
 )
@@ -41,8 +41,8 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
         if not trimmed:
             refuse_blanks(self.declared.source, "Pinocchio")
         self._dropped = "" if trimmed else dropped_cause(self.declared.source, "Pinocchio")
-        with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
-            model = built(path, spec.path, self.root if self.floats else "")
+        with temporary_urdf(self.declared.robot, spec.path, self.declared.changes) as path:
+            model = build_urdf(path, spec.path, self.root if self.floats else "")
         if any(
             one.mass < 0 for one in model.inertias
         ):  # it replaces such a mass by 1e-30 in a division

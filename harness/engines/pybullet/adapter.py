@@ -22,8 +22,8 @@ from physics_crosscheck.harness.engines.protocol import (
     ModelSpec,
     Sample,
     Spring,
+    clip_ranges,
     held_joints,
-    within,
 )
 from physics_crosscheck.harness.engines.pybullet.axes import UNIT, length_cause, long_axes
 from physics_crosscheck.harness.engines.pybullet.ball import Ball
@@ -37,7 +37,7 @@ from physics_crosscheck.harness.engines.pybullet.inertias import (
     lost_inertias,
 )
 from physics_crosscheck.harness.engines.pybullet.poses import link_places
-from physics_crosscheck.harness.engines.pybullet.printed import printed
+from physics_crosscheck.harness.engines.pybullet.printed import collect_printed_errors
 from physics_crosscheck.harness.engines.pybullet.remarks import (
     CAUSES,
     model_remarks,
@@ -50,7 +50,7 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
 )
 from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, folded
+from physics_crosscheck.harness.engines.source import engine_errors, one_line
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
@@ -63,7 +63,7 @@ from physics_crosscheck.harness.engines.urdf import (
     refuse_negative_masses,
     sample_urdf,
 )
-from physics_crosscheck.harness.engines.urdf_copy import followers_of, rewritten
+from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
 from physics_crosscheck.harness.engines.urdf_sidecar import check_settings
 
 _client: int | None = None
@@ -186,7 +186,7 @@ class PybulletModel(Model):
         turned = (name for one in self._turning for name in one.names)
         self.coordinates = (*turned, *self._joint_names)
         check_inertias(self.path, self._body, robot if uses_file_inertias else None)
-        self._free_links()
+        self._disable_effects()
         pulls = [self._resolve(spring) for spring in springs]
         self._stepper = BodyStepper(self._body, self._joints, self._turning, pulls)
         held = followers_of(spec.settings, self.path)
@@ -202,11 +202,14 @@ class PybulletModel(Model):
         # Visual shapes do not affect the motion and take 95 % of the loading time.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
         try:
-            with rewritten(robot, spec.path, changes_of(spec)) as path, printed() as messages:
+            with (
+                temporary_urdf(robot, spec.path, changes_of(spec)) as path,
+                collect_printed_errors() as messages,
+            ):
                 fixed = int(not self._setting("floating"))
                 return int(p.loadURDF(str(path), useFixedBase=fixed, flags=flags))
         except p.error as error:
-            reason = messages[-1] if messages else folded(error)
+            reason = messages[-1] if messages else one_line(error)
             raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
 
     def _setting(self, key: str) -> float | bool:
@@ -274,7 +277,7 @@ class PybulletModel(Model):
         half = np.array(
             [1.0] * self._free + [np.pi if one[2] == p.JOINT_REVOLUTE else 1.0 for one in info]
         )
-        return within(np.stack([-half, half], axis=1), self.limits)
+        return clip_ranges(np.stack([-half, half], axis=1), self.limits)
 
     @property
     def limits(self) -> Array:
@@ -315,7 +318,7 @@ class PybulletModel(Model):
         """The number of coordinates of the base and of ball joints."""
         return len(self.coordinates) - len(self._joints)
 
-    def _free_links(self) -> None:
+    def _disable_effects(self) -> None:
         """Disable PyBullet's damping, motors and speed limit, unless the settings keep them."""
         import pybullet as p
 
@@ -332,7 +335,7 @@ class PybulletModel(Model):
             return
         for part in self._turning:
             if isinstance(part, Ball):
-                part.let_go()
+                part.disable_motor()
         if not self._joints:
             return
         # TORQUE_CONTROL with zero torque does not disable the default motors.

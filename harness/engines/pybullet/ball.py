@@ -45,7 +45,7 @@ class Ball:
         self._axes = matrix(real_first(p.getDynamicsInfo(body, joint)[4]))
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
-    def let_go(self) -> None:
+    def disable_motor(self) -> None:
         """Disable its motor."""
         import pybullet as p
 

@@ -6,13 +6,13 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from physics_crosscheck.harness.engines.captured import captured
+from physics_crosscheck.harness.engines.captured import capture_output
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 
 
 @contextmanager
-def printed() -> Iterator[list[str]]:
+def collect_printed_errors() -> Iterator[list[str]]:
     """Yield a list that holds the printed errors as sentences after the block ends.
 
     The output is printed again afterwards.
@@ -20,7 +20,7 @@ def printed() -> Iterator[list[str]]:
     messages: list[str] = []
     texts: list[str] = []
     try:
-        with captured() as texts:
+        with capture_output() as texts:
             yield messages
     finally:
         messages += _errors("".join(texts))

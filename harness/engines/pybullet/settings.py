@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from physics_crosscheck.harness.engines.bare import weightless
+from physics_crosscheck.harness.engines.bare import zero_missing_inertials
 from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
 from physics_crosscheck.harness.engines.pybullet.axes import unit_axes
 from physics_crosscheck.harness.engines.pybullet.inertias import exact_axes
@@ -14,8 +14,8 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     mimics_of,
     with_held,
     without_limits,
-    without_looks,
     without_shapes,
+    without_visuals,
 )
 
 DISABLED_EFFECTS: Mapping[str, float | bool] = {
@@ -47,7 +47,7 @@ DEFAULTS: Mapping[str, float | bool] = {
 REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
     ("unit_axes", True, unit_axes),
-    ("bare_links", False, weightless),
+    ("bare_links", False, zero_missing_inertials),
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
 )
@@ -61,7 +61,7 @@ def changes_of(spec: ModelSpec) -> list[Change]:
     if not on[
         "inertia_from_file"
     ]:  # collision shapes then define the moments, so keep them and disable contacts instead
-        changes = [without_looks if change is without_shapes else change for change in changes]
+        changes = [without_visuals if change is without_shapes else change for change in changes]
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
         changes.append(mimics_of(followers))

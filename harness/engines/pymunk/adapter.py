@@ -22,12 +22,12 @@ from physics_crosscheck.harness.engines.protocol import (
     StateForce,
 )
 from physics_crosscheck.harness.engines.pymunk.own_step import (
-    callbacks_heard,
+    collect_callback_errors,
     has_own_step,
     step_whole,
 )
 from physics_crosscheck.harness.engines.pymunk.remarks import space_remarks
-from physics_crosscheck.harness.engines.pymunk.script import blamed, run_file, script_errors
+from physics_crosscheck.harness.engines.pymunk.script import run_file, script_error, script_errors
 from physics_crosscheck.harness.engines.remark import Remark
 
 _KINDS = ("x", "y", "angle")
@@ -117,7 +117,7 @@ class PymunkModel(Model):
         self._module = run_file(spec.path)
         self._build()
         # pymunk's own step checks masses and moments; the C call does not.
-        with self._heard("the first step"):
+        with self._script_errors("the first step"):
             self._space.step(self.step)
         if not self._reusable:
             self._build()
@@ -205,9 +205,9 @@ class PymunkModel(Model):
         places: list[list[float]] = []
         rates: list[list[float]] = []
         for b, (start, rate) in enumerate(zip(q.tolist(), v.tolist(), strict=True)):
-            self._forget(h)
+            self._clear_impulses(h)
             self._set(start, rate)
-            with self._heard("a step"):
+            with self._script_errors("a step"):
                 self._run(b, h, n, force, every, places, rates)
             # A NaN may stay in the joints permanently.
             self._reusable &= math.isfinite(sum(places[-1]) + sum(rates[-1]))
@@ -215,7 +215,7 @@ class PymunkModel(Model):
         return np.array(places).reshape(shape), np.array(rates).reshape(shape)
 
     @contextmanager
-    def _heard(self, what: str) -> Iterator[None]:
+    def _script_errors(self, what: str) -> Iterator[None]:
         """Convert any exception in this block, also in callbacks, into an error that names the
         file.
         """
@@ -223,12 +223,12 @@ class PymunkModel(Model):
             with script_errors(self._spec.path, what):
                 yield
             return
-        with callbacks_heard() as raised, script_errors(self._spec.path, what):
+        with collect_callback_errors() as raised, script_errors(self._spec.path, what):
             yield
         if raised:
-            raise blamed(raised[0], self._spec.path, "a callback")
+            raise script_error(raised[0], self._spec.path, "a callback")
 
-    def _forget(self, h: float) -> None:
+    def _clear_impulses(self, h: float) -> None:
         """Clear the impulses that joints keep from step to step, as in a newly built Space.
 
         A step with zero maximum force leaves a joint's impulse at zero; the bodies' states are

@@ -89,7 +89,7 @@ def _push(handles: Sequence[Any], push: Sequence[float]) -> None:
 
 
 @contextmanager
-def callbacks_heard() -> Iterator[list[BaseException]]:
+def collect_callback_errors() -> Iterator[list[BaseException]]:
     """Collect exceptions of callbacks in this block, which the C code in between discards."""
     raised: list[BaseException] = []
 

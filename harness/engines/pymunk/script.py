@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.source import folded, read_source
+from physics_crosscheck.harness.engines.source import one_line, read_source
 
 
 def run_file(path: Path) -> Any:
@@ -50,12 +50,12 @@ def script_errors(path: Path, what: str) -> Iterator[None]:
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt) and not _raised_by(error, path):
             raise
-        raise blamed(error, path, what) from None
+        raise script_error(error, path, what) from None
 
 
-def blamed(error: BaseException, path: Path, what: str) -> EngineError:
+def script_error(error: BaseException, path: Path, what: str) -> EngineError:
     """Return an error of a script, at its line."""
-    message = folded(error)
+    message = one_line(error)
     kind = type(error).__name__
     sentence = f"{what} fails: {message or kind}" if what else f"{kind}: {message}".rstrip(": ")
     return EngineError(sentence, file=path, line=_line(error, path))

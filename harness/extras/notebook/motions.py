@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.notebook.columns import Columns
 from physics_crosscheck.harness.extras.notebook.subject import Subject, sidecar_of
 from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
@@ -154,13 +154,13 @@ class _Source:
 def _source(subject: Subject) -> _Source:
     if subject.folder is None:
         assert subject.file is not None
-        with recorded(subject.file.parent) as reads:
+        with record_reads(subject.file.parent) as reads:
             robot = read_robot(subject.file)
             system = robot_system(robot)
         # A compiler opens files out of Python's sight.
         read = {**reads.states(), **part_digests(subject.file.absolute())}
         return _Source(declaration=system, robot=robot, reads=read)
-    with recorded(subject.folder) as reads:
+    with record_reads(subject.folder) as reads:
         declared = load_declaration(subject.folder)
     whole = declared.tree_system if isinstance(declared, MultibodySystem) else declared
     return _Source(declaration=whole, robot=None, reads=reads.states())

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.extras.sweep.known import Known, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
 from physics_crosscheck.harness.extras.sweep.recent import Recent
 from physics_crosscheck.harness.extras.sweep.source import Source
-from physics_crosscheck.harness.modelfiles.copies import copied
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -104,7 +104,7 @@ class SweptRobot(Source):
             drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))
         file = self._prepared.file
         if values:
-            file = copied(file, self._numbers.texts(values), place)
+            file = copy_with_texts(file, self._numbers.texts(values), place)
         own = self._task(case.engine)
         task = replace(
             own,

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.case import swept
 from physics_crosscheck.harness.extras.sweep.factors import Factor, meant
 from physics_crosscheck.harness.extras.sweep.source import Source
-from physics_crosscheck.harness.modelfiles.code_reads import recorded
+from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
 
 
@@ -99,7 +99,7 @@ def survey(task: SurveyTask) -> Survey:
             what is wrong, where, and the remedy; a model that can't follow a varied constant among
             it.
     """
-    with recorded(Path(task.folder)) as seen:
+    with record_reads(Path(task.folder)) as seen:
         known = swept(task.folder, frozenset(), task.content).constants
         varied = frozenset(one.name for one in meant(task.factors, known))
         source = swept(task.folder, varied, task.content)

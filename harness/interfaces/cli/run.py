@@ -21,7 +21,7 @@ from physics_crosscheck.harness.interfaces.cli.targets import (
 from physics_crosscheck.harness.interfaces.cli.watch import Ran, watch
 from physics_crosscheck.harness.jobs.stop import asking
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.modelfiles.model_files import absent_lines
+from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.journal import Journal, journal
@@ -99,7 +99,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
     if cache is not None and cache.trouble:
         print(f"crosscheck: {cache.trouble}", file=sys.stderr)
     if options.verbose and asked.choice.everything:
-        _print_absent(absent_lines(wanted.folders))
+        _print_absent(absent_engine_lines(wanted.folders))
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_unknown(exit_code(results, options.require_engines), wanted.named)

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.interfaces.pytest_plugin.paths import DECLARATIO
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.interfaces.pytest_plugin.summary import summarize, untested
 from physics_crosscheck.harness.interfaces.pytest_plugin.terms import terms
-from physics_crosscheck.harness.modelfiles.model_files import absent_lines
+from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 
 ABOUT = (
     "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
@@ -69,5 +69,5 @@ class CrosscheckSession:
         summarize(terminalreporter)
         for line in self._accepting.told:
             terminalreporter.write_line(line)
-        for line in absent_lines(sorted(self._folders)):
+        for line in absent_engine_lines(sorted(self._folders)):
             terminalreporter.write_line(f"crosscheck: {line}")

@@ -253,7 +253,7 @@ def read_elements(source: SourceFile) -> list[RawElement]:
     return elements
 
 
-def no_xml(file: Path, *, strict: bool) -> str:
+def xml_problem(file: Path, *, strict: bool) -> str:
     """Return why a file is not XML, with its line, using a parser that keeps nothing.
 
     Args:

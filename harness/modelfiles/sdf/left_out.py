@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
-from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, tallied
+from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.sdf.parts import SdfJoint
@@ -46,7 +46,7 @@ _MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """Attributes with a meaning, by the element's tag; others have none."""
 
-_LOOKS = ("visual", "material", "light", "gui", "scene", "audio", "road")
+_VISUALS = ("visual", "material", "light", "gui", "scene", "audio", "road")
 _WHOLE = ("model", "include", "collision")
 """Elements that count as a whole, whatever their content."""
 
@@ -59,7 +59,7 @@ def sdf_left_out(
     followers: Collection[str],
 ) -> tuple[Omission, ...]:
     """Return all of it, except visual geometry, which does not matter."""
-    return tallied(_all(document, model, world, joints), followers)
+    return count_notes(_all(document, model, world, joints), followers)
 
 
 def is_static(model: RawElement) -> bool:
@@ -133,7 +133,7 @@ def _unread(element: RawElement, name: str) -> Iterator[Note]:
             yield f"{key} of <{element.tag}>", name
     readable = _READ.get(element.tag)
     for child in element.children:
-        if child.tag in _LOOKS or (readable is not None and child.tag in _WHOLE):
+        if child.tag in _VISUALS or (readable is not None and child.tag in _WHOLE):
             continue
         owner = name or child.attributes.get("name", "")
         if readable is None or child.tag not in readable:

@@ -6,12 +6,12 @@ from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
-from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, tallied
+from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.parts import UrdfJoint
 
-_LOOKS = ("visual", "material")
+_VISUALS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "robot": ("link", "joint", "gazebo"),
@@ -59,7 +59,7 @@ def urdf_left_out(
         springs: names of the joints with springs.
         followers: names of the joints whose mimics are enforced.
     """
-    return tallied(_all(document, joints, springs), followers)
+    return count_notes(_all(document, joints, springs), followers)
 
 
 def _all(
@@ -85,7 +85,7 @@ def _of_parts(element: RawElement, name: str) -> Iterator[Note]:
     if any(part.tag == "collision" for part in element.children):
         yield "collision geometry", name
     for part in element.children:
-        if part.tag not in (*_LOOKS, "collision"):
+        if part.tag not in (*_VISUALS, "collision"):
             for inner in (part, *part.children):
                 yield from _unread(inner, name)
                 yield from _unknown_attributes(inner, name)
@@ -132,7 +132,7 @@ def _unread(element: RawElement, name: str) -> Iterator[Note]:
     if readable is None or (element.tag == "robot" and element.parent is not None):
         return
     for child in element.children:
-        if child.tag not in readable and child.tag not in _LOOKS:
+        if child.tag not in readable and child.tag not in _VISUALS:
             within = "" if element.tag == "robot" else f" of <{element.tag}>"
             yield f"<{child.tag}>{within}", name or child.attributes.get("name", "")
 

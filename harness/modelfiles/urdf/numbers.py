@@ -29,7 +29,7 @@ from physics_crosscheck.harness.modelfiles.urdf.parts import (
 )
 from physics_crosscheck.harness.modelfiles.urdf.read import GRAVITY
 from physics_crosscheck.harness.modelfiles.urdf.root import IMPLICIT, root_of
-from physics_crosscheck.harness.modelfiles.urdf.tree import held_still, planned
+from physics_crosscheck.harness.modelfiles.urdf.tree import fix_joints, plan_bodies
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.tree import Tree
 
@@ -89,9 +89,9 @@ class UrdfNumbers:
                     links[name] = read_link(document, element, name)
                 elif element.tag == "joint":
                     joints[name] = read_joint(document, element, name)
-            moving = held_still(joints, self._held)
+            moving = fix_joints(joints, self._held)
             springs, mimics = read_springs(document), read_mimics(document, moving)
-            bodies = planned(root, links, moving, self._floating).with_springs(springs)
+            bodies = plan_bodies(root, links, moving, self._floating).with_springs(springs)
             tree = assembled(bodies, GRAVITY, couplings=couplings(mimics)).tree
         if len(document.obstacles) > count:
             del document.obstacles[count:]

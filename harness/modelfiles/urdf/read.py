@@ -23,7 +23,7 @@ from physics_crosscheck.harness.modelfiles.urdf.parts import (
     read_springs,
 )
 from physics_crosscheck.harness.modelfiles.urdf.root import IMPLICIT, root_of
-from physics_crosscheck.harness.modelfiles.urdf.tree import held_still, planned
+from physics_crosscheck.harness.modelfiles.urdf.tree import fix_joints, plan_bodies
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.bodies import RigidBody, Triple
 
@@ -69,8 +69,8 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         left_out += (Omission(what="a free joint of the world", count=1, where=(root,)),)
 
     def bodies_with(still: Collection[str]) -> tuple[RigidBody, ...]:
-        moving = held_still(joints, still)
-        return planned(root, links, moving, floating).with_springs(springs)
+        moving = fix_joints(joints, still)
+        return plan_bodies(root, links, moving, floating).with_springs(springs)
 
     build = build_tree(
         document, elements_of(links), elements_of(joints), mimics, bodies_with, gravity

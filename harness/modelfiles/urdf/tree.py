@@ -25,24 +25,24 @@ class UrdfPlan:
     def with_springs(self, springs: Springs) -> tuple[RigidBody, ...]:
         """Return the bodies with springs on their hinges and slides."""
         return tuple(
-            replace(body, joints=tuple(_sprung(one, springs) for one in body.joints))
+            replace(body, joints=tuple(_with_spring(one, springs) for one in body.joints))
             for body in self.bodies
         )
 
 
-def _sprung(joint: Joint, springs: Springs) -> Joint:
+def _with_spring(joint: Joint, springs: Springs) -> Joint:
     if not joint.single or joint.name not in springs:
         return joint
     stiffness, rest = springs[joint.name]
     return replace(joint, stiffness=stiffness, rest=rest)
 
 
-def held_still(joints: Mapping[str, UrdfJoint], names: Collection[str]) -> dict[str, UrdfJoint]:
+def fix_joints(joints: Mapping[str, UrdfJoint], names: Collection[str]) -> dict[str, UrdfJoint]:
     """Return the joints with some of them fixed at their drawn positions."""
     return {name: replace(one, kind=None) if name in names else one for name, one in joints.items()}
 
 
-def planned(
+def plan_bodies(
     root: str, links: Mapping[str, UrdfLink], joints: Mapping[str, UrdfJoint], floating: bool
 ) -> UrdfPlan:
     """Return bodies depth first, from the root; joints of one link in the file's order."""
