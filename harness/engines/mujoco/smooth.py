@@ -78,8 +78,8 @@ def remove_uncovered(m: Any) -> None:
         m.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
         # The inverse weights scale the softness of an equality. They are much larger than a
-        # tendon's
-        # effective inverse mass, and for a body at its own center they omit the joint's armature.
+        # tendon's effective inverse mass, and for a body at its own center they omit the
+        # joint's armature.
         m.tendon_invweight0[:] *= _INVERSE_WEIGHT_FACTOR
         m.dof_invweight0[:] *= _INVERSE_WEIGHT_FACTOR
     limited = ("actuator_forcelimited", "actuator_actlimited", "jnt_actfrclimited")
