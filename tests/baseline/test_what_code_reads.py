@@ -66,7 +66,7 @@ def test_what_a_declaration_reads_is_recorded(folder: Path, code: str, name: str
     "import json.tool, wave, sympy.physics.units\n",
     "(HERE / 'written').write_text('1.3')\n",
     "Path('/etc/hostname').read_text()\n",
-    "import harness.text.primes\n",
+    "import harness.render.terminal.primes\n",
 ])  # fmt: skip
 def test_what_is_written_installed_or_of_the_machine_is_not(folder: Path, code: str) -> None:
     for name in ("json.tool", "wave", "physics_crosscheck.harness.render.terminal.primes"):
