@@ -19,7 +19,7 @@ from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, work
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -69,7 +69,7 @@ def audits(
     jobs: int = 0,
     limits: Limits | None = None,
     cache: Cache | None = None,
-    choice: Choice = Choice(),  # noqa: B008  # frozen
+    choice: CaseSelection = CaseSelection(),  # noqa: B008  # frozen
     floating: bool = False,
     model: str = "",
 ) -> tuple[ModelAudit, ...]:

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.baseline.file import (
     read_target,
 )
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
-from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_regular
 
 T = TypeVar("T")
 
@@ -76,7 +76,7 @@ def _read(path: Path, reader: Callable[[bytes], T]) -> T:
 def accepted_text(folder: Path, system: str, name: str, wanted: str) -> str | None:
     """The text of a file as it was accepted, if it is kept and has the hash that is wanted."""
     with suppress(OSError, UnicodeDecodeError):
-        data = read_regular(folder / system / (name + ACCEPTED), MOST_MODEL)
+        data = read_regular(folder / system / (name + ACCEPTED), MAX_MODEL_BYTES)
         if digest_of(data) == wanted:
             return data.decode("utf-8")
     return None

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.compare.partners import Partners
 from physics_crosscheck.harness.compare.partners import partners as found_partners
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.reading import (
-    MOST_SIDECAR,
+    MAX_SIDECAR_BYTES,
     TomlError,
     read_regular,
     toml_document,
@@ -88,7 +88,7 @@ def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, 
     if file is None:
         return forward, {}
     try:
-        data = toml_document(read_regular(file, MOST_SIDECAR).decode("utf-8"))
+        data = toml_document(read_regular(file, MAX_SIDECAR_BYTES).decode("utf-8"))
     except OSError as error:
         raise CompareError(f"{file}: can't be read: {error.strerror}") from None
     except UnicodeDecodeError as error:

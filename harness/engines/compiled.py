@@ -75,7 +75,7 @@ class CompiledBody:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompiledMark:
+class CompiledFrame:
     """A frame on a body.
 
     Attributes:
@@ -89,7 +89,7 @@ class CompiledMark:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompiledWay:
+class CompiledLength:
     """A length that is not a linear combination of hinge and slide positions, of one of these
     kinds.
 
@@ -104,16 +104,16 @@ class CompiledWay:
         in_parent: whether moments on a joint are along the axes of its parent body.
     """
 
-    branches: tuple[tuple[float, tuple[CompiledMark, ...]], ...] = ()
-    frame: CompiledMark | None = None
-    against: CompiledMark | None = None
+    branches: tuple[tuple[float, tuple[CompiledFrame, ...]], ...] = ()
+    frame: CompiledFrame | None = None
+    against: CompiledFrame | None = None
     joint: int = -1
     gear: Numbers = ()
     in_parent: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompiledPull:
+class CompiledForce:
     """A force along a length s, which is a combination of hinge and slide positions or another
     length.
 
@@ -134,7 +134,7 @@ class CompiledPull:
 
     name: str
     joints: tuple[tuple[int, float], ...] = ()
-    along: CompiledWay | None = None
+    along: CompiledLength | None = None
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gain: tuple[float, float, float] = (0.0, 0.0, 0.0)
     control: int = -1
@@ -190,7 +190,7 @@ class CompiledCoupling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompiledMedium:
+class CompiledFluid:
     """A fluid in which the bodies move, each as the box of its mass and moments of inertia.
 
     Attributes:
@@ -225,8 +225,8 @@ class CompiledTree:
 
     bodies: tuple[CompiledBody, ...]
     gravity: tuple[float, float, float]
-    fluid: CompiledMedium | None
-    pulls: tuple[CompiledPull, ...] = ()
+    fluid: CompiledFluid | None
+    pulls: tuple[CompiledForce, ...] = ()
     couplings: tuple[CompiledCoupling, ...] = ()
     controls: int = 0
     name: str = ""
@@ -235,4 +235,4 @@ class CompiledTree:
     actuators: tuple[CompiledActuator, ...] = ()
     states: int = 0
     shapes: tuple[str, ...] = ()
-    engine_variants: tuple[tuple[str, tuple[CompiledPull, ...]], ...] = ()
+    engine_variants: tuple[tuple[str, tuple[CompiledForce, ...]], ...] = ()

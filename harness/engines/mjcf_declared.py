@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from physics_crosscheck.harness.engines.compiled import CompiledBody
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, numbers_of
 from physics_crosscheck.harness.engines.mjcf_inertias import (
-    Lift,
+    GravityCompensation,
     compiled_bodies,
     left_to_compiler,
     lifts_of,
 )
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
-from physics_crosscheck.harness.engines.mjcf_pulls import Actuated, JointForces
+from physics_crosscheck.harness.engines.mjcf_pulls import HeldActuator, JointForces
 from physics_crosscheck.harness.engines.mjcf_refused import refuse
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource, read_source_mjcf
 from physics_crosscheck.harness.engines.protocol import (
@@ -52,10 +52,10 @@ class DeclaredMjcf:
     held: tuple[MjcfJoint, ...]
     springs: tuple[Spring, ...]
     tendons: tuple[Spring, ...]
-    actuators: tuple[Actuated, ...]
+    actuators: tuple[HeldActuator, ...]
     mimics: tuple[Mimic, ...]
     inertias: Mapping[ET.Element, CompiledBody]
-    lifts: tuple[Lift, ...]
+    lifts: tuple[GravityCompensation, ...]
 
     @property
     def root(self) -> MjcfJoint | None:
@@ -110,7 +110,7 @@ def declared_mjcf(
     )
 
 
-def _actuators(source: MjcfSource, pulls: JointForces, spec: ModelSpec) -> Iterator[Actuated]:
+def _actuators(source: MjcfSource, pulls: JointForces, spec: ModelSpec) -> Iterator[HeldActuator]:
     """Yield actuators at held controls; the setting `smooth` is required."""
     rows, controls = source.root.findall("actuator/*"), spec.settings.get("controls")
     if rows and not spec.settings.get("smooth", False):

@@ -36,7 +36,7 @@ Reason = tuple[ET.Element, str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lift:
+class GravityCompensation:
     """Gravity compensation of a body.
 
     Attributes:
@@ -114,7 +114,9 @@ def is_aligned(source: MjcfSource, joint: MjcfJoint) -> bool:
     return mode == "true"
 
 
-def lifts_of(source: MjcfSource, compiled: Mapping[ET.Element, CompiledBody]) -> Iterator[Lift]:
+def lifts_of(
+    source: MjcfSource, compiled: Mapping[ET.Element, CompiledBody]
+) -> Iterator[GravityCompensation]:
     """Yield the gravity compensation of each body.
 
     Raises:
@@ -128,11 +130,13 @@ def lifts_of(source: MjcfSource, compiled: Mapping[ET.Element, CompiledBody]) ->
         if not share:
             continue
         if body in compiled:
-            yield Lift(body=body, centre=compiled[body].centre, mass=share * compiled[body].mass)
+            yield GravityCompensation(
+                body=body, centre=compiled[body].centre, mass=share * compiled[body].mass
+            )
         elif inertial is not None:
             mass = number_of(source, inertial, inertial.attrib, "mass")
             centre = numbers_of(source, inertial, inertial.attrib, "pos", "0 0 0")
-            yield Lift(body=body, centre=tuple(centre), mass=share * mass)
+            yield GravityCompensation(body=body, centre=tuple(centre), mass=share * mass)
 
 
 def _mass_changing(source: MjcfSource) -> Iterator[Reason]:

@@ -22,7 +22,7 @@ AUTOMATIC = -1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Actuated:
+class HeldActuator:
     """An actuator at its control: a held force on a combination of joints, with feedback.
 
     Attributes:
@@ -116,7 +116,7 @@ class JointForces:
         moving = {name: share for name, share in shares.items() if name not in self.refs}
         return Spring(moving, k, c, rest - still)
 
-    def actuators(self, controls: Sequence[float]) -> Iterator[Actuated]:
+    def actuators(self, controls: Sequence[float]) -> Iterator[HeldActuator]:
         """Yield actuators with an affine law, at these controls, one for each.
 
         Raises:
@@ -134,7 +134,7 @@ class JointForces:
                 continue  # the joint is held, so its actuator has no effect
             gain, bias = self._law(element, attributes)
             still = sum(by * self.refs[name] for name, by in length.items() if name in self.refs)
-            yield Actuated(
+            yield HeldActuator(
                 joints={k: gear * by for k, by in length.items() if k not in self.refs},
                 force=gain * control + bias[0] + bias[1] * gear * still,
                 stiffness=-bias[1],

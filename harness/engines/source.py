@@ -19,10 +19,10 @@ import defusedxml.ElementTree
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.xml_repair import UTF_16, repaired_xml
 
-LARGEST = 64_000_000
+MAX_FILE_BYTES = 64_000_000
 """The largest size of a model file, bytes."""
 
-DEEPEST = 200
+MAX_NESTED_ELEMENTS = 200
 """The deepest nesting of elements: engines' parsers are recursive, and crash on thousands."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -62,8 +62,10 @@ def read_source(path: Path, *, tolerant: bool = False) -> str:
     try:
         if path.exists() and not path.is_file():
             raise EngineError("can't be read: it is not a regular file", file=path)
-        if path.stat().st_size > LARGEST:
-            raise EngineError(f"can't be read: it has more than {LARGEST:,} bytes", file=path)
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise EngineError(
+                f"can't be read: it has more than {MAX_FILE_BYTES:,} bytes", file=path
+            )
         data = path.read_bytes()
         return (repaired_xml(data) if tolerant and not data.startswith(UTF_16) else data).decode(
             "utf-8"
@@ -115,8 +117,8 @@ def _lines(text: str, path: Path) -> list[int]:
         nonlocal depth
         depth += 1
         line_numbers.append(parser.CurrentLineNumber)
-        if depth > DEEPEST:
-            problem = f"elements are nested more than {DEEPEST} deep"
+        if depth > MAX_NESTED_ELEMENTS:
+            problem = f"elements are nested more than {MAX_NESTED_ELEMENTS} deep"
             raise EngineError(problem, file=path, line=line_numbers[-1])
 
     def end(_name: str) -> None:

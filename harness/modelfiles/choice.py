@@ -43,7 +43,7 @@ class NamedModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
+class CaseSelection:
     """The selected cases; by default all.
 
     Attributes:

@@ -37,7 +37,7 @@ from physics_crosscheck.harness.paths import PACKAGE, SOURCES, is_own
 _SYSTEM = ("/proc", "/dev", "/sys", "/etc", "/usr/share")
 
 
-class Reads:
+class ReadRecording:
     """Paths that were read or searched for, each with its state before the access.
 
     Args:
@@ -224,7 +224,7 @@ def _calling_frame() -> FrameType | None:
     return frame
 
 
-_recordings: list[Reads] = []
+_recordings: list[ReadRecording] = []
 """Active recordings, the innermost last; each receives all accesses."""
 
 
@@ -365,7 +365,7 @@ def _looked_up(path: Any, dir_fd: int | None = None, follow_symlinks: bool = Tru
         return
     where = _place(path, dir_fd)
     if where is None:
-        for reads in filter(Reads.is_of_code, _recordings):
+        for reads in filter(ReadRecording.is_of_code, _recordings):
             reads.lose()
     elif not follow_symlinks and os.path.islink(where):
         _note(where, states.link)
@@ -415,7 +415,7 @@ def _noted_link(path: Any, *rest: Any, dir_fd: int | None = None, **more: Any) -
     where = _place(path, dir_fd)
     if where is not None:
         here = os.path.abspath(where)
-        for reads in filter(Reads.is_of_code, _recordings):
+        for reads in filter(ReadRecording.is_of_code, _recordings):
             reads.note_link(here)
 
 
@@ -434,7 +434,7 @@ def _noted_open(path: Any, flags: int, *rest: Any, dir_fd: int | None = None) ->
     if dir_fd is not None:
         where = _place(path, dir_fd)
         if where is None:
-            for reads in filter(Reads.is_of_code, _recordings):
+            for reads in filter(ReadRecording.is_of_code, _recordings):
                 reads.lose()
         else:
             _opened(where, None, flags)
@@ -470,7 +470,7 @@ _LOOK_UPS: Mapping[str, Callable[..., Any]] = {
 
 
 @contextlib.contextmanager
-def record_reads(folder: Path) -> Iterator[Reads]:
+def record_reads(folder: Path) -> Iterator[ReadRecording]:
     """Record the files that a folder's code reads and searches for in this block.
 
     Modules that an earlier folder's code imported, except installed ones, are forgotten, so that
@@ -479,7 +479,7 @@ def record_reads(folder: Path) -> Iterator[Reads]:
     """
     _hook_once()
     _forget()
-    reads = Reads(folder, sys._getframe(2))
+    reads = ReadRecording(folder, sys._getframe(2))
     path = list(sys.path)
     imports = builtins.__import__
     before = {name: getattr(os, name) for name in _LOOK_UPS}
@@ -551,7 +551,7 @@ class _Finder(importlib.machinery.FileFinder):
         return super().find_spec(fullname, target)
 
     def _note(self, name: str) -> None:
-        for reads in filter(Reads.is_of_code, _recordings):
+        for reads in filter(ReadRecording.is_of_code, _recordings):
             reads.note_module(self.path, name)
             file = os.path.join(self.path, states.module_file(self.path, name))
             if file.endswith(tuple(importlib.machinery.EXTENSION_SUFFIXES)):

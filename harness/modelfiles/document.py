@@ -17,7 +17,7 @@ from physics_crosscheck.harness.modelfiles.locations.location import (
 )
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.modelfiles.quote import quote
-from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.robot import ReadError
 from physics_crosscheck.harness.records.case import CaseKind
 
@@ -59,7 +59,7 @@ class Document:
         self.path = path
         self.obstacles: list[ReadError] = []
         try:
-            written = read_regular(path, MOST_MODEL) if written is None else written
+            written = read_regular(path, MAX_MODEL_BYTES) if written is None else written
         except OSError as error:
             raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
         self.data = repaired_xml(written)

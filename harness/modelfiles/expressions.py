@@ -30,17 +30,17 @@ _OPERATORS: dict[type, Callable[..., sp.Expr]] = {
 
 _DECIMAL = re.compile(r"[0-9]+\.?[0-9]*(?:[eE][+-]?[0-9]+)?|\.[0-9]+(?:[eE][+-]?[0-9]+)?")
 
-MOST_CHARACTERS = 2000
-MOST_DEPTH = 100
+MAX_CHARACTERS = 2000
+MAX_NESTING = 100
 """The deepest nesting of operations; a sum of as many terms has this depth."""
 
-MOST_POWER = 64
+MAX_EXPONENT = 64
 """The largest exponent."""
 
-MOST_DIGITS = 400
+MAX_NUMBER_DIGITS = 400
 """The most digits of a number, and before and after its point: the largest double has 309."""
 
-MOST_SIZE = 5000
+MAX_POWER_SIZE = 5000
 """The largest size of a power: how often its letters and digits are multiplied, as by (x + 1) **
 64.
 """
@@ -58,8 +58,8 @@ def parse(text: str, symbols: Mapping[str, sp.Symbol], place: object) -> sp.Expr
     if text in symbols:  # a joint may be called "left arm", or "a - b"
         return symbols[text]
     plain, by_name = text.strip(), dict(symbols)
-    if len(plain) > MOST_CHARACTERS:
-        size = f"{len(plain)} characters; at most {MOST_CHARACTERS} are allowed"
+    if len(plain) > MAX_CHARACTERS:
+        size = f"{len(plain)} characters; at most {MAX_CHARACTERS} are allowed"
         raise SidecarError(f"{place}: {quote(text)} has {size}")
     for index, name in enumerate(sorted(symbols, key=len, reverse=True)):
         # A body may be called "left arm", its coordinate "left arm.x".
@@ -68,7 +68,7 @@ def parse(text: str, symbols: Mapping[str, sp.Symbol], place: object) -> sp.Expr
             by_name[f"dotted_{index}_"] = symbols[name]
     try:
         return sp.sympify(
-            _ExpressionReader(plain, by_name, place).read(_tree(plain), MOST_DEPTH)[0]
+            _ExpressionReader(plain, by_name, place).read(_tree(plain), MAX_NESTING)[0]
         )
     except SidecarError:
         raise
@@ -87,8 +87,8 @@ def _tree(text: str) -> ast.expr:
         raise ValueError(_TOO_LONG if long else str(error)) from None
 
 
-_TOO_DEEP = f"it has more than {MOST_DEPTH} nested operations"
-_TOO_LONG = f"a number has more than {MOST_DIGITS} digits"
+_TOO_DEEP = f"it has more than {MAX_NESTING} nested operations"
+_TOO_LONG = f"a number has more than {MAX_NUMBER_DIGITS} digits"
 _TOO_LARGE = "its powers are too large to compute"
 _NO_VALUE = (
     "is not a finite real number: it is too large, divides by zero or is outside a "
@@ -111,7 +111,7 @@ class _ExpressionReader:
         if depth == 0:
             raise ValueError(_TOO_DEEP)
         expression, size = self._read(node, depth - 1)
-        if size > MOST_SIZE:
+        if size > MAX_POWER_SIZE:
             raise ValueError(_TOO_LARGE)
         return self._real(expression, node), size
 
@@ -151,10 +151,10 @@ class _ExpressionReader:
         """Return a power after checking that it can be computed."""
         if not isinstance(exponent, sp.Rational):
             raise ValueError("an exponent must be a plain number, such as 2")
-        if abs(exponent) > MOST_POWER or exponent.q > MOST_POWER:
-            raise ValueError(f"an exponent must be at most {MOST_POWER}")
+        if abs(exponent) > MAX_EXPONENT or exponent.q > MAX_EXPONENT:
+            raise ValueError(f"an exponent must be at most {MAX_EXPONENT}")
         size = base[1] * max(1, math.ceil(abs(exponent)))
-        if size > MOST_SIZE:
+        if size > MAX_POWER_SIZE:
             raise ValueError(_TOO_LARGE)
         return base[0] ** exponent, size
 
@@ -171,7 +171,7 @@ def _is_real(number: sp.Expr) -> bool:
     """Return whether an expression without names is a finite real number."""
     if isinstance(number, sp.Rational) or number is sp.pi:
         return True
-    value = sp.N(number, 15, maxn=MOST_DIGITS)
+    value = sp.N(number, 15, maxn=MAX_NUMBER_DIGITS)
     return bool(value.is_Float) and math.isfinite(float(value))
 
 
@@ -181,7 +181,7 @@ def _number(text: str) -> tuple[sp.Expr, int]:
     if not _DECIMAL.fullmatch(plain):
         raise ValueError(f"{quote(text)}: write numbers as decimals")
     decimal = Decimal(plain)
-    if len(plain) > MOST_DIGITS or abs(decimal.adjusted()) > MOST_DIGITS:
+    if len(plain) > MAX_NUMBER_DIGITS or abs(decimal.adjusted()) > MAX_NUMBER_DIGITS:
         raise ValueError(_TOO_LONG)
     if not math.isfinite(float(decimal)):
         raise ValueError(f"{quote(plain)} {_NO_VALUE}")

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.modelfiles.locations.location import LocationErr
 from physics_crosscheck.harness.modelfiles.locations.xml import check_harmless, read_elements
 from physics_crosscheck.harness.modelfiles.path_states import digest
 from physics_crosscheck.harness.modelfiles.reading import (
-    MOST_MODEL,
+    MAX_MODEL_BYTES,
     not_plain_file_error,
     read_regular,
 )
@@ -29,7 +29,7 @@ _MAY_NAME = re.compile(rb"file|dir|uri|\0")
 _QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
 _MODEL = (".xml", ".urdf", ".sdf")
 
-MOST_INCLUDED = 100
+MAX_INCLUDE_DEPTH = 100
 """The deepest nesting of includes: at some thousands, engines crash."""
 
 
@@ -101,7 +101,7 @@ def check_parts(model: Path) -> None:
         PartError: naming file, line and reason.
     """
     try:
-        data = read_regular(model, MOST_MODEL)
+        data = read_regular(model, MAX_MODEL_BYTES)
         if not _is_xml(model):
             return
         check_harmless(SourceFile(model, data))
@@ -109,11 +109,11 @@ def check_parts(model: Path) -> None:
         if b"file" in data:
             named_paths, deepest = _walk(model)
             for path in (path for path, part in named_paths.items() if part):
-                inner = read_regular(path, MOST_MODEL)
+                inner = read_regular(path, MAX_MODEL_BYTES)
                 if inner.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
                     check_harmless(SourceFile(path, inner))
-            if deepest > MOST_INCLUDED:
-                raise PartError(f"{model}: more than {MOST_INCLUDED} nested includes")
+            if deepest > MAX_INCLUDE_DEPTH:
+                raise PartError(f"{model}: more than {MAX_INCLUDE_DEPTH} nested includes")
     except OSError as error:
         named = "" if error.filename == str(model) else f"{model}: it names "
         raise PartError(f"{named}{error.filename}: can't be read: {error.strerror}") from None
@@ -135,7 +135,7 @@ def _walk(model: Path) -> tuple[dict[Path, bool], int]:
     named: list[tuple[Path, str, bool]] = []
     folders = {os.path.realpath(model.parent): model.parent}
     deepest = -1
-    while level and deepest <= MOST_INCLUDED:
+    while level and deepest <= MAX_INCLUDE_DEPTH:
         deepest += 1
         for path in level:
             names = _names_in(path)

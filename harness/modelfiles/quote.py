@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-MOST_SHOWN = 100
+MAX_SHOWN_CHARACTERS = 100
 """The most characters that are shown."""
 
 
@@ -16,7 +16,7 @@ def quote(value: object) -> str:
 
 def truncate(text: str) -> str:
     """Truncate a text for a sentence."""
-    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}..."
 
 
 def original_paths(text: str, copies: Path, folder: Path) -> str:

@@ -10,16 +10,16 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-MOST_MODEL = 64 * 2**20
+MAX_MODEL_BYTES = 64 * 2**20
 """The largest size of a model file, or of a part of one, bytes."""
 
-MOST_SIDECAR = 2**20
+MAX_SIDECAR_BYTES = 2**20
 """The largest size of a sidecar, bytes: more than ten thousand bindings."""
 
-MOST_DEPTH = 20
+MAX_TOML_DEPTH = 20
 """The deepest nesting of TOML tables and arrays."""
 
-_MOST_PARTS = 100
+_MAX_KEY_PARTS = 100
 _MANY_DIGITS = re.compile(r"[0-9_]{300}")
 
 _KINDS = {
@@ -69,14 +69,14 @@ def toml_document(text: str) -> dict[str, Any]:
     """
     for number, line in enumerate(text.split("\n"), start=1):
         # The parser's time grows with the square of a key's parts.
-        if line.partition("=")[0].count(".") > _MOST_PARTS and not line.lstrip().startswith("#"):
-            raise TomlError(f":{number}: a key of more than {_MOST_PARTS} parts")
+        if line.partition("=")[0].count(".") > _MAX_KEY_PARTS and not line.lstrip().startswith("#"):
+            raise TomlError(f":{number}: a key of more than {_MAX_KEY_PARTS} parts")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise TomlError(f": not TOML: {error}") from None
     except RecursionError:
-        raise TomlError(f": more than {MOST_DEPTH} nested tables or arrays") from None
+        raise TomlError(f": more than {MAX_TOML_DEPTH} nested tables or arrays") from None
     except ValueError:  # Python parses no integer of more than 4300 digits
         match = _MANY_DIGITS.search(text)
         line_ = f":{text.count(chr(10), 0, match.start()) + 1}" if match else ""
@@ -87,7 +87,7 @@ def toml_document(text: str) -> dict[str, Any]:
 
 def _check_values(data: dict[str, Any]) -> None:
     level: list[Any] = [data]
-    for _ in range(MOST_DEPTH):
+    for _ in range(MAX_TOML_DEPTH):
         level = [
             inner
             for value in level
@@ -102,4 +102,4 @@ def _check_values(data: dict[str, Any]) -> None:
         if any(isinstance(value, int) and value.bit_length() > 64 for value in level):
             raise TomlError(": a whole number of more than 64 bits; write it with an exponent")
     if any(isinstance(value, dict | list) for value in level):
-        raise TomlError(f": more than {MOST_DEPTH} nested tables or arrays")
+        raise TomlError(f": more than {MAX_TOML_DEPTH} nested tables or arrays")

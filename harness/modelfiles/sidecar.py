@@ -15,7 +15,7 @@ from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
 from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.reading import (
-    MOST_SIDECAR,
+    MAX_SIDECAR_BYTES,
     TomlError,
     read_regular,
     toml_document,
@@ -67,9 +67,9 @@ class Sidecar:
         settings = {**self.settings, **self.engine_settings.get(engine, {})}
         return ModelSpec(self.model, self.springs, settings)
 
-    def entry(self, table: str, key: str) -> Entry:
+    def entry(self, table: str, key: str) -> SidecarEntry:
         """Return a key in one of the sidecar's tables, for a message."""
-        return Entry(Path(f"{self.model}.toml"), table, key)
+        return SidecarEntry(Path(f"{self.model}.toml"), table, key)
 
 
 def read_sidecar(path: Path) -> Sidecar:
@@ -152,7 +152,7 @@ def _absent(engines: list[str]) -> list[str]:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        return toml_document(read_regular(path, MOST_SIDECAR).decode("utf-8"))
+        return toml_document(read_regular(path, MAX_SIDECAR_BYTES).decode("utf-8"))
     except OSError as error:
         raise SidecarError(f"{path}: can't be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
@@ -207,7 +207,7 @@ def _is_number(value: object) -> TypeGuard[float]:
 
 
 @dataclass(frozen=True)
-class Entry:
+class SidecarEntry:
     """A key in a table of a sidecar; as text, `FILE:LINE: [table] 'key'`, looked up when shown."""
 
     file: Path

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 
 from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
-from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
@@ -140,7 +140,7 @@ class Options:
     model: str = ""
     motion: float = 0.0
     robots: Mapping[Path, RobotOptions] = field(default_factory=dict)
-    choice: Choice = field(default_factory=Choice)
+    choice: CaseSelection = field(default_factory=CaseSelection)
     scheduler: str = ""
     cache: Cache | None = None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.modelfiles.choice import (
-    Choice,
+    CaseSelection,
     chosen_models,
     matching,
     named_model,
@@ -83,11 +83,11 @@ def test_a_folder_that_is_named_itself_is_wanted_whole(folder: Path) -> None:
 def test_a_choice_leaves_out_what_any_part_of_it_does(folder: Path) -> None:
     _, models = chosen_models([f"{folder}/robot.urdf/free"])
     other = CaseId(system="arm", model="mujoco.xml", scenario="free", engine="mujoco")
-    one = Choice(models=models)
+    one = CaseSelection(models=models)
     assert [one.includes(str(folder), case) for case in (FREE, other)] == [True, False]
     assert one.includes("another", other), "folders without such names are whole"
-    assert not Choice(models=models, words="driven").includes(str(folder), FREE)
-    assert Choice(only=[("f", FREE)]).includes("f", FREE)
-    assert not Choice(only=[("f", FREE)]).includes("g", FREE)
-    assert Choice().everything
-    assert not Choice(only=[]).everything
+    assert not CaseSelection(models=models, words="driven").includes(str(folder), FREE)
+    assert CaseSelection(only=[("f", FREE)]).includes("f", FREE)
+    assert not CaseSelection(only=[("f", FREE)]).includes("g", FREE)
+    assert CaseSelection().everything
+    assert not CaseSelection(only=[]).everything

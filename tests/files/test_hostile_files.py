@@ -124,10 +124,10 @@ def test_a_system_that_is_no_file_is_not_opened(
 @pytest.mark.slow
 def test_files_beyond_reason_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (folder / "m.xml").open("ab") as file:
-        file.truncate(reading.MOST_MODEL + 1)
+        file.truncate(reading.MAX_MODEL_BYTES + 1)
     assert "m.xml: can't be read: it has 64.0 MB; at most 64 MB are allowed" in told(folder)
     with (folder / "m.xml.toml").open("ab") as file:
-        file.truncate(reading.MOST_SIDECAR + 1)
+        file.truncate(reading.MAX_SIDECAR_BYTES + 1)
     assert "it has 1.0 MB; at most 1 MB are allowed" in told(folder)
 
 

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import bindings, mismatches
-from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.folders import template
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -182,7 +182,7 @@ def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: P
     assert sidecar.bindings["default/joint@damping"] == "slider_damping"
     assert "same number is swing_damping too" in (tmp_path / "read" / "m.xml.toml").read_text()
     assert not mismatches(bindings(system, sidecar))
-    free = Options(jobs=1, choice=Choice(words="free"), selection=Selection(models=None))
+    free = Options(jobs=1, choice=CaseSelection(words="free"), selection=Selection(models=None))
     found = run([tmp_path / "read"], free, lambda *_: None).results
     assert {case.outcome for case in found.cases} == {"AGREES"}
 

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.conformance import described, forces, rollouts
-from physics_crosscheck.harness.engines.conformance.subject import BrokenError, ConformanceSubject
+from physics_crosscheck.harness.engines.conformance.subject import (
+    ConformanceError,
+    ConformanceSubject,
+)
 from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 
 CHECKS: tuple[Callable[[ConformanceSubject], None], ...] = (
@@ -84,7 +87,7 @@ def _checked(check: Callable[[ConformanceSubject], None], engine: Engine, spec: 
     name = check.__name__.replace("_", " ")
     try:
         check(ConformanceSubject(engine, spec))
-    except BrokenError as broken:
+    except ConformanceError as broken:
         return Check(name, False, str(broken))
     except Exception as error:
         return Check(name, False, f"it ended in {type(error).__name__}: {error}")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.engines.conformance.subject import (
-    BrokenError,
+    ConformanceError,
     ConformanceSubject,
     ask,
 )
@@ -116,8 +116,8 @@ def _refused(engine: Engine, spec: ModelSpec, name: str, what: str) -> None:
     except EngineError as error:
         ask(name in str(error), f"the error for a {what} doesn't name {name}: {error}")
     except Exception as error:
-        raise BrokenError(
+        raise ConformanceError(
             f"a {what} ends in {type(error).__name__}, not in an EngineError"
         ) from None
     else:
-        raise BrokenError(f"a {what} raises no error")
+        raise ConformanceError(f"a {what} raises no error")

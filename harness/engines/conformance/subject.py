@@ -15,7 +15,7 @@ NEAR = 0.05
 Motion = tuple[Array, Array]
 
 
-class BrokenError(AssertionError):
+class ConformanceError(AssertionError):
     """The problem that a check finds; the message is a sentence."""
 
 
@@ -75,7 +75,7 @@ class Loaded:
 def ask(holds: bool, sentence: str) -> None:
     """Raise a BrokenError with this sentence unless the condition holds."""
     if not holds:
-        raise BrokenError(sentence)
+        raise ConformanceError(sentence)
 
 
 def alike(first: Motion, second: Motion) -> bool:

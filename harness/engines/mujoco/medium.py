@@ -6,21 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledMedium
+from physics_crosscheck.harness.engines.compiled import CompiledFluid
 from physics_crosscheck.harness.engines.mujoco.pulls import acts
 
 FAINT = 1e-300
 """A remaining share of an ellipsoid's forces: at zero, MuJoCo would drag its body's box."""
 
 
-def box_fluid(m: Any) -> CompiledMedium | None:
+def box_fluid(m: Any) -> CompiledFluid | None:
     """Return the fluid of the inertia model, or None if no fluid or passive force acts."""
     if not (m.opt.density > 0 or m.opt.viscosity > 0) or not (
         acts(m, "SPRING") or acts(m, "DAMPER")
     ):
         return None
     x, y, z = map(float, m.opt.wind)
-    return CompiledMedium(
+    return CompiledFluid(
         density=float(m.opt.density), viscosity=float(m.opt.viscosity), wind=(x, y, z)
     )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledPull, CompiledWay, Numbers
+from physics_crosscheck.harness.engines.compiled import CompiledForce, CompiledLength, Numbers
 from physics_crosscheck.harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
 
 UNCOUPLED = "armature of a tendon across branches couples no joints"
@@ -17,7 +17,7 @@ UNCOUPLED = "armature of a tendon across branches couples no joints"
 _SPRING, _DAMPER, _ACTUATION = "SPRING", "DAMPER", "ACTUATION"
 
 
-def pulls(m: Any) -> Iterator[CompiledPull]:
+def pulls(m: Any) -> Iterator[CompiledForce]:
     """Yield all forces that have a formula: of tendons and of actuators.
 
     Forces that a file's flags disable are left out.
@@ -97,7 +97,7 @@ def covered_actuator(m: Any, i: int) -> bool:
     way = of_actuator(m, i, _gear(m, i))
     # Its own dampers and armature have no formula here on ball and free joints.
     return way is not None and not (
-        isinstance(way, CompiledWay) and way.joint >= 0 and any(_armature_and_damping(m, i))
+        isinstance(way, CompiledLength) and way.joint >= 0 and any(_armature_and_damping(m, i))
     )
 
 
@@ -120,7 +120,7 @@ def joint_name(m: Any, i: int) -> str:
     return str(m.joint(i).name) or f"joint_{i}"
 
 
-def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
+def _actuator(m: Any, i: int) -> Iterator[CompiledForce]:
     """Yield its force, and its own damper and armature, which scale with gear^2 (motor side)."""
     import mujoco
 
@@ -140,20 +140,22 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
         )
     armature, *damping = _armature_and_damping(m, i)
     way = of_actuator(m, i, (1.0, *gear[1:]))
-    on_frame = isinstance(way, CompiledWay) and way.frame is not None
+    on_frame = isinstance(way, CompiledLength) and way.frame is not None
     if any(_armature_and_damping(m, i)) and not on_frame:
         yield _compiled_pull(
             name,
             way,
             damping=tuple(gear[0] ** 2 * d for d in damping) if acts(m, _DAMPER) else (),
-            armature=0.0 if isinstance(way, CompiledWay) else gear[0] ** 2 * armature,
+            armature=0.0 if isinstance(way, CompiledLength) else gear[0] ** 2 * armature,
         )
 
 
-def _compiled_pull(name: str, way: Combination | CompiledWay | None, **rest: Any) -> CompiledPull:
-    if isinstance(way, CompiledWay):
-        return CompiledPull(name=name, along=way, **rest)
-    return CompiledPull(name=name, joints=way or (), **rest)
+def _compiled_pull(
+    name: str, way: Combination | CompiledLength | None, **rest: Any
+) -> CompiledForce:
+    if isinstance(way, CompiledLength):
+        return CompiledForce(name=name, along=way, **rest)
+    return CompiledForce(name=name, joints=way or (), **rest)
 
 
 def _range(m: Any, i: int) -> tuple[float, float] | None:
@@ -210,11 +212,11 @@ def split_tendons(m: Any) -> Iterator[tuple[int, tuple[str, str]]]:
             yield i, (joint_name(m, first), joint_name(m, other))
 
 
-def pulls_as_computed(m: Any) -> tuple[CompiledPull, ...]:
+def pulls_as_computed(m: Any) -> tuple[CompiledForce, ...]:
     """Return all forces, with tendon armatures uncoupled across branches as in MuJoCo."""
     split = dict(split_tendons(m))
     names = {m.tendon(i).name or f"tendon_{i}": i for i in split}
-    result: list[CompiledPull] = []
+    result: list[CompiledForce] = []
     for force in pulls(m):
         i = names.get(force.name)
         if i is None or not force.armature:
@@ -224,11 +226,11 @@ def pulls_as_computed(m: Any) -> tuple[CompiledPull, ...]:
         shares, related = dict(force.joints), _pairs(m, i, related=True)
         for pair in related:  # includes the two joints' own inertias
             joints = tuple((joint, shares[joint]) for joint in pair)
-            result.append(CompiledPull(name=force.name, joints=joints, armature=force.armature))
+            result.append(CompiledForce(name=force.name, joints=joints, armature=force.armature))
         for joint, share in force.joints:
             armature = force.armature * (1 - sum(joint in pair for pair in related))
             single = ((joint, share),)
-            result.append(CompiledPull(name=force.name, joints=single, armature=armature))
+            result.append(CompiledForce(name=force.name, joints=single, armature=armature))
     return tuple(result)
 
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledMark, CompiledWay, Numbers
+from physics_crosscheck.harness.engines.compiled import CompiledFrame, CompiledLength, Numbers
 
 Combination = tuple[tuple[int, float], ...]
 """Coefficients by the index of a hinge or slide."""
 
 
-def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledWay | None:
+def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledLength | None:
     """Return a combination of joints, or segments between sites; None if the tendon wraps
     shapes.
     """
@@ -25,18 +25,18 @@ def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledWay | 
         return tuple((int(m.wrap_objid[k]), gear * float(m.wrap_prm[k])) for k in rows)
     if not kinds <= {mujoco.mjtWrap.mjWRAP_SITE, mujoco.mjtWrap.mjWRAP_PULLEY}:
         return None
-    branches: list[tuple[float, list[CompiledMark]]] = [(gear, [])]
+    branches: list[tuple[float, list[CompiledFrame]]] = [(gear, [])]
     for k in rows:
         if m.wrap_type[k] == mujoco.mjtWrap.mjWRAP_PULLEY:
             branches.append((gear / float(m.wrap_prm[k]), []))
         else:
             branches[-1][1].append(mark(m, int(m.wrap_objid[k])))
-    return CompiledWay(
+    return CompiledLength(
         branches=tuple((share, tuple(row)) for share, row in branches if len(row) > 1)
     )
 
 
-def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledWay | None:
+def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledLength | None:
     """Return the same for an actuator; None for slider-cranks, bodies and later transmissions."""
     import mujoco
 
@@ -46,7 +46,7 @@ def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledWay | No
         return of_tendon(m, target, gear[0])
     if kind == mujoco.mjtTrn.mjTRN_SITE:
         against = mark(m, other) if other >= 0 else None
-        return CompiledWay(frame=mark(m, target), against=against, gear=gear)
+        return CompiledLength(frame=mark(m, target), against=against, gear=gear)
     inside = kind == mujoco.mjtTrn.mjTRN_JOINTINPARENT
     if not inside and kind != mujoco.mjtTrn.mjTRN_JOINT:
         return None
@@ -54,12 +54,12 @@ def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledWay | No
     if joint in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         return ((target, gear[0]),)
     size = 3 if joint == mujoco.mjtJoint.mjJNT_BALL else 6
-    return CompiledWay(joint=target, gear=gear[:size], in_parent=inside)
+    return CompiledLength(joint=target, gear=gear[:size], in_parent=inside)
 
 
-def mark(m: Any, site: int) -> CompiledMark:
+def mark(m: Any, site: int) -> CompiledFrame:
     """Return a site."""
-    return CompiledMark(
+    return CompiledFrame(
         body=int(m.site_bodyid[site]),
         position=tuple(map(float, np.ravel(m.site_pos[site]))),
         turn=tuple(map(float, np.ravel(m.site_quat[site]))),

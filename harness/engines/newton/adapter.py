@@ -12,7 +12,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.mjcf_source import with_options
 from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
-from physics_crosscheck.harness.engines.newton.reading import Read, limits_of
+from physics_crosscheck.harness.engines.newton.reading import ParsedModel, limits_of
 from physics_crosscheck.harness.engines.newton.urdf import (
     READER,
     read_urdf,
@@ -109,7 +109,7 @@ class NewtonModel(Model):
     integrator = "semi-implicit euler"
     epsilon = float(np.finfo(np.float32).eps)
 
-    def _take(self, spec: ModelSpec, read: Read) -> None:
+    def _take(self, spec: ModelSpec, read: ParsedModel) -> None:
         """Set up the model from a parsed file."""
         if not read.layout.names:
             raise EngineError(f"{spec.path}: it has no moving joint")

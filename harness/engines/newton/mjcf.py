@@ -12,7 +12,7 @@ import numpy as np
 from physics_crosscheck.harness.engines.mjcf_source import option_remarks, read_source_mjcf
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.reading import (
-    Read,
+    ParsedModel,
     collect_warnings,
     correct_inertias,
     new_builder,
@@ -27,7 +27,7 @@ EQUALITIES = "Newton's leaving out of joint equalities"
 DROPS = "Newton's own solvers leave out"
 
 
-def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
+def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     """Read an MJCF whose settings are valid.
 
     Raises:
@@ -58,7 +58,7 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
     corrected = correct_inertias(builder, messages) if settings["corrected_inertias"] else ()
     ignored_options = option_remarks(source, "Newton", frozenset({"timestep", "gravity"}))
     notes = {one.message: one.address or "" for one in ignored_options}
-    return Read(
+    return ParsedModel(
         builder=builder,
         layout=layout,
         springs=tendons if settings["tendons"] else (),

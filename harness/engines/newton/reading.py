@@ -16,7 +16,7 @@ from physics_crosscheck.harness.engines.source import one_line
 
 
 @dataclass(frozen=True, kw_only=True)
-class Read:
+class ParsedModel:
     """A file in Newton.
 
     Attributes:
@@ -63,7 +63,7 @@ def without_limit_forces(builder: Any) -> None:
         setattr(builder, name, [0.0] * len(getattr(builder, name)))
 
 
-def limits_of(read: Read) -> Array:
+def limits_of(read: ParsedModel) -> Array:
     """Return the positions between which no limit acts, (nz, 2)."""
     builder, layout = read.builder, read.layout
     result = np.tile([-np.inf, np.inf], (len(layout.names), 1))

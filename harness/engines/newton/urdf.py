@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.reading import (
-    Read,
+    ParsedModel,
     collapse,
     collect_warnings,
     correct_inertias,
@@ -47,7 +47,7 @@ def stopped_turns(robot: ET.Element) -> Iterator[tuple[str, tuple[float, float]]
                 yield joint.get("name", ""), bounds
 
 
-def read_urdf(model: UrdfModel) -> Read:
+def read_urdf(model: UrdfModel) -> ParsedModel:
     """Read a URDF and its sidecar's declarations.
 
     Raises:
@@ -71,7 +71,7 @@ def read_urdf(model: UrdfModel) -> Read:
         names.append([model.root if model.floats and not names else name][: lines + turns])
     layout = Layout(builder, names, np.zeros(len(builder.joint_qd)))
     springs = model.declared.springs
-    return Read(
+    return ParsedModel(
         builder=builder,
         layout=layout,
         springs=springs,

@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
-from physics_crosscheck.harness.modelfiles.choice import Choice, NamedModel, chosen_models, matching
+from physics_crosscheck.harness.modelfiles.choice import (
+    CaseSelection,
+    NamedModel,
+    chosen_models,
+    matching,
+)
 from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFolders, named_folders
 from physics_crosscheck.harness.modelfiles.robot_targets import expand_folders, robot_files
 from physics_crosscheck.harness.records.read import read_results
@@ -28,7 +33,7 @@ class Targets:
 
     named: NamedFolders
     robots: Sequence[Path]
-    choice: Choice
+    choice: CaseSelection
 
     @property
     def folders(self) -> Sequence[Path]:
@@ -55,7 +60,7 @@ def select_targets(options: argparse.Namespace) -> Targets:
         only = [(case.folder, case.id) for case in last.failed]
         if not only:
             print("crosscheck: the last run has no failed case; nothing to run", file=sys.stderr)
-            return Targets(NamedFolders([], {}), [], Choice(only=only))
+            return Targets(NamedFolders([], {}), [], CaseSelection(only=only))
         names = names or list(dict.fromkeys(folder for folder, _ in only))
     targets = resolve_targets(names, standalone=options.standalone)
     return replace(targets, choice=replace(targets.choice, words=options.words, only=only))
@@ -83,7 +88,7 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     faults = {**robots.faults, **named.faults}
     if not robots.files and not named.folders:
         raise FolderError("; ".join(faults.values()))
-    return Targets(NamedFolders(named.folders, faults), robots.files, Choice(models=models))
+    return Targets(NamedFolders(named.folders, faults), robots.files, CaseSelection(models=models))
 
 
 def warn_unknown(named: NamedFolders) -> None:

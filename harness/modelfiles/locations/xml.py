@@ -19,7 +19,7 @@ from physics_crosscheck.harness.modelfiles.locations.location import (
     nearest,
 )
 from physics_crosscheck.harness.modelfiles.quote import quote, truncate
-from physics_crosscheck.harness.modelfiles.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_regular
 
 _IDENTITIES = ("name", "reference", "joint", "class")
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
@@ -31,7 +31,7 @@ ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 TAG = re.compile(rb"<[^\s/>]+")
 _ELEMENT = re.compile(rb"<[A-Za-z_]")
-MOST_DEPTH = 300
+MAX_XML_DEPTH = 300
 """The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""
 _DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
 _HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
@@ -194,7 +194,7 @@ def check_harmless(source: SourceFile) -> None:
     bare = _HIDDEN.sub(lambda hidden: b" " * len(hidden[0]), source.data)
     if declaration := _DECLARATION.search(bare):
         raise _declares(source, source.line(declaration.start()))
-    if bare.count(b"<") > MOST_DEPTH:
+    if bare.count(b"<") > MAX_XML_DEPTH:
         try:
             read_elements(source)
         except RefusedFileError:
@@ -223,8 +223,8 @@ def read_elements(source: SourceFile) -> list[RawElement]:
         raise _declares(source, parser.CurrentLineNumber)
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        if len(open_) == MOST_DEPTH:
-            problem = f"refused: more than {MOST_DEPTH} nested elements"
+        if len(open_) == MAX_XML_DEPTH:
+            problem = f"refused: more than {MAX_XML_DEPTH} nested elements"
             raise RefusedFileError(problem, file=source.file, line=parser.CurrentLineNumber)
         parent = open_[-1] if open_ else None
         element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
@@ -265,7 +265,7 @@ def xml_problem(file: Path, *, strict: bool) -> str:
         A sentence that begins with the file; empty if it may be XML.
     """
     try:
-        data = repaired_xml(read_regular(file, MOST_MODEL))
+        data = repaired_xml(read_regular(file, MAX_MODEL_BYTES))
         expat.ParserCreate().Parse(data, True)
     except expat.ExpatError as error:
         if strict or b"\0" in data or not _ELEMENT.search(data):

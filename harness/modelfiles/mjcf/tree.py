@@ -8,11 +8,11 @@ from pathlib import Path
 
 from physics_crosscheck.harness.engines.compiled import (
     CompiledBody,
+    CompiledForce,
+    CompiledFrame,
     CompiledJoint,
-    CompiledMark,
-    CompiledPull,
+    CompiledLength,
     CompiledTree,
-    CompiledWay,
 )
 from physics_crosscheck.harness.modelfiles.robot import (
     BodyModel,
@@ -203,7 +203,7 @@ def _pulls(
 
 
 def _along(
-    length: CompiledWay | None, joints: list[str], bodies: list[str | None]
+    length: CompiledLength | None, joints: list[str], bodies: list[str | None]
 ) -> CablePath[Site] | FrameForce[Site] | JointForce[str] | None:
     """Return a length by the names of the elements that it acts along."""
     if length is None:
@@ -211,7 +211,7 @@ def _along(
     if length.joint >= 0:
         return JointForce(joint=joints[length.joint], gear=length.gear, in_parent=length.in_parent)
 
-    def site(mark: CompiledMark) -> Site:
+    def site(mark: CompiledFrame) -> Site:
         turn = _quaternion(mark.turn)
         return Site(body=bodies[mark.body], position=_triple(mark.position), quaternion=turn)
 
@@ -233,7 +233,7 @@ def _couplings(compiled: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterato
 
 
 def _force_element(
-    force: CompiledPull, names: list[str], controls: Sequence[float]
+    force: CompiledForce, names: list[str], controls: Sequence[float]
 ) -> ForceElement:
     return ForceElement(
         name=force.name,
