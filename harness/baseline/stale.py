@@ -16,7 +16,11 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     folder_files,
     robot_file,
 )
-from physics_crosscheck.harness.engines.registry import readers, runners, standing
+from physics_crosscheck.harness.engines.registry import (
+    default_engines,
+    engines_reading,
+    engines_to_run,
+)
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE
 from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
@@ -69,10 +73,10 @@ def scan_target(
         return folder_files(target, place), accepted
     if robot is None:
         robot = RobotOptions() if accepted is None or accepted.robot is None else accepted.robot
-    usual = (runners if accepted is None else standing)(target.suffix)
+    usual = (engines_to_run if accepted is None else default_engines)(target.suffix)
     wanted = {engine.name for engine in usual}.union(only)
     wanted |= {case.engine for case in accepted.cases} if accepted else set()
-    engines = tuple(each.name for each in readers(target.suffix) if each.name in wanted)
+    engines = tuple(each.name for each in engines_reading(target.suffix) if each.name in wanted)
     return robot_file(target, engines, robot), accepted
 
 

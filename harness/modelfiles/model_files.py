@@ -13,9 +13,9 @@ from physics_crosscheck.harness.engines.registry import (
     absent_extras,
     default_engines,
     engines,
-    model_formats,
     engines_reading,
     engines_to_run,
+    model_formats,
 )
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.parts import included

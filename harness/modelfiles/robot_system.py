@@ -49,7 +49,7 @@ def robot_bodies(robot: Robot) -> MultibodySystem:
     Raises:
         RobotError: as `robot_system`.
     """
-    system, read = robot_system(robot), robot.told
+    system, read = robot_system(robot), robot.body_model
     assert read is not None  # it has a tree
     return MultibodySystem(
         name=system.name,
@@ -59,7 +59,7 @@ def robot_bodies(robot: Robot) -> MultibodySystem:
         bodies=read.bodies,
         pulls=read.pulls,
         couplings=read.couplings,
-        medium=read.medium,
+        medium=read.fluid,
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
-from physics_crosscheck.harness.engines.registry import runners
+from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.commands import crosscheck
 from tests.robots.files import ARM, LAMP
@@ -24,7 +24,7 @@ def place(tmp_path: Path) -> Path:
 
 
 def names(suffix: str) -> list[str]:
-    return [engine.name for engine in runners(suffix)]
+    return [engine.name for engine in engines_to_run(suffix)]
 
 
 @pytest.mark.parametrize("words", [(), (".",), ("robots",), ("robots/arm.urdf", "robots/deep")])

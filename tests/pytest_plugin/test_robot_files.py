@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.registry import runners
+from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from tests.pytest_plugin.conftest import Project
 from tests.robots.files import ARM, BODY, LAMP, UNLIMITED, joint, link
 
 pytest_plugins = ["pytester"]
 
-URDF, XML = ([engine.name for engine in runners(suffix)] for suffix in (".urdf", ".xml"))
+URDF, XML = ([engine.name for engine in engines_to_run(suffix)] for suffix in (".urdf", ".xml"))
 SWING = [
     *(f"robots/arm.urdf::swing/arm.urdf/states[{name}]" for name in URDF),
     "robots/arm.urdf::swing/arm.urdf/audit",

@@ -117,7 +117,7 @@ def _named(names: Sequence[str], baseline: Path) -> list[Path]:
     rest = [name for name in names if not (name and robots_below(Path(name)))]
     robots = robot_files([name for name in rest if name not in models])
     others = [*robots.others, *(name for name in rest if name in models)]
-    folders = named_folders(others, beside=True) if others else NamedFolders([], {})
+    folders = named_folders(others, allow_none=True) if others else NamedFolders([], {})
     if faults := {**robots.faults, **folders.faults}:
         raise FolderError("; ".join(faults.values()))
     return [*folders.folders, *dict.fromkeys([*below, *robots.files])]

@@ -216,8 +216,8 @@ def _along(
         return Site(body=bodies[mark.body], position=_triple(mark.position), quaternion=turn)
 
     if length.frame is None:
-        return CablePath(branches=length.branches).at(site)
-    return FrameForce(frame=length.frame, gear=length.gear, against=length.against).at(site)
+        return CablePath(branches=length.branches).mapped(site)
+    return FrameForce(frame=length.frame, gear=length.gear, against=length.against).mapped(site)
 
 
 def _couplings(compiled: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[Coupling]:

@@ -58,7 +58,9 @@ def automatic_inertia(
     return SpatialInertia(total.mass * ratio, total.center, total.inertia * ratio)
 
 
-def _solid(document: Document, collision: RawElement, what: str, density: float) -> Iterator[SpatialInertia]:
+def _solid(
+    document: Document, collision: RawElement, what: str, density: float
+) -> Iterator[SpatialInertia]:
     """Yield the inertia of a collision shape in its own frame, if it has one."""
     geometry = document.child(collision, "geometry")
     shape = next(iter(geometry.children), None) if geometry is not None else None
