@@ -24,10 +24,9 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.batch import Batch, over
+from physics_crosscheck.harness.numerics.batch import Batch, even_indices, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION, linearize_step
-from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
     forward_dynamics,

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.locations import LocationError
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
-from physics_crosscheck.harness.numerics.evenly import even_indices
+from physics_crosscheck.harness.numerics.batch import even_indices
 
 MOST_TRIED = 24
 """Differences of the files that are tried one by one, the largest first; beyond, they are only

@@ -35,7 +35,7 @@ from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
-from physics_crosscheck.harness.numerics.evenly import even_indices
+from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD

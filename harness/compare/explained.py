@@ -13,7 +13,7 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.side import Side
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.numerics.evenly import even_indices
+from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES
 from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate

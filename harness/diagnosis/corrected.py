@@ -15,8 +15,8 @@ from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
 from physics_crosscheck.harness.diagnosis.samples import Sample
 from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers
 from physics_crosscheck.harness.records.cause import Cause

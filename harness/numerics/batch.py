@@ -107,3 +107,8 @@ def floored(sizes: Array) -> Array:
     """Return sizes (c,), none below `LEAST_SHARE` of the largest, and nowhere zero."""
     result = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
     return np.where(result > 0, result, 1.0)
+
+
+def even_indices(count: int, limit: int) -> Rows:
+    """Return at most `limit` evenly spaced indices of `count`, including the first and the last."""
+    return np.unique(np.linspace(0, count - 1, limit).astype(np.intp))

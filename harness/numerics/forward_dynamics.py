@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, Model
-from physics_crosscheck.harness.numerics.batch import floored
+from physics_crosscheck.harness.numerics.batch import even_indices, floored
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear

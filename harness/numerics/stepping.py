@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.numerics.batch import movement
+from physics_crosscheck.harness.numerics.batch import even_indices, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.evenly import even_indices
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.rounding import (

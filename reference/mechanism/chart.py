@@ -180,11 +180,11 @@ class MinimalCoordinates:
             share = h / 2 * np.sinc(angle / 2 / np.pi)
             s = y[joint.turning] / 4
             square = (s * s).sum(axis=0)
-            real, real_axis = (1 - square) / (1 + square), 2 * s / (1 + square)
+            real, imaginary = (1 - square) / (1 + square), 2 * s / (1 + square)
             by = share * angular
-            turned_real = real * np.cos(angle / 2) - (real_axis * by).sum(axis=0)
-            turned_axis = real * by + np.cos(angle / 2) * real_axis + cross(real_axis, by)
-            out[joint.turning] = 4 * turned_axis / (1 + turned_real)
+            turned_real = real * np.cos(angle / 2) - (imaginary * by).sum(axis=0)
+            turned_imaginary = real * by + np.cos(angle / 2) * imaginary + cross(imaginary, by)
+            out[joint.turning] = 4 * turned_imaginary / (1 + turned_real)
         return out
 
     def forces(self, y: Scalars, coordinate_forces: Scalars) -> Scalars:
