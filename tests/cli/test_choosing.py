@@ -94,7 +94,7 @@ def test_what_means_nothing_is_wrong_usage(
     assert not (place / "reports" / "results.json").exists()
 
 
-@pytest.mark.parametrize("words", [("gate",), ("accept", "--reason", "right"), ("mutate",)])
+@pytest.mark.parametrize("words", [("mutate",)])
 def test_a_robot_where_a_folder_belongs_is_told_the_commands_for_it(
     place: Path, words: tuple[str, ...]
 ) -> None:
