@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -119,8 +119,8 @@ class RobotPlan:
         """The file in every engine that reads its format, or in those that are wanted."""
         file, facts = work.place, work.facts
         self._found.systems.append(facts.record)
-        wanted = self._wanted(file)
-        found = [(one, work.case_id(name)) for name, one in engines().items() if name in wanted]
+        adapters = engines()
+        found = [(adapters[name], work.case_id(name)) for name in self._wanted(file)]
         choice = self._options.choice
         chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
         self._found.left.pop((str(file), work.stand_in), None)
@@ -137,12 +137,13 @@ class RobotPlan:
         if begun and self._options.selection is None:
             yield from self._coverage(work, begun)
 
-    def _wanted(self, file: Path) -> Collection[str]:
+    def _wanted(self, file: Path) -> list[str]:
         """Return the engines in which a file is to be run."""
         selection = self._options.selection
         if selection is None or selection.models is None:
             return chosen_engines(file, self._options.engines)
-        return {engine for folder, _, engine in selection.models if folder == str(file)}
+        names = [engine.name for engine in readers(file.suffix)]
+        return [name for name in names if selection.includes((str(file), file.name, name))]
 
     def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
         """A case; one that differs is diagnosed, and what it does measured if wanted."""
