@@ -8,20 +8,23 @@ cause is named from them alone, and at what size it is first seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
 from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
 from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot
 from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, work
 from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS, Limits
+from physics_crosscheck.harness.modelfiles.choice import Choice
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -38,36 +41,50 @@ Progress = Callable[[int, int, Mutation | None], None]
 
 
 def mutate(
-    folders: Sequence[Path],
+    targets: Sequence[Path],
     progress: Progress,
     *,
     only: Sequence[str] = (),
     workers: int = 2,
     limits: Limits | None = None,
+    choice: Choice = Choice(),  # noqa: B008  # frozen
+    floating: bool = False,
+    model: str = "",
+    warn: Callable[[str], object] = lambda _: None,
 ) -> list[Mutation]:
-    """Make every model of some folders wrong in every known way; engines not there are left out.
+    """Make models wrong in every known way; engines that are not installed are left out.
 
     Args:
-        folders: of the systems.
-        progress: told of every fault.
+        targets: system folders and robot files.
+        progress: called after every fault.
         only: engines; empty: all.
         workers: processes.
         limits: of one fault.
+        choice: of the models of folders.
+        floating, model: how robot files are read, as in `read_robot`.
+        warn: called with a sentence for each engine that does not agree with a sound robot file.
 
     Raises:
-        MutationError: a folder must be sound to be mutated; the message names file and remedy.
+        MutationError: for a model that is not sound; the message names file and remedy. A robot
+            file is sound if it agrees with its equations in one engine.
     """
-    plan = _Plan(only, progress)
+    plan = _Plan(only, progress, choice)
+    prepare = partial(prepare_robot, floating=floating, model=model)
     with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
-        work(map(plan.folder, folders), pool)
+        jobs = (plan.folder(one) if one.is_dir() else plan.robot(one, prepare) for one in targets)
+        work(jobs, pool)
+    for sentence in plan.unsound_engines():
+        warn(sentence)
     return plan.sorted()
 
 
 @dataclass
 class _Plan:
-    """The jobs, and the rows that they bring: folders, then surveys of models, then faults.
+    """The jobs, and the rows that they bring: targets, then surveys of models, then faults.
 
     Attributes:
+        unsound: why engines do not agree with robot files, by file.
+        sound: robot files that agree with their equations in an engine.
         found: rows with their faults' places in the order of the surveys.
         unknown: jobs that are still to tell how many faults there are.
         known: faults so far.
@@ -75,6 +92,9 @@ class _Plan:
 
     only: Sequence[str]
     progress: Progress
+    choice: Choice
+    unsound: dict[Path, list[str]] = field(default_factory=dict)
+    sound: set[Path] = field(default_factory=set)
     found: list[tuple[int, Mutation]] = field(default_factory=list)
     unknown: int = 0
     known: int = 0
@@ -83,6 +103,41 @@ class _Plan:
         """The rows: by model and engine, in the order in which faults are told."""
         ordered = sorted(self.found, key=lambda f: (f[1].system, f[1].model, f[1].engine, f[0]))
         return [row for _, row in ordered]
+
+    def unsound_engines(self) -> list[str]:
+        """Return why engines do not agree with robot files that are sound.
+
+        Raises:
+            MutationError: for a robot file that no engine agrees with.
+        """
+        for file, reasons in self.unsound.items():
+            if file not in self.sound:
+                raise MutationError(reasons[0])
+        return [*chain.from_iterable(self.unsound.values())]
+
+    def robot(self, file: Path, prepare: Callable[[Path], PreparedRobot]) -> Job[PreparedRobot]:
+        """Read it, then survey it in every engine."""
+        self.unknown += 1
+        return Job(task=Task(prepare, file), done=self._engines, failed=partial(_unsound, file))
+
+    def _engines(self, robot: PreparedRobot) -> Iterator[Job[Any]]:
+        self.unknown -= 1
+        for engine in _installed(chosen_engines(robot.file, self.only)):
+            self.unknown += 1
+            yield Job(
+                task=Task(faults_of, robot.task(engine, RESOLUTION)),
+                done=partial(self._robot_faults, robot.file),
+                failed=partial(self._robot_unsound, robot.file),
+            )
+
+    def _robot_faults(self, file: Path, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+        self.sound.add(file)
+        return self._tree_faults(faults)
+
+    def _robot_unsound(self, file: Path, failure: Failure) -> tuple[()]:
+        self.unknown -= 1
+        self.unsound.setdefault(file, []).append(failure.about(file))
+        return ()
 
     def folder(self, folder: Path) -> Job[Prepared | PreparedTree]:
         """Prepare it, then survey its models."""
@@ -96,7 +151,8 @@ class _Plan:
         if isinstance(prepared, PreparedTree):
             yield from self._of_tree(prepared)
             return
-        for task in _models(prepared, self.only):
+        for sidecar, engine in self._pairs(prepared.folder):
+            task = diagnosis_task(prepared, sidecar, engine)
             self.unknown += 1
             unsound = partial(_unsound, task.sidecar.model)
             yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
@@ -114,7 +170,7 @@ class _Plan:
             self.known += 1
 
     def _of_tree(self, prepared: PreparedTree) -> Iterator[Job[Any]]:
-        for sidecar, engine in _pairs(prepared.folder, self.only):
+        for sidecar, engine in self._pairs(prepared.folder):
             self.unknown += 1
             yield Job(
                 task=Task(faults_of, prepared.task(sidecar, engine, RESOLUTION)),
@@ -139,6 +195,15 @@ class _Plan:
         """An engine that dies of a number has refused it, in its way."""
         return self._row(place, refused(task, failure.reason))
 
+    def _pairs(self, folder: Path) -> Iterator[tuple[Sidecar, str]]:
+        """Yield the chosen models of a folder with every installed engine."""
+        for file in model_files(folder):
+            if isinstance(file, UnreadModel):
+                raise MutationError(file.reason)
+            for engine in _installed(chosen_engines(file, self.only)):
+                if self.choice.includes_model(str(folder), file.model.name, engine):
+                    yield file, engine
+
     def _row(self, place: int, row: Mutation) -> tuple[()]:
         self.found.append((place, row))
         self.progress(len(self.found), 0 if self.unknown else self.known, row)
@@ -149,17 +214,7 @@ def _unsound(file: Path, failure: Failure) -> NoReturn:
     raise MutationError(failure.about(file))
 
 
-def _models(prepared: Prepared, only: Sequence[str]) -> Iterator[DiagnosisTask]:
-    for sidecar, engine in _pairs(prepared.folder, only):
-        yield diagnosis_task(prepared, sidecar, engine)
-
-
-def _pairs(folder: Path, only: Sequence[str]) -> Iterator[tuple[Sidecar, str]]:
-    """Every model of a folder with every engine that is wanted and there."""
-    known = engines()
-    for found in model_files(folder):
-        if isinstance(found, UnreadModel):
-            raise MutationError(found.reason)
-        for name in chosen_engines(found, only):
-            if name in known and known[name].version() is not None:
-                yield found, name
+def _installed(names: Iterable[str]) -> list[str]:
+    """Return those of the engines that are installed."""
+    adapters = engines()
+    return [name for name in names if name in adapters and adapters[name].version() is not None]

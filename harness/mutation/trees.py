@@ -1,4 +1,4 @@
-"""A folder that declares bodies: the numbers of its models made wrong, one at a time.
+"""Models of declared bodies, and robot files: their numbers made wrong, one at a time.
 
 What a number does to the ends of segments follows from the equations, so that only those on which
 motions depend are run. Of known mistakes none is made: these need declared energies.
@@ -35,6 +35,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 SHOWN = 2.0
 """A fault whose effect is larger than what is uncertain by so many times has to be caught."""
@@ -49,12 +50,14 @@ class TreeFault:
         index: of the number.
         size: what it is called by how much it is wrong: a key of `SIZES`.
         first_seen: share of its size at which the number is first seen; inf: never.
+        uncertainty: of the ends of the sound model's segments, relative.
     """
 
     model: RobotTask
     index: int
     size: str
     first_seen: float
+    uncertainty: float
 
     @property
     def share(self) -> float:
@@ -85,6 +88,7 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
             index=index,
             size=size,
             first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), known),
+            uncertainty=known,
         )
         for k, index in enumerate(numbers.relevant_numbers)
         for size in SIZES
@@ -137,8 +141,7 @@ def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mu
     case = run_robot(wrong)
     size = None if case.verdict is None else case.verdict.largest_discrepancy
     if case.outcome is not Outcome.DIFFERS:
-        faint = fault.share < SHOWN * fault.first_seen
-        verdict = FaultVerdict.UNTESTED if faint else FaultVerdict.MISSED
+        verdict = FaultVerdict.UNTESTED if _is_faint(fault, value) else FaultVerdict.MISSED
         return _row(fault, one.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
     ranking = ranked(RobotDiagnosisTask(task=wrong, own=False))
     if not ranking.fits:
@@ -150,6 +153,25 @@ def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mu
     fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
     off = None if fit is None else abs(fit.estimates[0] - one.value) / abs(value - one.value)
     return msgspec.structs.replace(row, estimate_error=number(off))
+
+
+def _is_faint(fault: TreeFault, value: float) -> bool:
+    """Return whether a fault of this size moves no segment by more than is uncertain.
+
+    By the slope; or by the equations with that value, where the effect grows with the square of
+    the fault, as that of an axis out of the plane of all motions.
+    """
+    if fault.share < SHOWN * fault.first_seen:
+        return True
+    numbers = robot_numbers(fault.model.file, fault.model.settings)
+    tree = numbers.tree({fault.index: value})
+    if tree is None:
+        return False
+    try:
+        effect = problem_of(fault.model, numbers, own=False).left_by(tree)
+    except ReferenceError:
+        return False
+    return float(np.max(np.abs(effect), initial=0.0)) < SHOWN * fault.uncertainty
 
 
 def _row(

@@ -94,17 +94,6 @@ def test_what_means_nothing_is_wrong_usage(
     assert not (place / "reports" / "results.json").exists()
 
 
-@pytest.mark.parametrize("words", [("mutate",)])
-def test_a_robot_where_a_folder_belongs_is_told_the_commands_for_it(
-    place: Path, words: tuple[str, ...]
-) -> None:
-    (place / "my arm.urdf").write_text("<robot/>")
-    done = commands.crosscheck(*words, "my arm.urdf", cwd=place, CI=None)
-    assert done.returncode == 2
-    assert "no such folder" not in done.stderr
-    assert "`crosscheck run 'my arm.urdf'`" in done.stderr
-
-
 def test_a_model_where_its_folder_belongs_is_told_the_folder(place: Path) -> None:
     done = crosscheck(place, "gate", "models/oscillator/good.known")
     assert done.returncode == 2

@@ -10,8 +10,9 @@ import pytest
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.jobs.workers import Workers
+from physics_crosscheck.harness.records.mutation import FaultVerdict
 from tests.commands import crosscheck
-from tests.robots.files import ARM, LAMP
+from tests.robots.files import ARM, LAMP, TIPPED
 
 
 @pytest.fixture
@@ -145,3 +146,20 @@ def test_audit_reports_a_file_that_can_t_be_read_and_an_engine_that_is_missing(
     done = crosscheck("audit", "robots/arm.urdf", "--engine", "mujoco", cwd=place)
     assert done.returncode == 3
     assert "  skipped  mujoco is not installed; " in done.stdout
+
+
+def test_mutate_plants_faults_in_a_robot_file(place: Path) -> None:
+    words = ("robots/deep", "--engine", "mujoco", "--json", "faults.json")
+    done = crosscheck("mutate", *words, cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("small faults: ")
+    assert "lamp/lamp.xml [mujoco]" in done.stdout
+    found = json.loads((place / "faults.json").read_text())
+    named = {row["location"] for row in found["rows"] if row["verdict"] == FaultVerdict.NAMED}
+    assert "body[rod]/inertial@mass" in named
+    (place / "robots" / "arm.urdf").write_text(TIPPED)
+    done = crosscheck("mutate", "robots/arm.urdf", "--engine", "mujoco", cwd=place)
+    assert done.returncode == 3
+    assert "arm.urdf: it does not agree with its equations in mujoco" in done.stderr
+    done = crosscheck("mutate", "robots", "no.urdf", cwd=place)
+    assert (done.returncode, done.stderr) == (2, "crosscheck: no.urdf: there is no such file\n")

@@ -1,4 +1,4 @@
-"""A folder of bodies: a number of its model made wrong is caught and named, or has no say."""
+"""Bodies and robot files: a number that is made wrong is caught and named, or has no effect."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
-from physics_crosscheck.harness.checks.robot_case import run_robot
+from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.harness.mutation import trees
 from physics_crosscheck.harness.mutation.mutate import mutate
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.mutation.text import mutation_lines
-from physics_crosscheck.harness.mutation.trees import TreeFault, faults_of, mutated_tree
+from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from physics_crosscheck.harness.records.mutation import FaultVerdict
+from tests.records.made import case
+from tests.robots.files import ARM, TIPPED
 
 SYSTEM = """from physics_crosscheck import Joint, MultibodySystem, RigidBody
 
@@ -84,3 +87,44 @@ def test_a_folder_of_bodies_has_the_error_of_a_motion(folder: Path) -> None:
     assert (coarse.time_step, fine.time_step) == (0.002, 0.001)
     # MuJoCo's Euler steps have order 1.
     assert coarse.global_error == pytest.approx(2 * (fine.global_error or 0), rel=0.02)
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    if engines()["mujoco"].version() is None:
+        pytest.skip("mujoco is not installed")
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    return file
+
+
+def test_an_effect_of_second_order_counts_by_its_size(
+    arm: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An axis that leaves the plane of the motion, in an engine that detects nothing."""
+    faults = faults_of(prepare_robot(arm).task("mujoco", 1e-9))
+    monkeypatch.setattr(trees, "run_robot", lambda _: case())
+    verdicts = {}
+    for fault in faults:
+        address = died(fault, "").location
+        if address in ("joint[hinge]/axis@xyz[2]", "link[rod]/inertial/mass@value"):
+            verdicts[address[:4], fault.size] = mutated_tree(fault).verdict
+    untested = [key for key, verdict in verdicts.items() if verdict is FaultVerdict.UNTESTED]
+    assert untested == [("join", "1e-6")]
+    assert set(verdicts.values()) == {FaultVerdict.UNTESTED, FaultVerdict.MISSED}
+
+
+@pytest.mark.skipif(engines()["pinocchio"].version() is None, reason="needs Pinocchio")
+def test_an_engine_that_disagrees_with_a_robot_is_skipped_where_another_agrees(arm: Path) -> None:
+    arm.write_text(TIPPED)  # MuJoCo drops an inertia
+    warned = list[str]()
+    rows = mutate([arm], lambda *_: None, only=("mujoco", "pinocchio"), warn=warned.append)
+    assert {row.engine for row in rows} == {"pinocchio"}
+    assert {row.system for row in rows} == {"swing"}
+    assert FaultVerdict.MISSED not in {row.verdict for row in rows}
+    masses = [row for row in rows if row.location == "link[rod]/inertial/mass@value"]
+    assert [row.verdict for row in masses] == [FaultVerdict.NAMED] * 3
+    (sentence,) = warned
+    assert "arm.urdf: it does not agree with its equations in mujoco" in sentence
+    with pytest.raises(MutationError, match="it does not agree with its equations in mujoco"):
+        mutate([arm], lambda *_: None, only=("mujoco",))

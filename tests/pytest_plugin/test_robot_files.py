@@ -9,7 +9,7 @@ import pytest
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from tests.pytest_plugin.conftest import Project
-from tests.robots.files import ARM, BODY, LAMP, UNLIMITED, joint, link
+from tests.robots.files import ARM, LAMP, TIPPED, UNLIMITED
 
 pytest_plugins = ["pytester"]
 
@@ -24,12 +24,6 @@ LIT = [
 ]
 if len(XML) == 1:
     LIT[0] = "robots/deep/lamp.xml::lamp/lamp.xml/states"
-
-TIP = link(
-    "tip", BODY.replace('mass value="2"', 'mass value="0"').replace('iyy="0.3"', 'iyy="0.35"')
-)
-TIPPED = ARM.replace("</robot>", f"{TIP}{joint('weld', 'rod', 'tip', kind='fixed')}</robot>")
-"""MuJoCo drops the inertia of the massless link."""
 
 
 @pytest.fixture

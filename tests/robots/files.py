@@ -73,6 +73,12 @@ ARM = "\n".join([
 ])  # fmt: skip
 """A rod of 2 kg on a hinge, with its center 0.5 m from it."""
 
+TIP = link(
+    "tip", BODY.replace('mass value="2"', 'mass value="0"').replace('iyy="0.3"', 'iyy="0.35"')
+)
+TIPPED = ARM.replace("</robot>", f"{TIP}{joint('weld', 'rod', 'tip', kind='fixed')}</robot>")
+"""MuJoCo drops the inertia of the massless link."""
+
 LAMP = """<mujoco model="lamp"><worldbody><body name="rod">
 <joint name="hinge" axis="0 1 0"/><inertial mass="2" pos="0 0 -0.5" diaginertia="0.3 0.3 0.1"/>
 </body></worldbody></mujoco>

@@ -8,7 +8,8 @@ import sys
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
-from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
+from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
+from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.mutation.mutate import mutate
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.mutation.text import mutation_lines, summary
@@ -20,13 +21,15 @@ from physics_crosscheck.harness.render.terminal.progress import Counter
 
 
 def main(options: argparse.Namespace) -> int:
-    """Make every model of the folders wrong in every known way, and print what became of it.
+    """Make every model of the targets wrong in every known way, and print the results.
 
     Exit codes: 0; 1 where a fault that motions show was missed, or another step was taken for a
-    mistake; 3 where a folder is not sound to begin with, or no fault could be tried.
+    mistake; 3 where a model is not sound to begin with, or no fault could be tried.
     """
     check_engines(options.engine)
-    folders = system_folders(options.folders)
+    targets = resolve_targets(options.folders, standalone=options.standalone)
+    if targets.named.faults:
+        raise FolderError("; ".join(targets.named.faults.values()))
     missing = [
         name
         for name, engine in engines().items()
@@ -34,20 +37,27 @@ def main(options: argparse.Namespace) -> int:
     ]
     for name in missing:
         print(f"crosscheck: {name} is not installed, so its models are skipped", file=sys.stderr)
+    skipped: list[str] = []
     try:
         with Counter("fault") as counter:
             rows = mutate(
-                folders,
+                targets.paths,
                 counter,
                 only=options.engine,
                 workers=options.jobs or 2,
                 limits=arguments.limits_of(options),
+                choice=targets.choice,
+                floating=options.floating,
+                model=options.chosen_model,
+                warn=skipped.append,
             )
     except MutationError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
+    for sentence in skipped:
+        print(f"crosscheck: skipped an engine: {sentence}", file=sys.stderr)
     if not rows:
-        nothing = "no fault was tried: no model of these folders runs in a chosen engine"
+        nothing = "no fault was tried: none of these models runs in a chosen engine"
         print(f"crosscheck: {nothing_tested(missing) if missing else nothing}", file=sys.stderr)
         return FAIL
     for text in mutation_lines(rows, terminal().width):
