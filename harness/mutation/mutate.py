@@ -24,7 +24,7 @@ from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, work
 from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS, Limits
-from physics_crosscheck.harness.modelfiles.choice import Choice
+from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -47,7 +47,7 @@ def mutate(
     only: Sequence[str] = (),
     workers: int = 2,
     limits: Limits | None = None,
-    choice: Choice = Choice(),  # noqa: B008  # frozen
+    choice: CaseSelection = CaseSelection(),  # noqa: B008  # frozen
     floating: bool = False,
     model: str = "",
     warn: Callable[[str], object] = lambda _: None,
@@ -92,7 +92,7 @@ class _Plan:
 
     only: Sequence[str]
     progress: Progress
-    choice: Choice
+    choice: CaseSelection
     unsound: dict[Path, list[str]] = field(default_factory=dict)
     sound: set[Path] = field(default_factory=set)
     found: list[tuple[int, Mutation]] = field(default_factory=list)

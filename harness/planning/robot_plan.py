@@ -11,7 +11,7 @@ from msgspec import structs
 
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import absent, barred_case, failed_case
-from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
@@ -142,7 +142,7 @@ class RobotPlan:
         selection = self._options.selection
         if selection is None or selection.models is None:
             return chosen_engines(file, self._options.engines)
-        names = [engine.name for engine in readers(file.suffix)]
+        names = [engine.name for engine in engines_reading(file.suffix)]
         return [name for name in names if selection.includes((str(file), file.name, name))]
 
     def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
