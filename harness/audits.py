@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.checks.not_run import Hurdle, hurdle
+from physics_crosscheck.harness.checks.not_run import hurdle
 from physics_crosscheck.harness.engines.registry import engines as registered
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -121,14 +121,6 @@ class _TargetAudits(ABC):
                 failure = Failure(record.audit_failure, "")
                 yield replace(audit, failure=failure.about(self._target / audit.id.model))
 
-    def _add(self, audit: ModelAudit, why: Hurdle | None) -> bool:
-        """Add the audit of a model; return whether the model can be audited."""
-        if why is not None:
-            absent = why.outcome is Outcome.ABSENT
-            audit = replace(audit, failure=why.reason, absent=absent)
-        self._audits.append(audit)  # its findings go to its record
-        return why is None
-
 
 class _RobotAudits(_TargetAudits):
     def jobs(self) -> Iterator[Job[Any]]:
@@ -138,14 +130,11 @@ class _RobotAudits(_TargetAudits):
             yield from target.begun(partial(self._engines, target))
 
     def _engines(self, target: RobotWork) -> tuple[()]:
-        """Take the findings of the file, which are those of every engine."""
-        adapters, system = registered(), target.facts.record.name
+        """Take the findings of the file: those of every engine, also of one that is missing."""
         for engine in chosen_engines(self._target, self._options.engines):
-            model_id = ModelId(system=system, model=self._target.name, engine=engine)
-            audit = ModelAudit(model_id, is_survey=True)
-            if self._add(audit, hurdle(adapters, engine, self._target)):
-                model = target.model(engine)
-                self._found.models[model.key] = model
+            model = target.model(engine)
+            self._found.models[model.key] = model
+            self._audits.append(ModelAudit(model.id, is_survey=True))
         return ()
 
 
@@ -168,9 +157,13 @@ class _FolderAudits(_TargetAudits):
                 one = ModelId(system=system, model=file.model.name, engine=engine)
                 if not self._wants(file, engine):
                     continue
-                audit = ModelAudit(one, is_survey=place.facts.bodies)
-                if self._add(audit, hurdle(known, engine, file)):
-                    yield from model(place, known, file, engine, ()).audit()
+                if why := hurdle(known, engine, file):
+                    absent = why.outcome is Outcome.ABSENT
+                    self._audits.append(ModelAudit(one, failure=why.reason, absent=absent))
+                    continue
+                # Its findings go to its record.
+                self._audits.append(ModelAudit(one, is_survey=place.facts.bodies))
+                yield from model(place, known, file, engine, ()).audit()
 
     def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
         """Return whether a model is to be audited, in an engine or in any."""
