@@ -90,7 +90,7 @@ def test_the_reference_has_the_public_names_with_their_docstrings(site: Path) ->
     for words in (
         "smallest relative discrepancy to detect",  # check
         "True if all cases and audits agree",  # Results
-        "An adapter: loads model files into an engine",  # Engine
+        "An adapter: its names, formats and capabilities",  # Engine
         "Run a model file once, at one time step",  # simulate
         "with an error bound for every value",  # solve
         "joints have no partner; the message gives the remedy",  # compare

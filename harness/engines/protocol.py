@@ -280,6 +280,7 @@ class Engine(ABC):
         preferred: the formats for which it precedes other engines.
         on_request: whether robot files without a reference run in it only if the user names it,
             since it compiles each for minutes.
+        banner: the beginning of a line that it prints in every process; empty for no such line.
         default_settings_note: its default step and gravity, for files and sidecars without them.
         stated_settings: settings that a new sidecar states although they have defaults.
         massless_link_default: its mass for a fixed URDF link without one; empty for no mass.
@@ -307,6 +308,7 @@ class Engine(ABC):
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()
     on_request: bool = False
+    banner: str = ""
     default_settings_note: str = ""
     stated_settings: Mapping[str, object] = MappingProxyType({})
     massless_link_default: str = ""

@@ -63,7 +63,7 @@ def folder(place: Path, *, described: bool, motion: float = 0.0) -> Preparation:
     return Preparation(facts, solved)
 
 
-def robot(place: Path, *, floating: bool, model: str, motion: float) -> Preparation:
+def robot(place: Path, *, floating: bool, model: str, motion: float = 0.0) -> Preparation:
     """Read a robot's file, and solve its equations.
 
     Raises:

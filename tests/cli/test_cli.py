@@ -252,7 +252,7 @@ def test_what_could_not_be_done_beside_the_cases_is_no_pass(
     assert f"1 {one.failures[0][0]} failed" in summary(found)
     shown = io.StringIO()
     print_results(Console(file=shown, width=160), found)
-    assert "disc/mujoco.xml [mujoco]  the" in shown.getvalue()
+    assert "disc/mujoco.xml [mujoco]  XC613 the" in shown.getvalue()
     assert f"{one.failures[0][0]} failed: it died" in shown.getvalue()
     decision = status_of(one, require_engines=False)
     assert decision == Decision(TestStatus.FAIL, f"{one.failures[0][0]} failed: it died")

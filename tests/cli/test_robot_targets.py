@@ -111,9 +111,10 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
         f"swing/arm.urdf [{', '.join(names('.urdf'))}]",
         "  ok: no inertia or sign is implausible",
         f"lamp/lamp.xml [{', '.join(names('.xml'))}]",
-        f"  finding  negative damping {file}:2: joint[hinge]@damping is -0.1: negative damping"
+        f"  finding  XC109 {file}:2: joint[hinge]@damping is -0.1: negative damping"
         " adds energy to the motion. Write a positive number",
-        "  note     left out     dry friction, how MuJoCo compiles the file",
+        "  note     left out: dry friction, how MuJoCo compiles the file",
+        "Explain a code: crosscheck explain XC109",
     ]
 
 

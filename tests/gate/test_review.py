@@ -53,8 +53,8 @@ def test_each_is_decided_with_its_reason_and_its_files_are_told_once(changed: Ga
     text = "\n".join(person.heard)
     assert text.count(f"changed in {SYSTEM}: space.py") == 1
     assert "DAMPING 0.9 -> 0.91" in text
-    assert "1 of 3  CHANGED" in text
-    assert "3 of 3  CHANGED" in text
+    assert "1 of 3  changed" in text
+    assert "3 of 3  changed" in text
 
 
 def test_the_others_of_a_file_are_accepted_with_it(changed: GateResult) -> None:

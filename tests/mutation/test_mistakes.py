@@ -97,7 +97,7 @@ def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(few: 
         ("another time step", FaultKind.NONE, FaultVerdict.AGREES),
         ("another integrator", FaultKind.NONE, FaultVerdict.AGREES),
     ]
-    before, after = (float(n) for n in re.findall(r"([\d.]+)%", found[0].message))
+    before, after = (float(n) for n in re.findall(r"([\d.]+) %", found[0].message))
     assert 1.8 < after / before < 2.2  # of first order
 
 

@@ -202,4 +202,4 @@ def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(
     done.stdout.fnmatch_lines(["SKIPPED*models/msd/mujoco.xml:1: mujoco is not installed;*"])
     done = project.run("--crosscheck", "models", "--require-engines")
     done.assert_outcomes(failed=4)
-    done.stdout.fnmatch_lines(["ABSENT: mujoco is not installed; pip install *"])
+    done.stdout.fnmatch_lines(["XC606 ABSENT: mujoco is not installed; pip install *"])

@@ -97,7 +97,7 @@ def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
     record = read_plan(tmp_path / "rows")
     assert record is not None
     page = render_sweep(summary(record, rows))
-    assert "arm: the larger of E and U</h2>" in page
+    assert "arm: larger of E and U</h2>" in page
     assert f"Larger of E and U over {DAMPING}" in page
     last = rows[-1]
     numbers = robot_numbers(urdf, {})

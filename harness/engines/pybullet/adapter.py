@@ -75,6 +75,7 @@ class PybulletEngine(Engine):
 
     name = "pybullet"
     title = "PyBullet"
+    banner = "pybullet build time"
     formats = (".urdf",)
     capabilities = (
         "joints: slide, hinge, ball, floating root",

@@ -91,7 +91,7 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
     else:
         targets = accepted_targets(options.baseline)
         if not targets and not any(options.baseline.rglob("*.json")):
-            targets = _named(models_below(Path.cwd()), options.baseline)
+            targets = _named(models_below(Path()), options.baseline)
     return targets, GateOptions(
         baseline=options.baseline,
         engines=tuple(options.engine),

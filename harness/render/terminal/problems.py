@@ -9,6 +9,7 @@ from pathlib import Path
 from msgspec.structs import replace
 from rich.console import Console
 
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, Verdict
 from physics_crosscheck.harness.records.cause import Cause
@@ -150,7 +151,8 @@ def _of_trouble(trouble: Trouble, results: Results, short: bool, details: bool) 
 
 def _printed(case: Case) -> list[str]:
     """Return the lines that a case printed, without those that an engine always prints."""
-    return [one for one in case.stdout.splitlines() if not one.startswith("pybullet build time")]
+    banners = tuple(engine.banner for engine in engines().values() if engine.banner)
+    return [line for line in case.stdout.splitlines() if not line.startswith(banners)]
 
 
 def _engine_name(cases: Sequence[Case]) -> str:
