@@ -1,1 +1,1 @@
-"""Two model files of one mechanism held against each other, without equations."""
+"""Comparison of two model files of one mechanism, without equations."""

@@ -1,4 +1,4 @@
-"""Actuators of two files: which is which, at what they are held, and what differs of them."""
+"""Actuators of two files: pairs, the controls that hold them, and their differences."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_control
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorPairs:
-    """Actuators that are taken for one another, by their indices.
+    """Pairs of corresponding actuators, by index.
 
     Attributes:
         pairs: (index in A, index in B), in the order of A.
         how: a phrase for each pair whose names differ.
-        alone: those without a partner, of A and of B.
+        alone: indices of the unpaired actuators, of A and of B.
     """
 
     pairs: tuple[tuple[int, int], ...]
@@ -28,11 +28,11 @@ class ActuatorPairs:
 def pair_actuators(
     a: Sequence[CompiledActuator], b: Sequence[CompiledActuator], joints: Mapping[str, str]
 ) -> ActuatorPairs:
-    """Pair actuators by name, then by what they act on, then by the order of like ones.
+    """Pair actuators by name, then by the joint they act on, then by the order of like ones.
 
     Args:
         a, b: actuators of both files.
-        joints: names of A's joints, with those of B's that are their partners.
+        joints: names of A's joints -> names of B's joints that they are paired with.
     """
     found: dict[int, tuple[int, str]] = {}
     for how, of_a, of_b in (
@@ -57,14 +57,14 @@ def pair_actuators(
 
 
 def _unnamed_target(joints: set[str]) -> Callable[[CompiledActuator], str]:
-    """Return the transmission of an actuator that acts on no joint that has a partner."""
+    """Return a key for actuators on unpaired joints: their kind of transmission."""
     return lambda one: "" if one.on in joints else one.kind[0]
 
 
 def _add_pairs(
     found: dict[int, tuple[int, str]], how: str, of_a: Sequence[str], of_b: Sequence[str]
 ) -> None:
-    """Pair what is left with equal keys, in order."""
+    """Pair the remaining actuators with equal keys, in order."""
     taken = {j for j, _ in found.values()}
     free = [j for j in range(len(of_b)) if j not in taken]
     for i, key in enumerate(of_a):
@@ -80,11 +80,11 @@ def _name(one: CompiledActuator) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """At what the actuators of a file are held.
+    """Constant inputs of a file's actuators.
 
     Attributes:
-        controls: of each input.
-        states: at which each state begins.
+        controls: value of each input.
+        states: initial value of each activation state.
     """
 
     controls: tuple[float, ...]
@@ -92,9 +92,10 @@ class Held:
 
 
 def held_alike(a: CompiledTree, b: CompiledTree, pairs: ActuatorPairs) -> tuple[Held, Held]:
-    """Return controls and states of A within its ranges; of B the same, and its own where alone.
+    """Return controls and initial states of A and B: within A's ranges where paired.
 
-    A state begins elsewhere than its control would hold it: so its dynamics act.
+    Unpaired actuators of B take values within B's ranges. A state begins away from the value that
+    its control would hold, so that its dynamics act.
     """
     one, other = (
         (list(held_controls(compiled)), [_state(compiled, i) for i in range(compiled.states)])
@@ -112,7 +113,7 @@ def held_alike(a: CompiledTree, b: CompiledTree, pairs: ActuatorPairs) -> tuple[
 
 
 def _state(compiled: CompiledTree, index: int) -> float:
-    """Return where a state begins: within its range, or that of its control, or 0 and 1."""
+    """Return an initial state: within its range, its control's range, or 0 to 1."""
     owner = next((one for one in compiled.actuators if index in one.states), None)
     ranges = {} if owner is None else dict(owner.ranges)
     low, high = ranges.get("state range") or ranges.get("control range") or (0.0, 1.0)
@@ -125,12 +126,12 @@ def actuator_properties(
     joints: Mapping[str, str],
     acting: bool,
 ) -> Iterator[Property]:
-    """Yield what differs of actuators, and those that one file alone has.
+    """Yield differences between paired actuators, and actuators that only one file has.
 
     Args:
         a, b: actuators of both files.
-        joints: as `pair_actuators` has them.
-        acting: whether they act in the motions that are compared.
+        joints: as for `pair_actuators`.
+        acting: whether actuators act in the compared motions.
     """
     pairs = pair_actuators(a, b, joints)
     for label, own, alone in zip("AB", (a, b), pairs.alone, strict=True):
@@ -163,7 +164,7 @@ def _differences(
 
 
 def _shown(values: Numbers | None) -> str:
-    """Return numbers without the zeros that fill a row."""
+    """Return numbers without trailing zeros."""
     if values is None:
         return "none"
     last = max((i for i, value in enumerate(values) if value), default=0)

@@ -1,8 +1,8 @@
-"""One tree laid on another, joint by joint, so that what differs is told where it is and once.
+"""Alignment of two trees, joint by joint, so that each difference is reported once, in its place.
 
-Frames of links, the fixed links between and where a joint's angle is zero are conventions. Each
-body of B is moved to where A has it: by what its parent is moved by, then by what brings its axis
-onto that of A, then about that axis, where all that it carries is turned alike.
+Link frames, fixed links and joint zeros are conventions. Each body of B is moved to its place
+in A: with its parent, then so that its joint axis lies on that of A, then about that axis where
+all that it carries is turned by one angle.
 """
 
 from __future__ import annotations
@@ -18,28 +18,27 @@ from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 
 SAME = 1e-9
-"""Angles in radians, and lengths in sizes of the mechanism, that differ by less are the same."""
+"""Tolerance: of angles in rad, of lengths in units of the mechanism's size."""
 
 LinkPair = tuple[int, int]
-"""Index of a link of A, and of one of B."""
+"""Indices of a link of A and a link of B."""
 
 LEAST_SEEN = 2
-"""So many things at least must agree that a joint counts from elsewhere."""
+"""Minimum number of things that must agree before a shifted joint zero is inferred."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aligned:
-    """A pair of links, and what was done to B's.
+    """A pair of links, and the transformation applied to B's.
 
     Attributes:
         a, b: index of the link in either tree.
-        moved: what brings B's body, in the world, onto that of A.
+        moved: maps B's body, in the world, onto that of A.
         opposite: whether its axis points the other way.
         angle: between the axes, rad.
-        apart: distance of the axes of hinges, m; with that by which all that a hinge carries is
-            elsewhere along its axis.
-        zero: by how much B's position is more than A's where both stand alike: rad or m, about the
-            axis of A.
+        apart: distance between the axes of hinges, m, combined with the common shift along the
+            axis of all that the hinge carries.
+        zero: B's position minus A's where both mechanisms coincide, rad or m, about A's axis.
     """
 
     a: int
@@ -52,11 +51,11 @@ class Aligned:
 
 
 def aligned(one: Placed, other: Placed, pairs: Sequence[LinkPair]) -> tuple[Aligned, ...]:
-    """Lay B's links on those of A.
+    """Align B's links with those of A.
 
     Args:
         one, other: A and B, at one position.
-        pairs: of links of one kind, parents first.
+        pairs: links of one kind, parents first.
     """
     found: dict[int, Aligned] = {}
     for a, b in pairs:
@@ -110,7 +109,10 @@ def _zero(
     moved: Place,
     pairs: Sequence[LinkPair],
 ) -> tuple[float, float, Place]:
-    """From where B's joint counts, where that is the one thing that explains what it carries."""
+    """Return B's zero offset, shift along the axis and transformation.
+
+    An offset or shift is returned only if it alone explains the difference of B's load.
+    """
     a, _ = pair
     u, p, hinge = one.axes[a], one.anchors[a], one.tree.links[a].kind == "hinge"
     carried = _Carried(one, other, pair, pairs)
@@ -118,7 +120,7 @@ def _zero(
         return 0.0, 0.0, moved
     for x, y in carried.points(moved):
         if hinge:
-            # In the plane across the axis.
+            # Project onto the plane normal to the axis.
             x, y = (w - p - u * (u @ (w - p)) for w in (x, y))
             by = float(np.arctan2(u @ np.cross(y, x), x @ y))
             guess = _turned_about(p, u, by).compose(moved)
@@ -136,7 +138,7 @@ def _zero(
 
 
 class _Carried:
-    """What a pair of joints carries: its bodies' masses, and the axes of the joints on these."""
+    """The load of a pair of joints: body masses, and the axes of child joints."""
 
     def __init__(
         self, one: Placed, other: Placed, pair: LinkPair, pairs: Sequence[LinkPair]
@@ -153,14 +155,14 @@ class _Carried:
         self.count = 2 * self.heavy + len(self.children)
 
     def points(self, moved: Place) -> Iterator[tuple[Array, Array]]:
-        """Points of A, and what should be the same of B."""
+        """Yield points of A with the corresponding points of B."""
         if self.heavy:
             yield self.bodies[0].center, moved.transform(self.bodies[1].center)
         for a, b in self.children:
             yield self.one.anchors[a], moved.transform(self.other.anchors[b])
 
     def alike(self, moved: Place) -> int:
-        """How much of it is the same, when B's is moved so."""
+        """Count what coincides when B's load is moved."""
         return sum(self._alike(moved))
 
     def _alike(self, moved: Place) -> Iterator[bool]:
@@ -180,7 +182,7 @@ class _Carried:
 
 
 def _turned_about(point: Array, axis: Array, angle: float) -> Place:
-    """The motion that turns about a line."""
+    """Return the rotation about a line."""
     rotation = about_axis(axis, np.array(angle), DOUBLES)
     return Place(rotation, point - rotation @ point)
 
@@ -188,9 +190,9 @@ def _turned_about(point: Array, axis: Array, angle: float) -> Place:
 def paired_links(
     one: Placed, other: Placed, names: Sequence[tuple[str, str]]
 ) -> tuple[tuple[LinkPair, ...], tuple[tuple[str, str, str], ...]]:
-    """Indices of links by the names of their joints, parents first; and pairs that are no pair.
+    """Return index pairs of links by their joints' names, parents first, and mismatched pairs.
 
-    Of these a phrase, and how A and B have it.
+    A mismatch is the name in A, and phrases for A and B.
     """
     of = dict(names)
     good: list[LinkPair] = []

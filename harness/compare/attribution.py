@@ -1,4 +1,4 @@
-"""What each difference of the files does to the motions, and all of them together."""
+"""Effect of each difference of the files on the motions, and of all differences together."""
 
 from __future__ import annotations
 
@@ -25,17 +25,16 @@ from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outl
 from physics_crosscheck.harness.numerics.batch import even_indices
 
 MOST_TRIED = 24
-"""Differences of the files that are tried one by one, the largest first; beyond, they are only
-counted."""
+"""Maximum number of differences tried one by one, largest first; the rest is only counted."""
 
 SOME = 32
-"""Runs on which they are tried."""
+"""Runs on which differences are tried."""
 
 RESOLVED = 1e-9
-"""Runs whose ends are known so well, relative, are taken where there are some."""
+"""Relative uncertainty of end states below which runs are preferred."""
 
 Found = tuple[tuple[Trial, ...], int]
-"""Trials, and how many differences were not tried alone."""
+"""Trials, and the number of differences not tried alone."""
 
 
 def attributed(
@@ -47,21 +46,20 @@ def attributed(
     matched: Match,
     known: bool,
 ) -> Found:
-    """Make the differences of the files in copies of A, one by one and together.
+    """Apply the differences of the files to copies of A, one by one and together.
 
     Args:
         execute: runs the engines.
         models: A and B.
         recorded: runs of the source.
         runs: the same in the target's coordinates.
-        followed: where the target ends them.
+        followed: the target's end states.
         matched: the coordinates.
-        known: whether bodies or joints are known to differ: then many differences are not tried
+        known: whether bodies or joints are known to differ; then many differences are not tried
             one by one.
 
     Raises:
-        FailureError: for a file that can't be read, or an engine that fails with the files as they
-            are.
+        FailureError: if a file cannot be read, or an engine fails with the unchanged files.
     """
     try:
         found = edits(*models)
@@ -89,14 +87,14 @@ def attributed(
     if len(can) > 1:
         sets.append(tuple(can))
     trials += [*bench.tried(sets), *rest]
-    # Six digits: what is alike keeps its order, whatever the last digits are.
+    # Round to six digits, so that last digits do not change the order of like trials.
     trials.sort(key=lambda one: (-round(one.explained, 6), -float(f"{one.moved:.5e}"),
                                  len(one.edits)))  # fmt: skip
     return tuple(trials), untried
 
 
 def untested(trials: Iterable[Trial], a: Candidate) -> tuple[str, ...]:
-    """Return the differences of the files that no run shows, but those of looks and steps."""
+    """Return the file differences without effect on any run, except visual ones and time steps."""
     engine, root = engines()[a.engine], _root(a.sidecar.model)
     looks = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
     silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or not one.moved))
@@ -109,20 +107,20 @@ def untested(trials: Iterable[Trial], a: Candidate) -> tuple[str, ...]:
 
 
 NO_PHYSICS = ("looks", "step and solver")
-"""What numbers are for that no motion need depend on, whatever acts."""
+"""Categories of numbers without physical effect."""
 
 SETTINGS = ("sidecar:settings.step", "sidecar:settings.integrator", "option@integrator")
 
 
 def _root(file: Path) -> str:
-    """The tag of an XML file's first element; empty for other files."""
+    """Return the tag of an XML file's root element, or "" for other files."""
     return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
 
 
 def _is_idle(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
-    """Whether no motion is likely to depend on it, as shapes are; that is tried all the same.
+    """Return whether a difference probably affects no motion, such as a shape; it is tried anyway.
 
-    A whole element is what its numbers are.
+    A whole element counts like its numbers.
     """
     tags = re.sub(r"\[[^\]]*\]", "", edit.label)
     paths = (f"{root}/{tags}", f"{root}/{tags.replace('@', '/')}/")
@@ -130,14 +128,14 @@ def _is_idle(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
 
 
 def _actuation(candidate: Candidate) -> dict[str, list[float]]:
-    """Return the settings at which the comparison holds a model's actuators."""
+    """Return the settings that hold a model's actuators in the comparison."""
     spec = candidate.sidecar.spec(candidate.engine)
     given = candidate.given & {"controls", "activations"}
     return {key: list(spec.settings[key]) for key in given}  # type: ignore[call-overload]
 
 
 def _size(edit: Edit) -> float:
-    """By how much a number changes, relative; 1 of what is no number."""
+    """Return the relative change of a number, or 1 for anything else."""
     try:
         old, new = float(edit.old), float(edit.new)
     except ValueError:
@@ -148,14 +146,14 @@ def _size(edit: Edit) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class _Bench:
-    """Where differences are tried: A's ends as it is, and those of B.
+    """Setup for trials: end states of A and B, unmodified.
 
     Attributes:
-        task: what is common to all trials.
-        a, b: ends, (K, 2m).
+        task: the part common to all trials.
+        a, b: end states, (K, 2m).
         scale: how far each component moves, (2m,).
-        floor: below, relative, nothing is certain.
-        count: how many differences can be made.
+        floor: relative size below which nothing is certain.
+        count: number of differences that can be applied.
     """
 
     execute: Execute
@@ -176,9 +174,9 @@ class _Bench:
         matched: Match,
         count: int,
     ) -> _Bench:
-        """Run both as they are, on some of the runs."""
+        """Run both models, unmodified, on some of the runs."""
         doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
-        # Where both are smooth: elsewhere nothing is certain.
+        # Elsewhere than in smooth runs nothing is certain.
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= RESOLVED)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
         some = smooth[even_indices(len(smooth), SOME)]
@@ -211,7 +209,7 @@ class _Bench:
         )
 
     def tried(self, sets: Sequence[tuple[Edit, ...]]) -> list[Trial]:
-        """Each set of differences made at once."""
+        """Apply each set of differences at once."""
         tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
         values = self.execute(self.task.candidate.name, tried, tasks)
         return [
@@ -222,11 +220,11 @@ class _Bench:
         ]
 
     def idle(self, made: Sequence[Edit], most: int) -> list[Trial]:
-        """Differences on which no motion is likely to depend: at once, and some singly if one does.
+        """Try probably ineffective differences at once; try some singly if there is an effect.
 
         Args:
             made: the differences.
-            most: how many are tried singly.
+            most: maximum number tried singly.
         """
         if len(made) > 1:
             (together,) = self.tried([tuple(made)])

@@ -1,4 +1,4 @@
-"""Bodies of two files held against each other: mass, centre of mass, tensor."""
+"""Comparison of bodies of two files: mass, centre of mass, inertia tensor."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
 
 ROUNDING = 1e-13
-"""Of m r^2, in a tensor that was brought from one frame to another."""
+"""Rounding error of a tensor transformed between frames, in units of m r^2."""
 
 
 def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Property]:
-    """What differs of the bodies that a pair of joints carries, in the world."""
+    """Yield the differences, in the world, of the bodies that a pair of joints carries."""
     one, other = a.placed.lump(row.a), b.placed.lump(row.b).in_frame(row.moved)
     parts = a.parts[row.a], b.parts[row.b]
     total = sum(link.mass for link in a.tree.links) or 1.0
@@ -49,7 +49,7 @@ def _masses(
     masses: tuple[float, float],
     effect: float,
 ) -> Iterator[Property]:
-    """Of the links that differ, where these are all of the difference; else of the body."""
+    """Yield mass differences by link where these explain the total; else that of the body."""
     pairs = [
         (x, y) for x, y in _namesakes(*parts)
         if abs(x.mass - y.mass) > SAME * max(x.mass, y.mass)
@@ -85,9 +85,9 @@ def _named(
     sizes: tuple[float, float],
     values: tuple[float, float] | None = None,
 ) -> Iterator[Property]:
-    """Said of the link that differs by itself, or of all that are welded.
+    """Yield a difference of the one link that differs, or of all welded links.
 
-    `sizes` are the effect and by how much it differs, relative.
+    `sizes` are the effect and the relative difference.
     """
     own = [pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)]
     x, y = own[0] if len(own) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
@@ -105,7 +105,7 @@ _NOBODY = LinkPart(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zer
 
 
 def _unlike(x: LinkPart, y: LinkPart) -> bool:
-    """Whether two links say other things of their masses, in their own frames."""
+    """Return whether the mass properties of two links differ in their own frames."""
     return not (
         x.mass == y.mass
         and np.array_equal(x.center, y.center)
@@ -122,7 +122,7 @@ def _both(x: str, y: str) -> str:
 
 
 def _at(a: Side, b: Side, x: LinkPart | None, y: LinkPart | None, one: Property) -> Property:
-    """With its lines."""
+    """Return a difference with its source lines."""
     where = [
         SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None
         for side, part in ((a, x), (b, y))
@@ -131,7 +131,7 @@ def _at(a: Side, b: Side, x: LinkPart | None, y: LinkPart | None, one: Property)
 
 
 def _tensors(one: Array, other: Array) -> str:
-    """By what does not depend on a frame, where that differs; else by how the axes are turned."""
+    """Describe the difference of principal moments of inertia, or the angle of the axes."""
     here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (one, other))
     large = float(max(np.abs(here).max(), np.abs(there).max()))
     miss = float(np.abs(here - there).max())
@@ -146,7 +146,7 @@ def _tensors(one: Array, other: Array) -> str:
 
 
 def _turn(one: Array, other: Array) -> float:
-    """By how much the principal axes that are turned most are, rad."""
+    """Return the largest angle between corresponding principal axes, rad."""
     bases = np.linalg.eigh(one)[1], np.linalg.eigh(other)[1]
     cosines = np.abs(np.sum(bases[0] * bases[1], axis=0))
     sines = np.linalg.norm(np.cross(bases[0].T, bases[1].T), axis=1)
@@ -154,7 +154,7 @@ def _turn(one: Array, other: Array) -> float:
 
 
 def _digits(values: Array, apart: float) -> str:
-    """Numbers with enough digits to show a difference."""
+    """Format numbers with enough digits to show a difference."""
     large = float(np.abs(values).max()) or 1.0
     digits = int(np.clip(np.ceil(np.log10(large / apart)) + 2 if apart else 4, 4, 15))
     return ", ".join(f"{value:.{digits}g}" for value in values)

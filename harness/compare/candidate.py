@@ -1,4 +1,4 @@
-"""One of the two models: its file, its engine, and what had to be assumed."""
+"""One of the two models: its file, its engine, and its assumptions."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 
 
 class CompareError(ValueError):
-    """Wrong usage: no such file, an engine that can't read it, joints without a match."""
+    """Wrong usage: a missing file, an engine that cannot read it, or joints without a match."""
 
 
 class UnreadableModelError(CompareError):
-    """A model file that is refused: no XML, a DTD, an include without an end."""
+    """A rejected model file: invalid XML, a DTD, or a recursive include."""
 
 
 class NotInstalledError(RuntimeError):
@@ -41,11 +41,11 @@ class Candidate:
 
     Attributes:
         label: "A" or "B".
-        sidecar: that beside the file, or one with what had to be assumed.
+        sidecar: the file's own, or one with assumed values.
         engine: name of the engine that runs it.
-        notes: what was assumed, a sentence each.
+        notes: assumptions, a sentence each.
         bare: whether the file has no sidecar.
-        given: names of the settings that the comparison gives it.
+        given: names of the settings that the comparison adds.
     """
 
     label: str
@@ -57,19 +57,19 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """How messages call it."""
+        """The name in messages."""
         return f"{self.sidecar.model} [{self.engine}]"
 
     def load(self) -> Model:
-        """Load the model; in some engines this ends the one before it.
+        """Load the model; in some engines this unloads the previous one.
 
         Raises:
-            EngineError: naming file, place and remedy.
+            EngineError: with file, place and remedy.
         """
         return engines()[self.engine].load(self.sidecar.spec(self.engine))
 
     def at(self, **settings: object) -> Candidate:
-        """The same with other settings."""
+        """Return a copy with other settings."""
         own = {**self.sidecar.engine_settings.get(self.engine, {}), **settings}
         changed = {**self.sidecar.engine_settings, self.engine: own}
         sidecar = replace(self.sidecar, engine_settings=changed)
@@ -77,14 +77,14 @@ class Candidate:
 
 
 FOLLOWERS = "joints that follow others"
-"""What is said of those that are let go."""
+"""Description of released followers."""
 
 
 def smooth(a: Candidate, b: Candidate) -> tuple[Candidate, Candidate]:
-    """Both without contacts, limits and dry friction, of which no digits can be claimed.
+    """Return both models without contacts, limits and dry friction, which limit the accuracy.
 
-    Couplings are left out of two files alone; a sidecar declares those that its model needs. What a
-    sidecar states itself stands.
+    Couplings are removed only if neither file has a sidecar: a sidecar declares those that its
+    model needs. Settings of a sidecar are kept.
     """
     wanted: dict[str, object] = {"smooth": True}
     if a.bare and b.bare:
@@ -101,19 +101,19 @@ def _switched(one: Candidate, wanted: Mapping[str, object]) -> Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What a loaded model says of itself, and its file without the engine.
+    """Properties of a loaded model, and its file as read without the engine.
 
     Attributes:
         coordinates: of the engine, nz of them.
         integrator, step: of the engine.
-        gravity: empty where it doesn't say.
-        home: positions as the file draws the mechanism, (nz,).
-        reach: where the engine lets positions be drawn, (nz, 2).
-        limits: bounds of the positions, infinite where there is none, (nz, 2).
-        places: what has a pose in the engine, as `kind:name`.
-        robot: the file as a tree of bodies; None for a format that is not read so.
-        compiled: the file as an engine compiles it; None for a format that none compiles.
-        states_move: whether actuators have states that move.
+        gravity: empty if the engine does not report it.
+        home: positions in which the file draws the mechanism, (nz,).
+        reach: the engine's sampling range of positions, (nz, 2).
+        limits: bounds of the positions, infinite where there is no limit, (nz, 2).
+        places: frames with a pose in the engine, as `kind:name`.
+        robot: the file as a tree of bodies; None for a format without a reader.
+        compiled: the file as compiled by an engine; None for a format that is not compiled.
+        states_move: whether actuator states move.
     """
 
     coordinates: tuple[str, ...]
@@ -135,10 +135,10 @@ class Facts:
 
 
 def facts(candidate: Candidate) -> Facts:
-    """Load a model and ask it.
+    """Load a model and read its properties.
 
     Raises:
-        EngineError: naming file, place and remedy.
+        EngineError: with file, place and remedy.
     """
     model, file = candidate.load(), candidate.sidecar.model
     settings = candidate.sidecar.spec(candidate.engine).settings
@@ -160,7 +160,7 @@ def facts(candidate: Candidate) -> Facts:
 
 
 def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
-    """The file as settings have it run."""
+    """Read the file with the effect of its settings."""
     if file.suffix == ".urdf":
         robot = read_robot(file, floating=bool(settings.get("floating", False)))
     elif file.suffix == ".sdf":
@@ -179,9 +179,9 @@ def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
 
 
 def _limits(model: Model, robot: Robot | None) -> Array:
-    """Bounds of the positions by the file, and by the engine of joints that the file doesn't tell.
+    """Return position bounds of the file, or of the engine for joints that the file leaves out.
 
-    An engine that leaves limits out may not know them.
+    An engine that ignores limits may not report them.
     """
     limits = model.limits.copy()
     if robot is None or robot.tree is None:
@@ -195,19 +195,19 @@ def _limits(model: Model, robot: Robot | None) -> Array:
 
 
 def candidate(label: str, path: Path, engine: str | None, *, floating: bool = False) -> Candidate:
-    """Return the model at `path`, in the engine asked for, or in the one that fits its format.
+    """Return the model at `path`, in the given engine or in the one that fits its format.
 
     Args:
         label: "A" or "B".
         path: of the file.
-        engine: its name; None: the first that is installed of those that read the file.
-        floating: whether the root link of a URDF moves freely, where no sidecar says it.
+        engine: its name; None: the first installed one that reads the file.
+        floating: whether the root link of a URDF moves freely; a sidecar overrides it.
 
     Raises:
-        CompareError: naming what is wrong with the path or the engine, and the remedy.
-        UnreadableModelError: for a file that is refused, with its line.
-        NotInstalledError: where no engine that would do is installed.
-        SidecarError: for a sidecar that can't be read.
+        CompareError: for a wrong path or engine, with the remedy.
+        UnreadableModelError: for a rejected file, with its line.
+        NotInstalledError: if no suitable engine is installed.
+        SidecarError: for an unreadable sidecar.
     """
     if not path.is_file():
         raise CompareError(f"{path}: there is no such file")
@@ -266,7 +266,7 @@ def _reads(known: dict[str, Engine], name: str, path: Path) -> bool:
 
 
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:
-    """A sidecar for a file without one: what its format can't say, at stated values."""
+    """Build a sidecar for a file without one, with defaults for what its format cannot state."""
     settings = dict(engine.settings_for(path.suffix))
     sidecar = Sidecar(
         model=path,

@@ -1,10 +1,10 @@
-"""`crosscheck compare`: from two files to one outcome, and what differs.
+"""`crosscheck compare`: from two files to one outcome and their differences.
 
     prepare ─> record (source) ─> follow (target) ─> judge ─> properties of the files ─> explained
                                                          ├> mechanics of both ─> terms
                                                          └> edits ─> trials (literals)
 
-Each engine runs in a worker process, so that a crash costs the comparison and nothing else.
+Each engine runs in a worker process, so that a crash only ends the comparison.
 """
 
 from __future__ import annotations
@@ -41,23 +41,25 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
 TURNED = 1e-4
-"""From so large a discrepancy on, joints that turn the other way are looked for."""
+"""Minimum discrepancy at which joints of opposite direction are sought."""
 
 FEW = 1
-"""States at which terms are measured where the files' bodies are known; elsewhere as many as a
-straight line through the forces of all joints asks for, and more."""
+"""States at which terms are measured where the files' bodies are known.
+
+Elsewhere a linear fit of the forces on all joints needs more.
+"""
 
 EXPLAINED = 0.99
-"""Where the equations of both files make so much of a discrepancy, nothing else is measured."""
+"""Share of a discrepancy above which both files' equations explain it; then no term is measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompareOptions:
-    """What is to be compared, and how: see `harness.compare.match` and `excitation`.
+    """Models to compare, and how: see `harness.compare.match` and `excitation`.
 
     Attributes:
         include_constraints: whether contacts, joint limits, dry friction and couplings act.
-        strict: whether what differs, or may differ, and no run shows counts as a difference.
+        strict: whether real or possible differences that no run shows count as differences.
     """
 
     a: Candidate
@@ -71,20 +73,20 @@ class CompareOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Findings:
-    """What came out.
+    """Result of a comparison.
 
     Attributes:
         facts: of A and B, as loaded.
-        turned: joints that turn the other way in B; the terms are then those beside that.
-        left: the discrepancy that is left when these are turned.
-        properties: what the files say differently.
-        explained: how much of the discrepancy follows from that; None where it can't be told.
-        terms: worst first; empty where nothing differs, or the properties explain it.
-        trials: of each difference of the files, and of all together; most telling first.
-        untried: how many differences of the files were not tried.
-        untested: what differs, or may differ, and no run shows.
-        impossible: what is said of inertias that no body can have, each once.
-        notes: what was assumed or left out.
+        turned: joints of opposite direction in B; the terms exclude that effect.
+        left: the discrepancy that remains after turning these.
+        properties: differences between the files' contents.
+        explained: the share of the discrepancy that follows from these; None if unknown.
+        terms: worst first; empty if nothing differs or the properties explain it.
+        trials: of each difference of the files, and of all together; the largest effect first.
+        untried: number of file differences that were not tried.
+        untested: real or possible differences without effect on any run.
+        impossible: messages about physically impossible inertias, without duplicates.
+        notes: assumptions and omissions.
     """
 
     options: CompareOptions
@@ -110,7 +112,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
 
     Raises:
         CompareError: for joints without a match, with the remedy.
-        FailureError: where an engine fails, with what it printed.
+        FailureError: if an engine fails, with its output.
     """
     began = time.perf_counter()
     made = prepare(execute, options.a, options.b, options.joints, options.include_constraints)
@@ -182,7 +184,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
 
 
 def _impossible(made: Prepared) -> tuple[str, ...]:
-    """Of links that move."""
+    """Return messages about impossible inertias of moving links."""
     robots = [own.robot for own in made.facts if own.robot is not None]
     told = [
         str(one)
@@ -196,7 +198,7 @@ def _impossible(made: Prepared) -> tuple[str, ...]:
 def _untested(
     made: Prepared, judgement: Judgement, read: Said, trials: tuple[Trial, ...], untried: int
 ) -> tuple[str, ...]:
-    """Return what differs, or may differ, and does not change the outcome."""
+    """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
     found = [one.message for one in read.properties if agrees or not one.moves]
     found += untested(trials, made.a)
@@ -206,14 +208,14 @@ def _untested(
 
 
 def _notes(made: Prepared, recorded: Recorded, strangers: tuple[str, ...]) -> tuple[str, ...]:
-    """What was assumed and done, each once."""
+    """Return assumptions and actions, without duplicates."""
     notes = (*made.a.notes, *made.b.notes, *made.notes, *told(strangers, made.match.source),
              *_lost(recorded, made.match))  # fmt: skip
     return tuple(dict.fromkeys(notes))
 
 
 def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
-    """What is said of states whose runs are left out."""
+    """Return a note about states whose runs are left out."""
     if not recorded.lost:
         return ()
     return (
@@ -225,7 +227,7 @@ def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Following:
-    """The target run from the source's states, with joints turned or not."""
+    """Runs of the target from the source's states, optionally with reversed joints."""
 
     execute: Execute
     target: Candidate
@@ -243,9 +245,10 @@ class _Following:
 def _turned(
     trial: _Following, judgement: Judgement, followed: Followed, read: Said
 ) -> tuple[tuple[str, ...], Array, float, Followed]:
-    """Joints that turn the other way, their signs, what is left of it then, and the runs so.
+    """Return reversed joints, all signs, the remaining discrepancy, and the target's runs then.
 
-    By their axes where both files have them; else one after the other while that mends most of it.
+    Use the axes where both files have them. Otherwise reverse joints one after the other while that
+    removes most of the discrepancy.
     """
     names = trial.match.names
     signs = np.ones(len(names))
@@ -284,7 +287,7 @@ def _sought(
         best = min(sizes, key=lambda i: sizes[i], default=None)
         if best is None or sizes[best] > 0.1 * left:
             break
-        # A mechanism that is its own mirror image doesn't tell which of its joints is turned.
+        # In a mechanism that is its own mirror image, several joints explain the difference alike.
         like = [i for i, size in sizes.items() if size <= max(1.5 * sizes[best], trial.resolution)]
         left, followed = sizes[best], runs[best]
         signs[best] = -1.0
@@ -301,7 +304,7 @@ def _terms(
     signs: Array,
     count: int,
 ) -> tuple[Term, ...]:
-    """The terms of source and target, measured at so many of the states."""
+    """Return the differing terms of source and target, measured at `count` states."""
     source, target = models
     going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
     if not len(going):

@@ -1,4 +1,4 @@
-"""What would have to be written in A's file to make it B's: numbers, words, whole elements."""
+"""Edits that turn A's file into B's: numbers, words, whole elements."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Edit:
     """One difference between the files of A and B.
 
     Attributes:
-        label: what differs, as an address of `harness.modelfiles.locations` where it has one.
+        label: the difference, as an address of `harness.modelfiles.locations` if it has one.
         where_a, where_b: lines of the files.
-        old, new: as A and B have it.
+        old, new: values in A and B.
         changes: replacements of bytes in A's model file, (first, after the last, new bytes).
-        settings: settings of A's sidecar to be others, by key; None: taken out.
+        settings: new values of settings in A's sidecar, by key; None removes one.
     """
 
     label: str
@@ -38,12 +38,12 @@ class Edit:
 
 
 def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
-    """Every difference that an engine may read; none where the files have not one format.
+    """Return all differences that an engine may read; () for unlike formats without bindings.
 
-    Comments and white space don't count.
+    Comments and white space are ignored.
 
     Raises:
-        LocationError: for a file that can't be read, naming its line.
+        LocationError: for an unreadable file, with its line.
     """
     one, other = a.sidecar.model, b.sidecar.model
     if one.suffix != other.suffix:
@@ -125,7 +125,7 @@ class _Xml:
     def _value(
         self, label: str, one: Value, other: Value, a: Element, b: Element
     ) -> Iterator[Edit]:
-        """A word at a time where both are as many numbers, else the whole."""
+        """Compare word by word if both hold equally many numbers, else as a whole."""
         old, new = one.text.split(), other.text.split()
         edit = partial(
             Edit,
@@ -153,7 +153,7 @@ class _Xml:
 def _aligned(
     a: tuple[Element, ...], b: tuple[Element, ...]
 ) -> tuple[list[tuple[Element, Element]], list[Element], list[Element]]:
-    """Children that are the same, and those that only one has; a name alone may have changed."""
+    """Pair children that correspond, also if only a name differs; return the unpaired ones too."""
     left = {child.key: child for child in b}
     pairs = [(child, left.pop(child.key)) for child in a if child.key in left]
     taken = {id(child) for child, _ in pairs}
@@ -170,7 +170,7 @@ def _aligned(
 
 
 def _python(a: Path, b: Path) -> Iterator[Edit]:
-    """Numbers of two files that are the same code but for these."""
+    """Yield differing numbers of two files whose code is otherwise the same."""
     trees, data = [], a.read_bytes()
     for path in (a, b):
         try:
@@ -231,7 +231,7 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
 
 
 class _Shape(ast.NodeVisitor):
-    """A tree as words, its numbers apart; a sign belongs to its number."""
+    """A syntax tree as words, with its signed numbers apart."""
 
     def __init__(self) -> None:
         self.text: list[str] = []
@@ -263,7 +263,7 @@ def _holds_nodes(value: object) -> bool:
 
 
 def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
-    """Settings and springs that the sidecars state, or that were assumed."""
+    """Yield differences of settings and springs, stated in the sidecars or assumed."""
     one, other = _stated(a), _stated(b)
     for key in dict.fromkeys([*one, *other]):
         old, new = one.get(key), other.get(key)
@@ -303,7 +303,7 @@ def _line(location: Location) -> SourceLine:
 
 
 def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
-    """Across formats: literals that both sidecars bind to one expression, with unlike values."""
+    """Yield unlike literals, across formats, that both sidecars bind to one expression."""
     one, other = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
     for expression in one.keys() & other.keys():
         try:
@@ -326,7 +326,7 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
 
 
 def _find_bound(candidate: Candidate, addresses: list[str]) -> dict[str, Location]:
-    """Locations in the model file itself; the sidecar's own literals are compared as settings."""
+    """Return locations in the model file; literals of the sidecar are compared as settings."""
     own = [address for address in addresses if not address.startswith("sidecar:")]
     return dict(find(candidate.sidecar.model, own))
 
@@ -343,10 +343,10 @@ def _by_expression(bindings: Mapping[str, str]) -> dict[str, list[str]]:
 
 
 def applied(data: bytes, found: tuple[Edit, ...]) -> bytes:
-    """The bytes of A's model file with some edits made.
+    """Return the bytes of A's model file with some edits.
 
     Raises:
-        ValueError: for edits that overlap.
+        ValueError: for overlapping edits.
     """
     changes = sorted(change for edit in found for change in edit.changes)
     for (_, end, _), (start, _, _) in pairwise(changes):

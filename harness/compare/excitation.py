@@ -1,8 +1,9 @@
-"""States of a model's own motion: where runs start, how long they are, and where they end.
+"""Excitation of the source: initial states, lengths and end states of runs.
 
-Where every coordinate moves by itself, starts are drawn at random; where some are held together (a
-mimic, a rolling wheel, the bodies of a Space), the mechanism is pushed from where the file draws
-it. Each chain of runs is driven by a known random force, held, or left alone.
+Where each coordinate moves independently, initial states are random. Where coordinates are
+coupled (a mimic, a rolling wheel, the bodies of a Space), forces push the mechanism from the
+position in which the file draws it. Each chain of runs is driven by a known random force that is
+constant during a run, or runs free.
 """
 
 from __future__ import annotations
@@ -27,39 +28,39 @@ from physics_crosscheck.harness.numerics.ladder import Limit
 
 SEED = 20260101
 DRAWN = 20
-"""Random starts, each once driven and once released."""
+"""Random initial states, each once driven and once released."""
 
 PUSHED = 12
-"""Random pushes of a mechanism whose coordinates are held together."""
+"""Random pushes of a mechanism with coupled coordinates."""
 
 LINKS_DRAWN, LINKS_PUSHED = 2, 12
-"""Runs in a chain; of a pushed one the second half is released."""
+"""Runs in a chain; the second half of a pushed chain is released."""
 
 SHARE = 1 / 20
 """Length of a run, in periods of the fastest rate."""
 
 FINE = 1e-9
-"""Runs known so well, relative, may end where rounding does."""
+"""Relative uncertainty at which rounding may limit runs."""
 
 SHORTER = (1.0, 2.0, 4.0, 16.0)
-"""By how much runs are shortened until their limits are resolved."""
+"""Divisors of the run length, tried until the limits are resolved."""
 
 LONGER = 3.0
-"""By how much they are lengthened where rounding alone is in the way."""
+"""Factor by which runs are lengthened if only rounding limits them."""
 
 ROOM = 0.4
-"""Share of the resolution that a run of the source may take up."""
+"""Share of the resolution available to a run of the source."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SourceTask:
-    """What a worker needs to record states.
+    """Input of a worker that records states.
 
     Attributes:
-        given: starts by coordinate (`x`, `x_dot`).
-        home: positions to begin from, (nz,).
-        reach: where positions are drawn, (nz, 2).
-        taut: further positions to start from, (P, nz).
+        given: initial states by coordinate (`x`, `x_dot`).
+        home: initial positions, (nz,).
+        reach: sampling range of positions, (nz, 2).
+        taut: further initial positions, (P, nz).
     """
 
     candidate: Candidate
@@ -73,18 +74,18 @@ class SourceTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """Runs of the source, and where they end.
+    """Runs of the source, and their end states.
 
     Attributes:
-        runs: K runs, in its own coordinates.
+        runs: K runs, in the source's coordinates.
         end, uncertainty: in the coordinates of the comparison, (K, 2m).
         scale: how far each component moves at most, (2m,).
         driven: whether a force acts, (K,).
-        lost: runs that were left out since the source's motion is not smooth there.
+        lost: number of runs left out because the source's motion is not smooth there.
         fastest, typical: fastest and typical rate of its motions, rad/s.
         unit: size of its motions, in the coordinates of the comparison, (m,).
-        independent: indices of the coordinates that the others follow from.
-        order, order_confirmed: leading order seen, and whether it is the one claimed.
+        independent: indices of the coordinates that determine the others.
+        order, order_confirmed: observed convergence order, and whether it is the claimed one.
     """
 
     runs: Runs
@@ -102,11 +103,11 @@ class Recorded:
 
 
 def record(task: SourceTask) -> Recorded:
-    """Run the source from states of its own.
+    """Run the source from its own states.
 
     Raises:
-        EngineError, BlownUpError: naming what could not be run.
-        CompareError: for joints of the source that move on their own and have no match.
+        EngineError, BlownUpError: for a failing run.
+        CompareError: for unmatched joints of the source that move independently.
     """
     model = task.candidate.load()
     rng = np.random.default_rng(SEED)
@@ -132,13 +133,13 @@ def record(task: SourceTask) -> Recorded:
 def _scales(
     task: SourceTask, model: Model, rng: np.random.Generator
 ) -> tuple[Array, CharacteristicScales]:
-    """The model's nature, and where it was found.
+    """Return a position, and the characteristic scales of the model there.
 
-    Where coordinates are held together that is where the file draws the mechanism: elsewhere they
-    may not be together at all.
+    With coupled coordinates this is the position in which the file draws the mechanism: elsewhere
+    the couplings may be violated.
 
     Raises:
-        CompareError: where a push moves nothing.
+        CompareError: if no force moves a joint.
     """
     try:
         found = characteristic_scales(model, rng, task.home, task.reach)
@@ -157,7 +158,7 @@ def _starts(
     names: tuple[str, ...],
     rng: np.random.Generator,
 ) -> tuple[Array, Array, Array, int]:
-    """Starts (B, nz), whether each is driven (B,), and how many runs follow each other."""
+    """Return initial states (B, nz), whether each is driven (B,), and the runs per chain."""
     extent, n = task.reach, len(names)
     own = [_one(start, names, state) for state in task.given]
     still = np.zeros(n)
@@ -194,13 +195,13 @@ def _one(start: Array, names: tuple[str, ...], state: Mapping[str, float]) -> tu
 
 
 def _independent(inverse: Array) -> tuple[int, ...]:
-    """Coordinates that the others follow from: pivoted Cholesky of the scaled matrix."""
+    """Return coordinates that determine the others: pivoted Cholesky of the scaled matrix."""
     size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
     safe = np.where(size > 0, size, 1.0)
     rest = inverse / np.outer(safe, safe)
     chosen: list[int] = []
     for _ in range(len(rest)):
-        # Of those about as free, the first.
+        # Take the first of about equally free coordinates.
         free = np.diagonal(rest)
         pivot = int(np.argmax(free > 0.5 * np.max(free)))
         if not free[pivot] > 10 * HELD:
@@ -214,13 +215,13 @@ def _independent(inverse: Array) -> tuple[int, ...]:
 def _chain(
     model: Model, task: SourceTask, found: CharacteristicScales, first: Runs, links: int
 ) -> list[tuple[Runs, Limit]]:
-    """Runs that follow each other, as long as the fastest rate allows."""
+    """Return chains of runs, as long as the fastest rate allows."""
     best: tuple[float, list[tuple[Runs, Limit]]] | None = None
     for shorter in SHORTER:
         length = 2 * np.pi / found.fastest * SHARE / shorter
         chain = _links(model, task, found, replace(first, length=length), links)
         worst = _most(chain, lambda limit: limit.uncertainty)
-        # What is left is rounding where half the length or less doesn't halve it.
+        # Rounding dominates where half the length or less does not halve the uncertainty.
         before = np.inf if best is None else best[0]
         if best is None or worst < before:
             best = worst, chain
@@ -229,7 +230,7 @@ def _chain(
     assert best is not None
     worst, chain = best
     if worst > ROOM * task.resolution and 2 * _most(chain, lambda limit: limit.rounding) > worst:
-        # Over a longer run a position moves further by what it is rounded by.
+        # Over a longer run a position moves further, while its rounding error stays the same.
         length = chain[0][0].length * LONGER
         longer = _links(model, task, found, replace(first, length=length), links)
         if _most(longer, lambda limit: limit.uncertainty) < worst:
@@ -238,7 +239,7 @@ def _chain(
 
 
 def _most(chain: Sequence[tuple[Runs, Limit]], of: Callable[[Limit], Array]) -> float:
-    """Return what nine of ten runs don't exceed, relative to how far components move."""
+    """Return the 90th percentile over runs, relative to how far components move."""
     sizes = [np.max(_relative(runs, limit, of(limit)), axis=1) for runs, limit in chain]
     ordered = np.sort(np.concatenate(sizes))
     return float(ordered[int(0.9 * (len(ordered) - 1))])
@@ -308,9 +309,10 @@ def _gathered(
 
 
 def _kept(uncertainty: Array, resolution: float) -> NDArray[np.intp]:
-    """Return which runs of K are resolved, of relative uncertainties (K,).
+    """Return which runs of K are resolved, given relative uncertainties (K,).
 
-    The target adds as much again: where most runs leave room for that, those alone are taken.
+    The target adds about the same uncertainty. Where most runs leave room for it, return only
+    those.
     """
     (clear,) = np.nonzero(uncertainty <= ROOM * resolution)
     if 2 * len(clear) >= len(uncertainty):
@@ -319,7 +321,7 @@ def _kept(uncertainty: Array, resolution: float) -> NDArray[np.intp]:
 
 
 def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
-    """States whose angles are known modulo 2 pi, each taken near another."""
+    """Shift angles known modulo 2 pi close to another state."""
     end = end.copy()
     for i, turns in enumerate(periodic):
         if turns:
@@ -334,7 +336,7 @@ def _check_left_out(
     recorded: Recorded,
     names: tuple[str, ...],
 ) -> None:
-    """Refuse joints of the source without a match, unless they follow from others or stay put."""
+    """Reject unmatched joints of the source, unless they follow from others or stay at rest."""
     match = task.match
     if not match.left_out or not len(recorded.runs.z):
         return

@@ -1,4 +1,4 @@
-"""How functions are run elsewhere, and what is said where that fails."""
+"""Interface for running functions elsewhere, and its errors."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ V = TypeVar("V")
 
 
 class Execute(Protocol):
-    """Runs a function on each argument, elsewhere."""
+    """A function that runs another on each argument, elsewhere."""
 
     def __call__(
         self, who: str, function: Callable[[T], V], arguments: Sequence[T]
     ) -> list[V | Failure]:
-        """Values in the order of the arguments; one that fails gives a `Failure`.
+        """Return values in the order of the arguments, and a `Failure` for each that fails.
 
         Args:
-            who: what messages call the model that is run.
+            who: name of the model in messages.
         """
 
 
 class FailureError(RuntimeError):
-    """A comparison that could not be run."""
+    """A comparison that could not run."""
 
     def __init__(self, failure: Failure) -> None:
         super().__init__(failure.reason)
@@ -38,7 +38,7 @@ def ask(execute: Execute, candidate: Candidate, function: Callable[[T], V], argu
 
     Raises:
         CompareError: for wrong usage.
-        FailureError: where an engine fails, with what it printed.
+        FailureError: if an engine fails, with its output.
     """
     (value,) = execute(candidate.name, function, [argument])
     if isinstance(value, Failure):

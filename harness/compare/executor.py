@@ -1,4 +1,4 @@
-"""Asking engines: in worker processes, which may crash, or at once, which tests like better."""
+"""Executors: in worker processes, which may crash, or in this process, for tests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.jobs.workers import Failure, Workers
 
 
 def in_workers(workers: Workers) -> Execute:
-    """Each argument goes to a worker process; one that dies costs its own value alone."""
+    """Run each argument in a worker process; a crash only loses its own value."""
 
     def execute(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
         tasks = [workers.submit(_Guarded(function), argument) for argument in arguments]
@@ -22,7 +22,7 @@ def in_workers(workers: Workers) -> Execute:
 
 
 def at_once(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
-    """The same in this process."""
+    """Run each argument in this process."""
     values: list[V | Failure] = []
     for argument in arguments:
         try:
@@ -33,14 +33,14 @@ def at_once(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> lis
 
 
 def _told(who: str, value: V | Failure) -> V | Failure:
-    """A failure with the name of what failed; a reason that names the file needs no other."""
+    """Prefix a failure with the model's name, unless the reason already names its file."""
     if not isinstance(value, Failure) or value.usage or who.rpartition(" [")[0] in value.reason:
         return value
     return replace(value, reason=f"{who}: {value.reason}")
 
 
 class _Guarded(Generic[T, V]):
-    """A function whose wrong usage comes back as what it is."""
+    """A function that returns wrong usage as a `Failure`."""
 
     def __init__(self, function: Callable[[T], V]) -> None:
         self.function = function

@@ -1,4 +1,4 @@
-"""How much of a discrepancy follows from what the files say: by the equations of their trees."""
+"""Share of a discrepancy that the equations of both files' trees explain."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from physics_crosscheck.reference.mechanism.rotations import DOUBLES
 from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
 
 SOME = 24
-"""Runs over which equations are solved."""
+"""Runs over which the equations are solved."""
 
 PIECES = (1, 8, 64)
-"""Into so many a run is divided, until its equations can be solved."""
+"""Numbers of pieces that a run is divided into, tried until its equations can be solved."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Explained:
-    """What the equations of both files make of the runs.
+    """Comparison of the engines with the equations of both files.
 
     Attributes:
-        share: of the discrepancy that they make too; 1 is all of it.
-        off: by how much the source's engine leaves the equations of its file, and the target's,
+        share: of the discrepancy that the equations reproduce; 1 is all of it.
+        off: deviation of the source's engine from the equations of its file, and of the target's,
             relative to how far components move.
     """
 
@@ -54,10 +54,10 @@ def explained(
         match: of the coordinates.
         recorded: runs of the source.
         target: the same in the coordinates of the comparison.
-        followed: where the target ends them, with joints turned by `signs`, (m,).
+        followed: the target's end states, with joints reversed by `signs`, (m,).
 
-    Returns None where they can't be had: forces that depend on the state, springs of a sidecar,
-    joints that follow others, actuators whose states move.
+    Return None if that is impossible, with forces that depend on the state, springs of a sidecar,
+    coupled joints, or moving actuator states.
     """
     source, other = sides
     if not match.constant or source.springs or other.springs:
@@ -97,9 +97,9 @@ def explained(
 
 
 def _reached(followed: Followed) -> tuple[NDArray[np.intp], Array]:
-    """Return which runs end somewhere known, and where all end, (K, 2m).
+    """Return which runs have known end states, and all end states, (K, 2m).
 
-    Where hardly a run has a limit, as under motors that hold, ends are those in the most steps.
+    Where few runs have a limit, as under holding motors, use the end states of the finest rung.
     """
     if followed.mostly_known:
         known = np.isfinite(followed.limit.uncertainty).all(axis=1)
@@ -108,7 +108,7 @@ def _reached(followed: Followed) -> tuple[NDArray[np.intp], Array]:
 
 
 def _of(runs: Runs, some: NDArray[np.intp]) -> Runs:
-    """Some of the runs."""
+    """Return some of the runs."""
     return replace(runs, z=runs.z[some], w=runs.w[some], push=runs.push[some])
 
 
@@ -117,7 +117,7 @@ def _size(values: Array) -> float:
 
 
 def _ends(side: Side, runs: Runs, push: Array) -> Array:
-    """Where a file's equations end runs, (K, 2nz), in the engine's order."""
+    """Return the end states of a file's equations, (K, 2nz), in the engine's order."""
     order, n = side.order, runs.z.shape[1]
     equations = Charted(side.tree, DOUBLES)
     forces = push[:, order].T

@@ -1,4 +1,4 @@
-"""Frames of one name in both files, such as a tool's: where they are in the world."""
+"""Poses of frames with the same name in both files, such as a tool frame."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from physics_crosscheck.harness.compare.property import Property, told
 from physics_crosscheck.harness.engines.protocol import Array
 
 KNOWN = 1e-9
-"""Engines tell a frame so well, relative to the size of the mechanism."""
+"""Accuracy of frames from engines, relative to the size of the mechanism."""
 
 
 @dataclass(frozen=True)
 class FramesTask:
-    """What a worker needs: places of a model, as `kind:name`, and positions, (nz,)."""
+    """Input of a worker: frames of a model, as `kind:name`, and positions, (nz,)."""
 
     candidate: Candidate
     places: tuple[str, ...]
@@ -26,19 +26,19 @@ class FramesTask:
 
 
 def frames(task: FramesTask) -> tuple[Array, Array]:
-    """Origins (F, 3), m, and rotations (F, 3, 3) in the engine's world.
+    """Return origins (F, 3), m, and rotations (F, 3, 3) in the engine's world.
 
     Raises:
-        EngineError: naming file, place and remedy.
+        EngineError: with file, place and remedy.
     """
     origins, turns = task.candidate.load().poses(task.places, task.z[None])
     return origins[0], turns[0]
 
 
 def shared_frames(a: Facts, b: Facts) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Places of A and those of B that have one name, and no mass: sites, and links on fixed joints.
+    """Return massless frames of A and of B with equal names: sites, and links on fixed joints.
 
-    The frame of a link with a mass is a convention.
+    The frame of a link with mass is a convention.
     """
     one, other = _frames(a), _frames(b)
     names = [name for name in one if name in other]
@@ -59,7 +59,7 @@ def _frames(facts: Facts) -> dict[str, str]:
 def frame_properties(
     places: Sequence[str], a: tuple[Array, Array], b: tuple[Array, Array], size: float
 ) -> tuple[Property, ...]:
-    """Those that are not where their namesakes are."""
+    """Return frames whose poses differ between the files."""
     found = []
     for i, place in enumerate(places):
         name = place.partition(":")[2]
@@ -88,7 +88,7 @@ def frame_properties(
 
 
 def _angle(rotation: Array) -> float:
-    """Of a rotation, rad; its sine tells small ones, its cosine large ones."""
+    """Return the angle of a rotation, rad, accurate for small and large angles."""
     odd = rotation - rotation.T
     sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
     return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))

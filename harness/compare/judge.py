@@ -1,4 +1,4 @@
-"""From the ends of both models' runs to one outcome."""
+"""Verdict from the end states of both models' runs."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 
 ALIKE = 1e-6
-"""Differences by so much, relative, are one: of legs that are copies of each other."""
+"""Relative tolerance for equal differences, such as those of identical legs."""
 
 FEWEST = 0.1
-"""Share of the target's runs that must have a limit, for anything to be said."""
+"""Share of the target's runs that must have a limit for a verdict."""
 
 
 @dataclass(frozen=True)
 class TargetTask:
-    """What a worker needs to run the target: `signs` turns joints the other way, (m,)."""
+    """Input of a worker that runs the target; `signs` reverses joints, (m,)."""
 
     candidate: Candidate
     runs: Runs
@@ -38,11 +38,11 @@ class TargetTask:
 
 @dataclass(frozen=True)
 class Followed:
-    """Where the target ends the runs, in the coordinates of the comparison; see `Limit`.
+    """The target's end states, in the coordinates of the comparison; see `Limit`.
 
     Attributes:
         limit: as h -> 0.
-        finest: in the most steps, (K, 2m).
+        finest: at the finest rung, (K, 2m).
         claimed: order of its integrator.
     """
 
@@ -52,7 +52,7 @@ class Followed:
 
     @property
     def mostly_known(self) -> bool:
-        """Whether so many runs have a limit that it is not by the chance of last digits."""
+        """True if enough runs have a limit, so that last digits do not decide."""
         known = np.isfinite(self.limit.uncertainty).all(axis=1)
         return bool(np.mean(known) >= FEWEST)
 
@@ -61,7 +61,7 @@ def follow(task: TargetTask) -> Followed:
     """Run the target from the source's states.
 
     Raises:
-        EngineError, BlownUpError: naming what could not be run.
+        EngineError, BlownUpError: for a failing run.
     """
     model, s, given = task.candidate.load(), task.signs, task.runs
     runs = Runs(length=given.length, z=given.z * s, w=given.w * s, push=given.push * s)
@@ -72,15 +72,15 @@ def follow(task: TargetTask) -> Followed:
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """What became of the comparison.
+    """Verdict of a comparison.
 
     Attributes:
-        discrepancy: E, the largest difference of the ends, relative to how far the component moves.
-        uncertainty: U, likewise; both are those of `component`, in the run numbered `run`.
+        discrepancy: E, the largest difference of end states, relative to the component's movement.
+        uncertainty: U, relative too; E and U belong to `component` and the run numbered `run`.
         largest_discrepancy, largest_uncertainty: over all components and runs.
         by_component: the largest difference of each component, relative, (2m,).
-        certain: which of these are above their uncertainty in some run, (2m,).
-        reason: one sentence for whatever is not AGREES.
+        certain: which of these exceed their uncertainty in some run, (2m,).
+        reason: one sentence for each outcome except AGREES.
     """
 
     outcome: Outcome
@@ -97,7 +97,7 @@ class Judgement:
 
 
 def judge(recorded: Recorded, followed: Followed, match: Match, resolution: float) -> Judgement:
-    """Judge by the verdict's rule, with the uncertainty of both models."""
+    """Judge by the rule of verdicts, with the uncertainty of both models."""
     limit = followed.limit
     components = (*match.names, *(f"{name}_dot" for name in match.names))
     value = unwrapped(limit.value, recorded.end, match.periodic)
@@ -144,9 +144,9 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
 def _largest(
     found: judgement.LimitVerdict, defect: Array, uncertainty: Array, differing: NDArray[np.bool_]
 ) -> judgement.LimitVerdict:
-    """Return a judgement that names the component with the largest difference that is certain.
+    """Return a verdict that names the component with the largest certain difference.
 
-    Beside which uncertainty it is the most certain depends on last digits; of like ones, the first.
+    The ratio to the uncertainty would depend on last digits. Of like differences, take the first.
     """
     sizes = np.max(np.where(differing, defect, 0.0), axis=0)
     component = int(np.argmax(sizes >= (1 - ALIKE) * np.max(sizes)))

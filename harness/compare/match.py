@@ -1,4 +1,4 @@
-"""Which coordinate of one model is which of the other, and how states and forces go over."""
+"""Map from the coordinates, states and forces of one model to those of the other."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunctio
 
 @dataclass(frozen=True, kw_only=True)
 class Match:
-    """From the coordinates z of the source, (nz,), to the m coordinates c of the target.
+    """Map from the coordinates z of the source, (nz,), to the m coordinates c of the target.
 
-    The source is the model whose states are taken. It may have coordinates that the target lacks.
+    The source provides the states. It may have coordinates that the target lacks.
 
     Attributes:
         source: "A" or "B"; the target is the other.
         names: the target's coordinates, as the comparison calls them.
-        pairing: a phrase for each that is not simply the same name.
-        left_out: coordinates of the source that nothing of the target's is read from.
+        pairing: a phrase for each pair that differs in name or by a formula.
+        left_out: coordinates of the source that no coordinate of the target depends on.
         constant: whether dc/dz is constant.
         value: c(z).
         slope: dc/dz, flattened, (..., m * nz).
-        push: dc/dz^T times forces on c, of (z, forces), (..., nz).
-        rates: derivatives of (c, dc/dt) by (z, w), flattened, (..., 2m * 2nz).
+        push: dc/dz^T times forces on c, as a function of (z, forces), (..., nz).
+        rates: derivatives of (c, dc/dt) with respect to (z, w), flattened, (..., 2m * 2nz).
         periodic: which c are angles known modulo 2 pi.
     """
 
@@ -55,15 +55,15 @@ class Match:
     periodic: tuple[bool, ...]
 
     def slopes(self, z: Array) -> Array:
-        """dc/dz, (B, m, nz)."""
+        """Return dc/dz, (B, m, nz)."""
         return self.slope(z).reshape(len(z), len(self.names), -1)
 
     def over(self, z: Array, w: Array) -> tuple[Array, Array]:
-        """States (z, w), each (B, nz), as the target's, each (B, m)."""
+        """Convert states (z, w), each (B, nz), to the target's, each (B, m)."""
         return self.value(z), np.einsum("bmz,bz->bm", self.slopes(z), w)
 
     def errors(self, z: Array, w: Array, uncertainty: Array) -> Array:
-        """Uncertainties (B, 2nz) of (z, w) as those of the target's (c, dc/dt), (B, 2m)."""
+        """Convert uncertainties (B, 2nz) of (z, w) to those of the target's (c, dc/dt), (B, 2m)."""
         slopes = np.abs(self.rates(z, w)).reshape(len(z), 2 * len(self.names), -1)
         with np.errstate(invalid="ignore"):
             found = np.einsum("bij,bj->bi", slopes, uncertainty)
@@ -71,13 +71,13 @@ class Match:
 
 
 def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, str]]:
-    """The joints that the user maps: (a -> expression of b's, b -> expression of a's).
+    """Return the user's joint map: (a -> expression of b's, b -> expression of a's).
 
     `joints` is the text of --joints, `a1=b1,a2=-b2`; the file's table [joints] gives coordinates
     of B as expressions of those of A.
 
     Raises:
-        CompareError: naming what can't be read.
+        CompareError: for unreadable text, with the place.
     """
     forward: dict[str, str] = {}
     for part in filter(None, (p.strip() for p in joints.split(","))):
@@ -108,17 +108,17 @@ def match(
     readback: tuple[Mapping[str, str], Mapping[str, str]],
     partners: Partners | None = None,
 ) -> Match:
-    """Match coordinates: as the user maps them, as a sidecar reads them back, or as partners.
+    """Match coordinates by the user's map, the readback of a sidecar, or partners.
 
-    States are taken of A, unless B alone has all coordinates that A's follow from.
+    A is the source, unless only B has all coordinates that A's follow from.
 
     Args:
         given: what `declared` returns.
         readback: [readback] of both sidecars.
-        partners: of the others; None: by name.
+        partners: of the remaining coordinates; None: by name.
 
     Raises:
-        CompareError: naming the coordinates without a match, and the remedy.
+        CompareError: for coordinates without a match, with the remedy.
     """
     if partners is None:
         partners = found_partners(a, b, spoken_for(a, b, given, readback), None)
@@ -155,11 +155,11 @@ def _given(
     given: tuple[Mapping[str, str], Mapping[str, str]],
     z: Mapping[str, sp.Symbol],
 ) -> dict[str, sp.Expr]:
-    """What the user maps, as expressions of the source's coordinates."""
+    """Return the user's map as expressions of the source's coordinates."""
     found: dict[str, sp.Expr] = {}
     forward, backward = given
     label = ("A", "B") if source == "A" else ("B", "A")
-    # Expressions of the source's coordinates serve as they are; the others are turned round.
+    # Use expressions of the source's coordinates directly; invert the others.
     direct, turned = (backward, forward) if source == "A" else (forward, backward)
     for name, text in direct.items():
         _known(name, others, label[1])
@@ -171,7 +171,7 @@ def _given(
         free = list(expression.free_symbols)
         slope = expression.diff(free[0]) if len(free) == 1 else sp.Integer(0)
         if len(free) != 1 or slope.free_symbols or slope == 0:
-            continue  # it can't be turned round; the other model may be the source
+            continue  # not invertible; the other model may be the source
         other = next(n for n, symbol in c.items() if symbol == free[0])
         found[other] = (z[name] - expression.subs(free[0], 0)) / slope
     return found
@@ -183,10 +183,10 @@ def spoken_for(
     given: tuple[Mapping[str, str], Mapping[str, str]],
     readback: tuple[Mapping[str, str], Mapping[str, str]],
 ) -> tuple[set[str], set[str]]:
-    """Coordinates of A and of B that the user maps or a sidecar reads back.
+    """Return coordinates of A and of B that the user maps or a sidecar reads back.
 
     Raises:
-        CompareError: naming what can't be read.
+        CompareError: for unreadable text, with the place.
     """
     forward, backward = given
     of_a = set(forward) | _used(backward, a, "A") | (set(readback[1]) & set(a)) - set(b)
@@ -195,7 +195,7 @@ def spoken_for(
 
 
 def _used(texts: Mapping[str, str], names: Sequence[str], label: str) -> set[str]:
-    """Coordinates that are in expressions."""
+    """Return the coordinates that occur in expressions."""
     z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
     used = set[sp.Basic]().union(*(_read(text, z, label).free_symbols for text in texts.values()))
     return {name for name, symbol in z.items() if symbol in used}

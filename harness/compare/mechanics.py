@@ -1,6 +1,6 @@
-"""What the equations of a model are made of, measured: inertia, and forces at rest and on the move.
+"""Measured terms of a model's equations: inertia, and forces at rest and in motion.
 
-Nothing but accelerations at given states is used, as limits of a few tiny steps, with and without a
+Only accelerations at given states are used, as limits of a few tiny steps, with and without a
 known force on each coordinate.
 """
 
@@ -19,26 +19,29 @@ from physics_crosscheck.harness.numerics.accelerations import Accelerations, Est
 from physics_crosscheck.harness.numerics.coordinates import identity
 
 SPEEDS = (0.3, 0.6)
-"""Speeds at which forces that resist are measured, in units of the size of the motions by rate."""
+"""Speeds at which resisting forces are measured, in units of motion size times rate."""
 
 WINDOWS = (1.0, 2.0, 4.0, 8.0)
-"""Each acceleration is taken over several times, shorter by these: long ones are free of rounding,
-short ones of everything else. Of the two known best, what they differ by is uncertain too."""
+"""Divisors of the time window of an acceleration.
+
+Long windows have little rounding error, short ones little of every other error. The difference
+between the two most accurate values adds to the uncertainty.
+"""
 
 BASES = 2
-"""States where these are measured."""
+"""Number of states at which resisting forces are measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MechanicsTask:
-    """What a worker needs to measure one model.
+    """Input of a worker that measures one model.
 
     Attributes:
-        match: how the coordinates of the comparison are read from its own; None: they are its own,
-            but for `signs`.
-        signs: -1 for each coordinate that is turned the other way, (m,).
+        match: conversion of its own coordinates to those of the comparison; None: they are equal,
+            except for `signs`.
+        signs: -1 for each reversed coordinate, (m,).
         z, w: states, in its own coordinates, (N, nz) each.
-        independent: coordinates of the comparison that the others follow from.
+        independent: coordinates of the comparison that determine the others.
         unit: size of the motions in the coordinates of the comparison, (m,).
         fastest, typical: rates of the motions, rad/s.
     """
@@ -56,16 +59,16 @@ class MechanicsTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanics:
-    """Measured at N states, of r independent coordinates of the comparison.
+    """Measured terms at N states, for r independent coordinates of the comparison.
 
     Attributes:
-        rank: how many coordinates move by themselves, (N,).
+        rank: number of independently moving coordinates, (N,).
         mass: (N, r, r).
         rest: generalized forces at rest, (N, r).
-        unweighted: the same without gravity; None where that can't be had.
-        odd: half the difference of the forces at opposite velocities, those of one coordinate at
+        unweighted: the same without gravity; None if gravity cannot be set.
+        odd: half the difference of the forces at opposite velocities of one coordinate at
             `SPEEDS`, at the first `BASES` states, (bases, speeds, r, r); the last but one index is
-            that of the coordinate that moves.
+            that of the moving coordinate.
     """
 
     rank: tuple[int, ...]
@@ -79,7 +82,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
     """Measure one model.
 
     Raises:
-        EngineError: naming file, place and remedy.
+        EngineError: with file, place and remedy.
     """
     model = task.candidate.load()
     lens = _Lens(task, model)
@@ -87,12 +90,12 @@ def mechanics(task: MechanicsTask) -> Mechanics:
     rest = lens.forces(model, task.z, np.zeros_like(task.w), range(len(task.z)))
     odd = lens.odd(model)
     rank = tuple(free_directions(one).shape[1] for one in lens.compared)
-    # Last: another model ends this one in some engines.
+    # Measure this last: in some engines loading another model unloads this one.
     return Mechanics(rank=rank, mass=mass, rest=rest, unweighted=_unweighted(task, lens), odd=odd)
 
 
 def _unweighted(task: MechanicsTask, lens: _Lens) -> Estimate | None:
-    """Forces at rest without gravity, for engines whose gravity can be set."""
+    """Return forces at rest without gravity, for engines whose gravity can be set."""
     try:
         model = task.candidate.at(gravity=[0.0, 0.0, 0.0]).load()
     except EngineError:
@@ -101,7 +104,7 @@ def _unweighted(task: MechanicsTask, lens: _Lens) -> Estimate | None:
 
 
 class _Lens:
-    """A model seen in the coordinates of the comparison."""
+    """A model in the coordinates of the comparison."""
 
     def __init__(self, task: MechanicsTask, model: Model) -> None:
         self.task = task
@@ -116,7 +119,7 @@ class _Lens:
             0
         ]
         ease = np.diagonal(rough)
-        most = float(np.max(ease)) or 1.0  # where a motor holds all joints, none moves
+        most = float(np.max(ease)) or 1.0  # no joint moves if a motor holds them all
         sizes = self.size * task.typical**2 / np.where(ease > 0, ease, most)
         inverse = self._agreed(
             [inverse_mass(self._accelerations(model, by), task.z, task.w, sizes) for by in WINDOWS]
@@ -142,7 +145,7 @@ class _Lens:
 
     @staticmethod
     def _agreed(found: list[Estimate]) -> Estimate:
-        """Each value from where it is known best; what the next best says else is uncertain."""
+        """Return the most accurate values, and their distance from the next best as uncertainty."""
         value, error = (
             np.stack([getattr(one, key) for one in found]) for key in ("value", "uncertainty")
         )
@@ -153,7 +156,7 @@ class _Lens:
         return Estimate(value=best, uncertainty=_known(doubt))
 
     def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Estimate:
-        """Mass times acceleration (B, r) at states, with the mass known at those numbered `at`."""
+        """Return mass times acceleration (B, r), with the mass of the states numbered `at`."""
         states = np.hstack([z, w])
         found = self._agreed(
             [
@@ -175,13 +178,13 @@ class _Lens:
         return Estimate(value=value, uncertainty=_known(doubt))
 
     def odd(self, model: Model) -> Estimate:
-        """See `Mechanics.odd`; the curvature of the coordinates is even, and falls out."""
+        """Return `Mechanics.odd`; the curvature of the coordinates is even and cancels."""
         task, bases = self.task, min(BASES, len(self.task.z))
         r = len(task.independent)
         speed = task.unit[list(task.independent)] * task.typical
         z, w, at = [], [], []
         for base in range(bases):
-            # The velocity at which one coordinate alone moves, of those the others follow from.
+            # The velocity at which one independent coordinate alone moves.
             along = self.inverse[base] @ self.slopes[base].T @ self.mass.value[base]
             for share in SPEEDS:
                 for sign in (1.0, -1.0):
@@ -200,5 +203,5 @@ class _Lens:
 
 
 def _known(uncertainty: Array) -> Array:
-    """Where infinities met zeros, nothing is known."""
+    """Replace NaN, from infinities times zeros, by infinity."""
     return np.where(np.isnan(uncertainty), np.inf, uncertainty)

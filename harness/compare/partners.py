@@ -1,4 +1,4 @@
-"""Which joint of one file is which of the other: by name, by order in the tree, by geometry."""
+"""Pairs of joints of two files: by name, by order in the tree, by geometry."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 from physics_crosscheck.harness.compare.placed import Placed
 
 NEAR = 0.05
-"""Axes so near each other, in radians and in sizes of the mechanism, may be one joint's."""
+"""Maximum distance of paired axes: in radians, and in units of the mechanism's size."""
 
 SAME = 1e-6
-"""Axes so near each other are."""
+"""Distance below which axes coincide."""
 
 NEARER = 0.1
-"""Pairs by geometry go before the order where their axes are apart by so much less."""
+"""Ratio of distances of axes below which pairs by geometry are preferred to pairs by order."""
 
 UNLIKE = 1e6
-"""Cost of a pair that can't be one."""
+"""Cost of an impossible pair."""
 
 FAINT = 1e-3
-"""Weight of what tells apart joints on one line: where their bodies are, and how deep."""
+"""Weight of body positions and depth, which distinguish joints on one line."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Partners:
-    """Joints that are taken for one another.
+    """Pairs of corresponding joints.
 
     Attributes:
-        pairs: names of A's by those of B that have them for partners: A's -> B's.
-        told: a phrase for each whose names differ.
+        pairs: names of A's coordinates -> names of B's.
+        told: a phrase for each pair whose names differ.
         alone: names without a partner, of A and of B.
     """
 
@@ -50,8 +50,8 @@ def partners(
 
     Args:
         a, b: names of the coordinates.
-        spoken_for: those that the user or a sidecar maps.
-        placed: both files' joints as they are drawn; None where one has no tree.
+        spoken_for: coordinates that the user or a sidecar maps.
+        placed: both files' joints as they are drawn; None if a file has no tree.
     """
     pairs = {name: name for name in a if name in b and name not in spoken_for[0] | spoken_for[1]}
     left = [name for name in a if name not in pairs and name not in spoken_for[0]]
@@ -72,12 +72,12 @@ def partners(
 
 
 def _whole(placed: Placed, names: Sequence[str]) -> list[str]:
-    """Joints of which all coordinates are among some."""
+    """Return joints whose coordinates are all in `names`."""
     return [joint for joint in placed.index if set(placed.coordinates(joint)) <= set(names)]
 
 
 def joints_of(pairs: Mapping[str, str], one: Placed, other: Placed) -> dict[str, str]:
-    """Joints whose coordinates are paired, each with its own."""
+    """Return joint pairs whose coordinates are paired in order."""
     owners = {name: joint for joint in other.index for name in other.coordinates(joint)}
     found: dict[str, str] = {}
     for joint in one.index:
@@ -94,9 +94,9 @@ def _unnamed(
     pairs: Mapping[str, str],
     placed: tuple[Placed, Placed],
 ) -> tuple[dict[str, str], str]:
-    """Pairs of joints whose names tell nothing, and how they were found.
+    """Return pairs of joints whose names do not correspond, and the criterion.
 
-    By their order, unless geometry pairs more of them, or as many that are far nearer.
+    Pair them by order, unless geometry pairs more of them, or as many much closer.
     """
     one, other = placed
     in_order = _in_order(left, right, pairs, one, other)
@@ -116,7 +116,7 @@ def _in_order(
     one: Placed,
     other: Placed,
 ) -> dict[str, str]:
-    """Pairs of joints of one kind that hang on partners, as they come."""
+    """Pair joints of one kind whose parents are paired, in order."""
     found, free = dict(pairs), [name for name in right if name in other.index]
     new: dict[str, str] = {}
     for name in sorted((x for x in left if x in one.index), key=lambda x: one.index[x]):
@@ -133,9 +133,9 @@ def _in_order(
 
 
 def _apart(pairs: Mapping[str, str], one: Placed, other: Placed) -> float:
-    """How far partners' axes, and their bodies, are from each other, summed.
+    """Return the summed distance of partners' axes and bodies.
 
-    Legs to both sides turn about one line.
+    Bodies are needed since legs on both sides turn about one line.
     """
     size = max(one.size, other.size)
     lines = sum(_distance(one, name, other, its, size) for name, its in pairs.items())
@@ -149,8 +149,8 @@ def _apart(pairs: Mapping[str, str], one: Placed, other: Placed) -> float:
 def _nearest(
     left: Sequence[str], right: Sequence[str], one: Placed, other: Placed
 ) -> dict[str, str]:
-    """Pairs of joints whose axes are near each other in the world."""
-    from scipy.optimize import linear_sum_assignment  # half a second, in every worker
+    """Pair joints whose axes are close to each other in the world."""
+    from scipy.optimize import linear_sum_assignment  # slow import: half a second per worker
 
     left = [name for name in left if name in one.index]
     right = [name for name in right if name in other.index]
@@ -165,7 +165,7 @@ def _nearest(
 
 
 def _distance(one: Placed, x: str, other: Placed, y: str, size: float) -> float:
-    """Between two axes: the angle in radians, and of hinges the distance in sizes."""
+    """Return the distance of two axes: the angle in rad, plus the distance of hinges in sizes."""
     if one.kind(x) != other.kind(y):
         return UNLIKE
     i, j = one.index[x], other.index[y]

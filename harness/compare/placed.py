@@ -30,12 +30,12 @@ class Placed:
     """The links of a tree at one position, in the world.
 
     Attributes:
-        tree: the links, n of them.
+        tree: with n links.
         frames: each link's frame.
         index: of each link, by the name of its joint.
-        axes: of the joints; of no meaning for a ball and a free joint, (n, 3).
+        axes: of the joints; meaningless for a ball and a free joint, (n, 3).
         anchors: points on them, m, (n, 3).
-        centers: of mass, m, (n, 3).
+        centers: centres of mass, m, (n, 3).
         size: of the mechanism, m.
     """
 
@@ -48,20 +48,20 @@ class Placed:
     size: float
 
     def kind(self, name: str) -> Kind:
-        """Of a joint."""
+        """Return the kind of a joint."""
         return self.tree.links[self.index[name]].kind
 
     def coordinates(self, name: str) -> tuple[str, ...]:
-        """Of a joint: its own name, or those of a ball's or a free joint's."""
+        """Return coordinate names of a joint: its own name, or those of a ball or free joint."""
         return tuple(one for one, _ in coordinate_names(self.kind(name), name))
 
     def parent(self, name: str) -> str:
-        """The joint that carries a joint; empty where the world does."""
+        """Return the joint that carries a joint, or "" for the world."""
         parent = self.tree.links[self.index[name]].parent
         return "" if parent == WORLD else self.tree.links[parent].name
 
     def lump(self, i: int) -> SpatialInertia:
-        """A link as a rigid body in the world."""
+        """Return a link as a rigid body in the world."""
         link = self.tree.links[i]
         return SpatialInertia(link.mass, link.center, link.inertia).in_frame(self.frames[i])
 
@@ -89,7 +89,7 @@ def placed(tree: Tree, q: Array) -> Placed:
 
 
 def tree_of(robot: Robot | None, coordinates: Sequence[str]) -> Tree | None:
-    """The tree whose joints have an engine's coordinates; None where they have not."""
+    """Return the tree if its joints have the engine's coordinates, else None."""
     if robot is None or robot.tree is None:
         return None
     names = names_of(robot.tree)
@@ -99,7 +99,7 @@ def tree_of(robot: Robot | None, coordinates: Sequence[str]) -> Tree | None:
 
 
 def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:
-    """Positions of a tree's joints, (nq,), of those of an engine's coordinates, (nz,)."""
+    """Convert positions of an engine's coordinates, (nz,), to a tree's positions, (nq,)."""
     where = {name: i for i, name in enumerate(coordinates)}
     found: Array = MinimalCoordinates(tree, DOUBLES).positions(
         z[[where[name] for name in names_of(tree)]]
@@ -108,14 +108,14 @@ def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:
 
 
 def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
-    """The tree with some joints standing still, and where each old link is now; or `WORLD`.
+    """Return the tree with some joints locked, and the new index of each link, or `WORLD`.
 
     Args:
         tree: the links.
-        at: positions of hinges and slides that are held, by their names.
+        at: positions of the locked hinges and slides, by name.
     """
     links: list[TreeLink] = []
-    # Of each old link: the new one that it is in, and its frame there.
+    # The new link that contains each old link, and its frame there.
     now: list[tuple[int, Place]] = []
     still = Place(np.eye(3), np.zeros(3))
     for link in tree.links:
@@ -160,7 +160,7 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
 
 
 def _pulled(pull: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:
-    """A pull along what is on other links now."""
+    """Return a force element with updated link indices and frames."""
     if pull.along is None:
         return replace(pull, joints=tuple((now[i][0], share) for i, share in pull.joints))
     if isinstance(pull.along, JointForce):
@@ -177,13 +177,13 @@ def _marked(mark: LinkFrame, now: list[tuple[int, Place]]) -> LinkFrame:
 
 
 def _carried(one: Immersed, link: int, frame: Place) -> Immersed:
-    """A box whose link's frame stands in another link."""
+    """Return a submerged box whose link is now part of another link."""
     at = frame.compose(Place(one.rotation, one.position))
     return replace(one, link=link, position=at.origin, rotation=at.rotation)
 
 
 def _joined(carrier: TreeLink, link: TreeLink, place: Place) -> TreeLink:
-    """A link with another welded to it, whose frame stands there; so are the points lifted."""
+    """Return a link with another welded to it in the given frame, including buoyancy points."""
     whole = SpatialInertia(carrier.mass, carrier.center, carrier.inertia).combined(
         SpatialInertia(link.mass, link.center, link.inertia).in_frame(place)
     )
@@ -202,7 +202,7 @@ def _joined(carrier: TreeLink, link: TreeLink, place: Place) -> TreeLink:
 
 
 def _moved(link: TreeLink, by: float) -> Place:
-    """A joint's motion from zero."""
+    """Return a joint's motion from zero."""
     if link.kind == "hinge":
         return Place(about_axis(link.axis, np.array(by), DOUBLES), np.zeros(3))
     return Place(np.eye(3), link.axis * by)

@@ -1,4 +1,4 @@
-"""Both models as they are run: loaded, their joints paired, and those without a partner held."""
+"""Preparation of both models: load them, pair their joints, and lock joints without a partner."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ Maps = tuple[Mapping[str, str], Mapping[str, str]]
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """What a comparison begins with.
+    """Input of a comparison.
 
     Attributes:
-        a, b: as they are run.
+        a, b: as they run.
         facts: of both.
         match: of their coordinates.
-        still: joints of A and of B that are held, and where.
-        notes: what was done, a sentence each.
-        uncompared: what is left out and may differ: no literals of one format show it.
+        still: locked joints of A and of B, with their positions.
+        notes: actions, a sentence each.
+        uncompared: omissions that may differ, since no literals of one format show them.
     """
 
     a: Candidate
@@ -54,8 +54,8 @@ def prepare(
     """Load two models and pair their joints.
 
     Raises:
-        CompareError: for joints without a partner that can't be held, with the remedy.
-        FailureError: where an engine fails.
+        CompareError: for unpaired joints that cannot be locked, with the remedy.
+        FailureError: if an engine fails.
     """
     if not include_constraints:
         a, b = smooth(a, b)
@@ -102,7 +102,7 @@ def prepare(
 def _loaded(
     execute: Execute, models: tuple[Candidate, Candidate]
 ) -> tuple[tuple[Candidate, Facts], tuple[Candidate, Facts], list[str]]:
-    """Load both models; a URDF, which does not say whether its root floats, as the other does."""
+    """Load both models; let the root of an unspecified URDF float if the other model's does."""
     found: dict[str, tuple[Candidate, Facts]] = {}
     notes = []
     for candidate in sorted(models, key=_may_float):
@@ -115,13 +115,13 @@ def _loaded(
 
 
 def _may_float(candidate: Candidate) -> bool:
-    """Return whether nothing says that the root of a model is fixed, or that it floats."""
+    """Return whether a URDF's root may float, since neither sidecar nor settings state it."""
     stated = "floating" in candidate.sidecar.spec(candidate.engine).settings
     return candidate.sidecar.model.suffix == ".urdf" and candidate.bare and not stated
 
 
 def _floats(own: Facts) -> bool:
-    """Return whether all that the world carries in a model moves freely."""
+    """Return whether each body that the world carries moves freely."""
     links = () if own.robot is None or own.robot.tree is None else own.robot.tree.links
     kinds = [link.kind for link in links if link.parent == WORLD]
     return bool(kinds) and set(kinds) == {"free"}
@@ -134,10 +134,10 @@ def _actuated(
     joints: Mapping[str, str],
     held: bool,
 ) -> tuple[Candidate, Facts, Candidate, Facts, tuple[str, ...]]:
-    """Hold actuators at controls, alike in both models; or leave them out.
+    """Hold actuators at equal controls in both models, or switch them off.
 
-    They are left out where a joint is held, which takes those on it away, and beside a file whose
-    format has none. What a sidecar states of them stands.
+    They are switched off if joints are locked, which removes the actuators on them, or if the
+    other format has none. Settings of a sidecar are kept.
     """
     (a, b), (one, other) = models, own
     stated = any(_is_stated(*pair) for pair in zip(models, own, strict=True))
@@ -147,7 +147,7 @@ def _actuated(
         return _without_actuators(execute, models, own, held)
     pairs = pair_actuators(one.actuators, other.actuators, joints)
     at = held_alike(one.compiled, other.compiled, pairs)
-    # States that move in one engine and stand in the other would be a difference of no file.
+    # States that move in one engine only would differ without a difference of the files.
     move = all("activations" in engines()[candidate.engine].switches for candidate in models)
     found: list[tuple[Candidate, Facts]] = []
     for candidate, values in zip(models, at, strict=True):
@@ -189,16 +189,16 @@ def _without_actuators(
 
 
 def _is_stated(candidate: Candidate, own: Facts) -> bool:
-    """Return whether a sidecar tells of a file's actuators."""
+    """Return whether a sidecar states a file's actuators."""
     stated = candidate.sidecar.spec(candidate.engine).settings
     switched = {"controls", "actuators"} & set(stated) or not stated.get("smooth", False)
     return bool(own.actuators) and bool(switched)
 
 
 def _joints(found: Partners, joints: Maps) -> dict[str, str]:
-    """Return joints of A with those of B that are their partners, by order and as they are mapped.
+    """Return joints of A with their partners in B, by pairing and by the user's map.
 
-    A free joint stands for its coordinates.
+    A free joint represents its coordinates.
     """
     pairs = {**found.pairs, **{name: text.lstrip("-") for name, text in joints[0].items()}}
     whole = {name.partition(":")[0]: its.partition(":")[0] for name, its in pairs.items()}
@@ -223,7 +223,7 @@ def _matched(
 
 
 def _drawn(one: Facts, other: Facts) -> tuple[Placed, Placed] | None:
-    """Both files' joints as they are drawn; None where one is no tree of hinges and slides."""
+    """Return both files' joints as drawn; None if one is not a tree of hinges and slides."""
     sides = []
     for own in (one, other):
         tree = tree_of(own.robot, own.coordinates)
@@ -234,7 +234,7 @@ def _drawn(one: Facts, other: Facts) -> tuple[Placed, Placed] | None:
 
 
 def _held(candidate: Candidate, own: Facts, alone: Sequence[str]) -> dict[str, float]:
-    """Where joints without a partner are held; none in models whose sidecar declares couplings.
+    """Return positions of unpaired joints to lock; {} for models whose sidecar declares couplings.
 
     There a joint may follow others.
     """
@@ -250,7 +250,7 @@ def _held(candidate: Candidate, own: Facts, alone: Sequence[str]) -> dict[str, f
 
 
 def _uncompared(a: Candidate, b: Candidate, one: Facts, other: Facts) -> Iterator[str]:
-    """Yield what is left out of files of two formats; limits of position are read from both."""
+    """Yield omissions of files of two formats; position limits are read from both."""
     if a.sidecar.model.suffix == b.sidecar.model.suffix:
         return
     for candidate, own in ((a, one), (b, other)):
@@ -262,19 +262,19 @@ def _uncompared(a: Candidate, b: Candidate, one: Facts, other: Facts) -> Iterato
 LIMITS = "limits of position"
 
 NOT_COMPARED = "not compared"
-"""How begins a note of what is left out."""
+"""Start of a note about omissions."""
 
 ALWAYS = ("how ", "limits of effort", "limits of velocity")
-"""How begins what is left out whatever is asked."""
+"""Start of omissions that are made with all options."""
 
 COUPLED = ("mimic", "equality", FOLLOWERS)
-"""How begins what couples joints."""
+"""Start of omissions that couple joints."""
 
 
 def _left_out(
     a: Candidate, b: Candidate, one: Facts, other: Facts, include_constraints: bool
 ) -> tuple[str, ...]:
-    """What is said of contacts and the like."""
+    """Return notes about contacts and other omissions."""
     if include_constraints:
         return ("contacts, joint limits, dry friction and couplings of the files are included",)
     told = [_told(*pair) for pair in ((a, one), (b, other))]
@@ -288,12 +288,12 @@ def _left_out(
 
 
 def _told(candidate: Candidate, own: Facts) -> str:
-    """Such as: contact geometry (12), dry friction (7)."""
+    """Format omissions, such as: contact geometry (12), dry friction (7)."""
     return ", ".join(map(_counted, _parts(candidate, own)))
 
 
 def _parts(candidate: Candidate, own: Facts) -> list[Omission]:
-    """Return what is left out of a model's motions."""
+    """Return what a model's motions leave out."""
     settings = candidate.sidecar.spec(candidate.engine).settings
     if own.robot is None or not settings.get("smooth", False):
         return []

@@ -1,7 +1,7 @@
-"""What two files say differently: of bodies, joints, actuators, gravity, and what is left out.
+"""Differences between the contents of two files: bodies, joints, actuators, gravity, omissions.
 
-Read from the files, without a motion. Of masses and axes the equations are made; of limits,
-actuators and shapes no motion that is compared depends.
+They are read from the files, without a motion. Masses and axes affect the equations; limits,
+some actuators and shapes do not affect the compared motions.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from physics_crosscheck.harness.modelfiles.robot import Omission
 
 @dataclass(frozen=True, kw_only=True)
 class Properties:
-    """What the files say differently.
+    """Differences between the contents of two files.
 
     Attributes:
-        found: of which motions depend first, the weightiest first.
-        turned: joints whose axis points the other way in B than the pairing has it.
+        found: those that affect motions first, the largest first.
+        turned: joints whose axis direction in B contradicts the pairing.
     """
 
     found: tuple[Property, ...]
@@ -38,7 +38,7 @@ class Properties:
 
 
 def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
-    """Hold two files against each other."""
+    """Compare two files."""
     by_name = _joint_pairs(a.placed, b.placed, pairs)
     names = [(pair.a, pair.b) for pair in by_name.values()]
     links, odd = paired_links(a.placed, b.placed, names)
@@ -65,14 +65,16 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
 
 
 ALONG_JOINTS = ("armature", "damping", "stiffness", "rest")
-"""Kinds of properties that come after those of bodies and axes: motors and gears are chosen later,
-and often left out."""
+"""Kinds of properties listed after bodies and axes: motors and gears are chosen later.
+
+Files often leave them out.
+"""
 
 
 def _joint_pairs(one: Placed, other: Placed, pairs: Sequence[Pair]) -> dict[str, Pair]:
-    """Pairs of joints, of those of coordinates, by the names of A's.
+    """Return pairs of joints, from pairs of coordinates, by the names of A's.
 
-    A ball's and a free joint's coordinates are paired each with its own, unchanged.
+    Coordinates of a ball and a free joint are paired in order, unchanged.
     """
     straight = {pair.a: pair.b for pair in pairs if (pair.slope, pair.offset) == (1.0, 0.0)}
     found = {
@@ -84,7 +86,7 @@ def _joint_pairs(one: Placed, other: Placed, pairs: Sequence[Pair]) -> dict[str,
 
 
 def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
-    """Where a joint is, and what pulls at it."""
+    """Yield differences of a joint's geometry and forces."""
     if a.tree.links[row.a].kind in ("hinge", "slide"):
         yield from _geometry(a, b, row, pair, size)
     if abs(abs(pair.slope) - 1) <= SAME:
@@ -92,7 +94,7 @@ def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[
 
 
 def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
-    """Axis, place, and from where its position counts."""
+    """Yield differences of axis, position and zero."""
     one = a.tree.links[row.a]
     name = one.name
     if row.angle > SAME:
@@ -113,7 +115,7 @@ def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterat
 
 
 def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
-    """Armature, damper and spring."""
+    """Yield differences of armature, damper and spring."""
     one, other = a.tree.links[row.a], b.tree.links[row.b]
     name = one.name
     plain = [("armature", one.armature, other.armature)]
@@ -136,7 +138,7 @@ def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
 
 
 def _axis(b: Side, row: Aligned) -> Array:
-    """B's axis, in the sense of A's."""
+    """Return B's axis, with the direction of A's."""
     axis: Array = b.placed.axes[row.b] * (-1.0 if row.opposite else 1.0)
     return axis
 
@@ -159,7 +161,7 @@ def _gravity(a: Side, b: Side) -> Iterator[Property]:
 def _ranges(
     a: Side, b: Side, rows: Sequence[Aligned], by_name: dict[str, Pair]
 ) -> Iterator[Property]:
-    """Limits of position, those of B in A's coordinates."""
+    """Yield differences of position limits, those of B in A's coordinates."""
     for row in rows:
         pair = by_name[a.tree.links[row.a].name]
         if pair.a not in a.facts.coordinates:
@@ -176,14 +178,14 @@ def _ranges(
 
 
 def _share(miss: Array, sizes: Array) -> float:
-    """Return the largest of differences, by sizes; 1 of what is not finite."""
+    """Return the largest relative difference; 1 for values that are not finite."""
     finite = np.isfinite(miss) & np.isfinite(sizes) & (sizes > 0)
     shares = np.divide(miss, sizes, out=np.where(miss > 0, 1.0, 0.0), where=finite)
     return float(np.max(shares))
 
 
 def _range(here: Array, there: Array) -> tuple[str, str]:
-    """Both, with as many digits as show that they are two."""
+    """Format both ranges with enough digits to show their difference."""
     if np.isinf(here).any() or np.isinf(there).any():
         one, other = (
             "endless" if np.isinf(both).all() else f"{both[0]:.7g} to {both[1]:.7g}"
@@ -198,7 +200,7 @@ def _range(here: Array, there: Array) -> tuple[str, str]:
 
 
 def _tendons(a: Side, b: Side) -> Iterator[Property]:
-    """Springs, dampers and armatures along tendons, by their names."""
+    """Yield differences of springs, dampers and armatures along tendons, paired by name."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
     one, other = (
@@ -228,7 +230,7 @@ def _row(values: Sequence[float]) -> str:
 
 
 def _actuators(a: Side, b: Side, names: dict[str, str]) -> Iterator[Property]:
-    """Actuators of two files whose formats have some: motions depend on those that act."""
+    """Yield differences of actuators, if both formats have some."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
     robots = (own.facts.robot for own in (a, b))
@@ -239,11 +241,11 @@ def _actuators(a: Side, b: Side, names: dict[str, str]) -> Iterator[Property]:
 COUNTED = (
     FOLLOWERS, "dry friction", "mimic", "equality", "contact", "collision", "a medium",
 )  # fmt: skip
-"""How what is left out begins, of which the numbers are held against each other."""
+"""Start of omissions whose counts are compared."""
 
 
 def _left_out(a: Side, b: Side) -> Iterator[Property]:
-    """How often the files have what is left out; only of one format they count alike."""
+    """Yield differences of the numbers of omissions; only files of one format count alike."""
     if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
         return
     one, other = (_counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None)

@@ -1,4 +1,4 @@
-"""A difference of what two files say."""
+"""A difference between the contents of two files."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from physics_crosscheck.harness.records.base import SourceLine
 
 @dataclass(frozen=True, kw_only=True)
 class Property:
-    """What the files say differently.
+    """A difference between the contents of two files.
 
     Attributes:
         kind: such as "mass", "centre", "inertia", "axis", "damping", "range", "frame".
-        about: the joint or the link; empty for the whole.
+        about: the joint or link; empty for the whole model.
         message: a sentence.
-        a, b: the values, where it is one number.
-        where_a, where_b: the lines, where known.
-        effect: how large it is, relative, to sort by.
-        moves: whether equations of motion have it.
-        relative: by how much it differs, relative; 1 where that is no matter of size.
+        a, b: the values, for single numbers.
+        where_a, where_b: the source lines, if known.
+        effect: relative size, for sorting.
+        moves: whether it is part of the equations of motion.
+        relative: the relative difference; 1 for anything without a size.
     """
 
     kind: str
@@ -46,7 +46,7 @@ def told(
     moves: bool = True,
     relative: float = 1.0,
 ) -> Property:
-    """One without lines."""
+    """Return a difference without lines."""
     return Property(
         kind=kind,
         about=about,
@@ -60,7 +60,7 @@ def told(
 
 
 def shown(here: float, there: float) -> str:
-    """Two numbers, with as many digits as show that they are two."""
+    """Format two numbers with enough digits to show their difference."""
     one, other = apart(here, there, 0.0)
     share = f" ({percent((there - here) / here)})" if here and there else ""
     return f"{one} in A, {other} in B{share}"

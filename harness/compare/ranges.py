@@ -1,4 +1,4 @@
-"""Where starts are drawn: within the limits of both files."""
+"""Sampling range of initial states: within the limits of both files."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ FAR = np.pi
 """Limits further from home are ignored, as in `reference.solving.samples`: rad or m."""
 
 FAR_TURNED = 2.0
-"""Coordinates of a rotation, 4 tan(angle / 4), of a body that is turned far: by 106 degrees."""
+"""Rotation coordinates, 4 tan(angle / 4), above which a body is turned back: 106 degrees."""
 
 OFF = 1e-3
-"""Share of a range by which a start is off its ends: there a stop may act already."""
+"""Share of a range between an initial state and its ends, where a stop may act already."""
 
 
 def start_range(
     source: Facts, target: Facts, match: Match
 ) -> tuple[Array, Array, tuple[str, ...], Array]:
-    """Positions to begin from, (nz,), and where they are drawn, (nz, 2), of the source.
+    """Return initial positions, (nz,), and their sampling range, (nz, 2), of the source.
 
-    Within the limits of both; where there is none, as far as the engine has it, about where the
-    file draws the mechanism. With them joints whose ranges have nothing in common, and the limits
-    of both files, (nz, 2).
+    The range is within the limits of both. Without limits it is the engine's, about the position in
+    which the file draws the mechanism. Also return joints whose ranges do not overlap, and the
+    limits of both files, (nz, 2).
     """
     limits, strangers = source.limits.copy(), []
     for pair in pairs_of(match, source.coordinates):
@@ -50,10 +50,10 @@ def start_range(
 
 
 def _upright(source: Facts) -> Array:
-    """Return the positions of the file, (nz,), with bodies that are turned far turned back.
+    """Return the positions of the file, (nz,), without large rotations of bodies.
 
-    Half a turn is the edge of the chart: there a torque about an axis moves another coordinate
-    than its own, and the body would pass for one that is held.
+    Half a turn is the edge of the chart. There a torque about an axis moves another coordinate
+    than its own, so that the body would seem to be locked.
     """
     home = source.home.copy()
     tree = tree_of(source.robot, source.coordinates)
@@ -67,7 +67,7 @@ def _upright(source: Facts) -> Array:
 
 
 def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
-    """As `reference.solving.samples.within`, with reaches of the engine's own."""
+    """Return what `reference.solving.samples.within` does, with ranges of the engine."""
     low, high = limits.T
     half = (source.reach[:, 1] - source.reach[:, 0]) / 2
     half = np.where(np.isinf(limits).all(axis=1), half, np.minimum(half, FAR))
@@ -81,7 +81,7 @@ def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
 
 
 def told(strangers: Sequence[str], label: str) -> tuple[str, ...]:
-    """What is said of joints whose ranges don't meet."""
+    """Return a note about joints whose ranges do not overlap."""
     if not strangers:
         return ()
     return (

@@ -1,4 +1,4 @@
-"""A comparison as the record that is printed and written."""
+"""Record of a comparison, to print and write."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 
 def comparison_record(found: Findings, created: datetime.datetime) -> Comparison:
-    """What came of a comparison."""
+    """Build the record of a comparison."""
     options, judged, recorded = found.options, found.judgement, found.recorded
     return Comparison(
         created=_spelled(created),
@@ -74,7 +74,7 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
 
 
 def _by_component(judged: Judgement) -> list[float]:
-    """Return the largest discrepancy of each component; where some differ, of these alone."""
+    """Return the largest discrepancy of each component, or only of differing ones if any."""
     differs = judged.outcome is Outcome.DIFFERS
     shown = np.where(judged.certain | (not differs), judged.by_component, 0.0)
     return [float(one) for one in shown]
@@ -83,7 +83,7 @@ def _by_component(judged: Judgement) -> list[float]:
 def failed_record(
     options: CompareOptions, failure: Failure, created: datetime.datetime
 ) -> Comparison:
-    """The record of a comparison that could not be run."""
+    """Build the record of a comparison that could not run."""
     return Comparison(
         created=_spelled(created),
         resolution=options.resolution,
@@ -114,7 +114,7 @@ def _model(candidate: Candidate, facts: Facts | None) -> ComparedModel:
 
 
 def _off(found: Findings) -> tuple[float | None, ...] | None:
-    """Of A and of B."""
+    """Return the deviations from the equations, of A and of B."""
     if found.explained is None:
         return None
     off = found.explained.off

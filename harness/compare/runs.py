@@ -1,4 +1,4 @@
-"""Short runs from given states under held forces, and where they end as the step goes to zero."""
+"""Short runs from given states under constant forces, and their end states as h -> 0."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Runs:
 
     Attributes:
         length: seconds.
-        z, w: where they start, in a model's own coordinates, (K, nz) each.
-        push: forces on the m coordinates of the comparison, held throughout, (K, m).
+        z, w: initial states, in a model's own coordinates, (K, nz) each.
+        push: constant forces on the m coordinates of the comparison, (K, m).
     """
 
     length: float
@@ -33,19 +33,19 @@ class Runs:
 
 
 def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Extrapolated:
-    """Return where the runs end as h -> 0, and at each rung, in the model's own coordinates.
+    """Return end states as h -> 0 and at each rung, in the model's own coordinates.
 
-    Rungs are added until the uncertainty is far below the resolution, or stops falling. A run that
-    is not finite has no limit.
+    Rungs are added until the uncertainty is far below the resolution, or stops falling. A run with
+    values that are not finite has no limit.
 
     Args:
-        model: that runs.
+        model: to run.
         runs: in its own coordinates.
-        match: where it is the source; None: the forces act on its own coordinates.
+        match: conversion for the source; None: the forces act on the model's own coordinates.
         resolution: relative to how far the components move.
 
     Raises:
-        BlownUpError: where none is finite.
+        BlownUpError: if no run is finite.
     """
     own, batch = own_states(runs.z.shape[1], match), _batch(runs, match)
     found = extrapolate(model, own, batch, resolution=resolution)
@@ -57,10 +57,10 @@ def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Ex
 
 
 def _mostly_confirmed(found: Extrapolated, starts: Array, claimed: int) -> bool:
-    """Return whether most of the runs have the claimed order, each by itself.
+    """Return whether at least half of the runs have the claimed order, judged one by one.
 
-    Over all of them together a few runs decide in which a drag changes sign: what these lose is in
-    their own uncertainty.
+    Judged together, a few runs in which a drag changes sign would decide. Their loss of accuracy is
+    part of their own uncertainty.
     """
     scale = movement(found.limit.value, starts)
     rounding = float(np.max(np.abs(found.limit.value) / scale))
@@ -72,10 +72,10 @@ def _mostly_confirmed(found: Extrapolated, starts: Array, claimed: int) -> bool:
 
 
 def quick(model: Model, runs: Runs, match: Match | None) -> Array:
-    """The limits alone, (K, 2nz): for what a change of the model does.
+    """Return only the limits, (K, 2nz), to measure the effect of a change of the model.
 
     Raises:
-        BlownUpError: where a value is not finite.
+        BlownUpError: if a value is not finite.
     """
     whole = replace(_batch(runs, match), partial=False)
     return limits_only(model, own_states(runs.z.shape[1], match), whole, QUICK)
@@ -86,7 +86,7 @@ def _batch(runs: Runs, match: Match | None) -> Batch:
         states=np.concatenate([runs.z, runs.w], axis=1),
         lengths=np.full(len(runs.z), runs.length),
         inputs=held(runs.push),
-        # A force that depends on the state is held over each step, as an input that varies is.
+        # A force that depends on the state is constant over each step, like a varying input.
         varying=match is not None and not match.constant and bool(runs.push.any()),
         scale=None,
         partial=True,
@@ -94,7 +94,7 @@ def _batch(runs: Runs, match: Match | None) -> Batch:
 
 
 def own_states(size: int, match: Match | None) -> CoordinateMap:
-    """A model's own coordinates, under forces on those of the comparison."""
+    """Return a model's own coordinates, with forces on those of the comparison."""
     if match is None:
         return replace(identity(size), push_matrix=np.eye(size))
     matrix = match.slopes(np.zeros((1, size)))[0].T if match.constant else None

@@ -1,4 +1,4 @@
-"""What both files say, held against each other where they draw the mechanism."""
+"""Comparison of the contents of both files in the position in which they draw the mechanism."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from physics_crosscheck.harness.engines.protocol import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Said:
-    """What the files say.
+    """Comparison of two files.
 
     Attributes:
-        sides: A and B; None where one is no tree of hinges and slides.
-        properties: what differs, of which motions depend first, then frames, then the rest.
-        turned: joints of the comparison that turn the other way.
+        sides: A and B; None if a file is not a tree of hinges and slides.
+        properties: differences that affect motions first, then frames, then the rest.
+        turned: reversed joints of the comparison.
     """
 
     sides: tuple[Side, Side] | None
@@ -38,20 +38,20 @@ class Said:
 
     @property
     def moving(self) -> bool:
-        """Whether something differs on which motions depend."""
+        """True if a difference affects motions."""
         return any(one.moves for one in self.properties)
 
 
 def said(execute: Execute, made: Prepared, home: Array) -> Said:
-    """Read both files at one position.
+    """Compare both files at one position.
 
     Args:
-        execute: runs the engines, which tell frames.
+        execute: runs the engines, which compute frames.
         made: both models.
         home: positions of the source, (nz,).
 
     Raises:
-        FailureError: where an engine fails.
+        FailureError: if an engine fails.
     """
     own = made.facts[0 if made.match.source == "A" else 1]
     pairs = pairs_of(made.match, own.coordinates)
@@ -64,7 +64,7 @@ def said(execute: Execute, made: Prepared, home: Array) -> Said:
     turned = tuple(p.a if made.match.source == "B" else p.b for p in pairs if p.a in found.turned)
     if found.turned:
         of_a = dict(zip(made.facts[0].coordinates, z[0].tolist(), strict=True))
-        # Once more where both stand alike.
+        # Compare again in corresponding positions.
         pairs = tuple(_turned(p) if p.a in found.turned else p for p in pairs)
         z = z[0], _posed(z[1], made.facts, pairs, of_a)
         again = _sides(made, z)
@@ -90,7 +90,7 @@ def _turned(pair: Pair) -> Pair:
 def _posed(
     z: Array, facts: tuple[Facts, Facts], pairs: tuple[Pair, ...], of_a: Mapping[str, float]
 ) -> Array:
-    """B's positions where A's are given."""
+    """Return B's positions for given positions of A."""
     found = np.array(z)
     for pair in pairs:
         found[facts[1].coordinates.index(pair.b)] = pair.slope * of_a[pair.a] + pair.offset

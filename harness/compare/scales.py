@@ -1,4 +1,4 @@
-"""The nature of a model: its inertia, the velocities it can have, its rates, and its size."""
+"""Characteristic scales of a model: inertia, possible velocities, rates and size."""
 
 from __future__ import annotations
 
@@ -12,29 +12,32 @@ from physics_crosscheck.harness.numerics.accelerations import Accelerations, Est
 from physics_crosscheck.harness.numerics.coordinates import identity
 
 HELD = 1e-6
-"""Directions in which a push moves less than this share of the easiest are held."""
+"""Share of the largest response to a force below which a direction counts as locked."""
 
 QUICKER = (1.0, 256.0, 65536.0)
-"""By how much steps are shortened until the response of every joint is resolved."""
+"""Divisors of the step, tried until the response of each joint is resolved."""
 
 SLOWEST = 0.02
-"""Least typical rate, by the fastest: positions then move by 3e-3 of their size over a run, and are
-known to 3e-11 of that. Half closed, the Robotiq 2F-85 moves at 3e-3, and they are to 7e-10."""
+"""Minimum typical rate, relative to the fastest.
+
+Positions then move by 3e-3 of their size over a run, known to 3e-11 of that. Half closed, the
+Robotiq 2F-85 moves at 3e-3; its positions are known to 7e-10.
+"""
 
 NO_INPUT = np.zeros((1, 0))
 
 MAX_ACCELERATION = 4e9
-"""rad/s^2 or m/s^2: an engine takes 1e10 for a run that has blown up."""
+"""Limit in rad/s^2 or m/s^2: an engine takes 1e10 for a run that has blown up."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CharacteristicScales:
-    """What a model's responses to small pushes tell.
+    """Scales from a model's responses to small forces.
 
     Attributes:
-        inverse: its inverse mass matrix where it is drawn, (nz, nz).
-        tangent: velocities that it can have there, a column each, (nz, r).
-        sizes: forces that show its inertia, (nz,).
+        inverse: its inverse mass matrix in the drawn position, (nz, nz).
+        tangent: velocities possible there, a column each, (nz, r).
+        sizes: forces that make its inertia visible, (nz,).
         fastest, typical: rates of its motions, rad/s.
         unit: size of its motions, (nz,).
     """
@@ -48,10 +51,10 @@ class CharacteristicScales:
 
 
 def inverse_mass(accelerations: Accelerations, z: Array, w: Array, sizes: Array) -> Estimate:
-    """Response of the accelerations to a force on each coordinate, (B, nz, nz).
+    """Return the response of the accelerations to a force on each coordinate, (B, nz, nz).
 
-    The pushes have the given sizes and both signs. What moves no more than is uncertain is held,
-    and exactly zero: its rounding would pass for an inertia.
+    The forces have the given sizes and both signs. A response within its uncertainty is set to
+    zero: its rounding error would look like an inertia.
     """
     n = len(sizes)
     pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
@@ -68,7 +71,7 @@ def inverse_mass(accelerations: Accelerations, z: Array, w: Array, sizes: Array)
 
 
 def free_directions(inverse: Array) -> Array:
-    """Columns (nz, r): velocities that a mechanism with this inverse mass matrix can have."""
+    """Return columns (nz, r): velocities possible with this inverse mass matrix."""
     size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
     safe = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh((inverse + inverse.T) / 2 / np.outer(safe, safe))
@@ -79,20 +82,20 @@ def free_directions(inverse: Array) -> Array:
 def characteristic_scales(
     model: Model, rng: np.random.Generator, start: Array, extent: Array
 ) -> CharacteristicScales:
-    """Inertia, rates and sizes of a model, from small motions about a position.
+    """Measure inertia, rates and sizes of a model, from small motions about a position.
 
     Args:
-        model: that is asked.
-        rng: for the velocities of a start.
+        model: to measure.
+        rng: for the initial velocities.
         start: the position, (nz,).
-        extent: where positions are drawn, (nz, 2).
+        extent: sampling range of positions, (nz, 2).
 
     Raises:
-        CompareError: where a push moves nothing.
+        CompareError: if no force moves a joint.
     """
     unit = (extent[:, 1] - extent[:, 0]) / 2
     plain = 2 * np.pi / (1000 * model.step)
-    # On the move: what sticks at rest would hold it.
+    # In motion: static friction would lock it at rest.
     going = 0.1 * unit * plain * rng.uniform(0.5, 1.0, len(unit))
     here = start[None], going[None]
     accelerations, ease, pushes = _eased(model, unit * plain, plain, here)
@@ -106,9 +109,10 @@ def characteristic_scales(
     fastest = max(float(np.max(rates)), plain)
     moving = rates[rates > 1e-3 * fastest]
     typical = float(np.median(moving)) if len(moving) else plain
-    # Runs are short by the fastest rate: what is far slower moves by its rounding alone, and what
-    # is slower than its forces at rest make it turns round in a run, where drag has a kink. Beside
-    # a servo's damper that is quicker still, an engine gives up at such accelerations.
+    # Runs are short by the fastest rate. Far slower components would move by rounding only.
+    # Components slower than the speed that forces at rest give them would reverse within a run,
+    # where drag has a kink. With a servo's damper that is faster still, an engine gives up at such
+    # accelerations.
     rest = accelerations.measure(
         np.hstack([start, 0 * start])[None], NO_INPUT, 0 * start[None]
     ).value
@@ -128,12 +132,12 @@ def characteristic_scales(
 def _eased(
     model: Model, speed: Array, plain: float, here: tuple[Array, Array]
 ) -> tuple[Accelerations, Array, Array]:
-    """Return what resolves accelerations, each joint's response to a force (nz,), and the forces.
+    """Return resolved accelerations, each joint's response to a force (nz,), and the forces.
 
-    Two things hide a response. A servo's damper may be far quicker than the model's own step: over
-    steps that are too long for it no acceleration has a limit. And its force may be so large that
-    a small one is lost in its rounding: then a larger one is asked for, up to where a joint that
-    moves by a millionth of what the others do would show.
+    Two effects hide a response. A servo's damper may be far faster than the model's own step: over
+    longer steps no acceleration has a limit. Its force may also be so large that a small one is
+    lost in its rounding error. Then a larger one is used, up to the force that would show a joint
+    that moves by a millionth of the others.
     """
     pushes = np.ones(len(speed))
     found: list[tuple[float, Accelerations, Array, Array]] = []
@@ -156,13 +160,13 @@ def _eased(
 def _ease(
     accelerations: Accelerations, here: tuple[Array, Array], pushes: Array
 ) -> tuple[Array, Array]:
-    """Return each joint's acceleration by a force on it, per unit, and its uncertainty, (nz,)."""
+    """Return each joint's acceleration per unit of force on it, and its uncertainty, (nz,)."""
     found = inverse_mass(accelerations, *here, pushes)
     return np.diagonal(found.value[0]), np.diagonal(found.uncertainty[0])
 
 
 def _rates(accelerations: Accelerations, start: Array, tangent: Array, plain: float) -> Array:
-    """Magnitudes of the eigenvalues of the linearization along the free directions."""
+    """Return magnitudes of the eigenvalues of the linearization along the free directions."""
     r = tangent.shape[1]
     step = 1e-3
     moves = np.concatenate([tangent.T, -tangent.T]) * step

@@ -1,4 +1,4 @@
-"""One of the two files as what it says: its tree at the common position, its links and limits."""
+"""Contents of one of the two files: its tree at the common position, links and limits."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
-    """What a file says, and where its bodies are at the common position.
+    """Contents of a file, and the placement of its bodies at the common position.
 
     Attributes:
         label: "A" or "B".
         file: that was read.
-        facts: of the model as it is run.
-        tree: with the joints that are held standing still.
-        placed: the same at the common position.
-        parts: the file's links, by the tree's link that they are in.
-        springs: whether a sidecar adds some to those of the file.
+        facts: of the model as it runs.
+        tree: with the locked joints.
+        placed: the tree at the common position.
+        parts: the file's links, by the link of the tree that contains them.
+        springs: whether a sidecar adds springs to the file.
     """
 
     label: str
@@ -40,23 +40,23 @@ class Side:
     springs: bool
 
     def limits(self, name: str) -> tuple[float, float]:
-        """Bounds of a joint."""
+        """Return the bounds of a joint."""
         low, high = self.facts.limits[self.facts.coordinates.index(name)]
         return float(low), float(high)
 
     @property
     def order(self) -> list[int]:
-        """Where each of the tree's joints is among the engine's coordinates."""
+        """Indices of the tree's joints among the engine's coordinates."""
         return [self.facts.coordinates.index(name) for name in names_of(self.tree)]
 
 
 def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Array) -> Side | None:
-    """A file at a position; None where it is no tree with the engine's coordinates.
+    """Return a file at a position, or None if it is not a tree with the engine's coordinates.
 
     Args:
-        candidate: as it is run.
+        candidate: as it runs.
         facts: of it.
-        still: joints that are held, and where.
+        still: locked joints, with their positions.
         z: positions of its coordinates, (nz,).
     """
     robot = facts.robot
@@ -85,7 +85,7 @@ def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Arra
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """Two joints of which one follows from the other: B's position is slope * A's + offset."""
+    """Two joints related by a line: B's position is slope * A's + offset."""
 
     a: str
     b: str
@@ -94,7 +94,7 @@ class Pair:
 
 
 def pairs_of(match: Match, own: tuple[str, ...]) -> tuple[Pair, ...]:
-    """Joints of A and B that a match holds for one another, by straight lines.
+    """Return pairs of joints of A and B that a match relates by lines.
 
     Args:
         match: of coordinates.

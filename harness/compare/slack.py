@@ -1,4 +1,7 @@
-"""Starts where springs with play pull: of tendons, whose force has a kink at either end of it."""
+"""Initial positions at which tendon springs with play pull.
+
+The force has a kink at either end of the play.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,12 @@ from physics_crosscheck.harness.compare.side import pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 
 BEYOND = 0.5
-"""Share of the way from an end of the play to as far as joints go."""
+"""Share of the way from an end of the play to the end of the joints' range."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Spring:
-    """A length slope @ z + offset of the source's positions z, and between which it is slack."""
+    """A length slope @ z + offset of the source's positions z, and its range of play."""
 
     slope: Array
     offset: float
@@ -33,9 +36,9 @@ def taut_starts(
     Args:
         source, target: both models.
         match: of their coordinates.
-        home: from where positions are taken, (nz,).
-        reach: where they are drawn, (nz, 2).
-        limits: of the joints of both, infinite where there is none, (nz, 2).
+        home: base position, (nz,).
+        reach: sampling range, (nz, 2).
+        limits: of the joints of both, infinite where there is no limit, (nz, 2).
     """
     found = dict.fromkeys(
         tuple(start.tolist())
@@ -47,7 +50,7 @@ def taut_starts(
 
 
 def _springs(own: Facts) -> Iterator[_Spring]:
-    """Yield springs with play along joints of one model, by its own positions."""
+    """Yield springs with play along joints of one model, in its own positions."""
     if own.compiled is None:
         return
     joints = [joint.name for body in own.compiled.bodies for joint in body.joints]
@@ -63,7 +66,7 @@ def _springs(own: Facts) -> Iterator[_Spring]:
 
 
 def _springs_of_target(source: Facts, target: Facts, match: Match) -> Iterator[_Spring]:
-    """Yield those of the target by the source's positions."""
+    """Yield the target's springs in the source's positions."""
     pairs = pairs_of(match, source.coordinates)
     for spring in _springs(target):
         slope, offset = np.zeros(len(source.coordinates)), 0.0
@@ -81,12 +84,12 @@ def _springs_of_target(source: Facts, target: Facts, match: Match) -> Iterator[_
 def _taut(
     spring: _Spring, side: float, home: Array, reach: Array, limits: Array
 ) -> Sequence[Array]:
-    """Return a position beyond one end of the play, where joints go so far."""
+    """Return a position beyond one end of the play, if the joints' range permits it."""
     slope, end = side * spring.slope, max(side * spring.rest[0], side * spring.rest[1])
     now = float(slope @ home) + side * spring.offset
     free = np.logical_and(slope != 0, np.isinf(limits).all(axis=1))
     if free.any():
-        # What has no limits goes as far as it takes.
+        # Joints without limits move as far as necessary.
         way = np.where(free, np.sign(slope) * (reach[:, 1] - reach[:, 0]) / 2, 0.0)
         far = max(end, now) + BEYOND * float(slope @ way)
     else:

@@ -1,4 +1,4 @@
-"""Terms of the equations of two models held against each other: which differ, and by how much."""
+"""Comparison of the terms of two models' equations: which differ, and by how much."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Term:
         message: a sentence.
         a, b: its values in both models.
         uncertainty: of their difference.
-        effect: the difference, as a share of the forces of the motions compared.
+        effect: the difference, as a share of the forces of the compared motions.
     """
 
     kind: str
@@ -40,11 +40,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Frame:
-    """In what the terms are told: r joints, and where they were measured.
+    """Joints and states at which terms are measured.
 
     Attributes:
         names: of the joints, (r,).
-        places: their positions at the N states, (N, r).
+        places: joint positions at the N states, (N, r).
         unit: size of their motions, (r,).
         typical: typical rate, rad/s.
     """
@@ -56,14 +56,14 @@ class Frame:
 
 
 def terms(a: Mechanics, b: Mechanics, frame: Frame) -> tuple[Term, ...]:
-    """Every term that differs by more than its uncertainty, worst first."""
+    """Return the terms that differ by more than their uncertainty, worst first."""
     constraint = tuple(_constraint(a, b))
     if constraint:
         return constraint
     found = _Pair(a, b, frame)
     every = [*found.inertia(), *found.resistance()]
     if any(term.kind == "friction" for term in every):
-        pass  # it holds what is at rest, and would pass for any force there
+        pass  # at rest it balances any force, so that springs are unknown
     elif a.unweighted is not None and b.unweighted is not None:
         every += found.springs(a.unweighted, b.unweighted, "spring")
         every += found.pointwise(
@@ -71,7 +71,7 @@ def terms(a: Mechanics, b: Mechanics, frame: Frame) -> tuple[Term, ...]:
         )
     else:
         every += found.springs(a.rest, b.rest, "force")
-    # Six digits: terms of like legs keep their order, whatever the last digits are.
+    # Round to six digits, so that last digits do not change the order of like legs.
     return tuple(sorted(every, key=lambda term: -float(f"{term.effect:.5e}")))
 
 
@@ -99,7 +99,7 @@ def _less(one: Estimate, other: Estimate) -> Estimate:
 
 
 class _Pair:
-    """Two models measured alike."""
+    """Measurements of two models."""
 
     def __init__(self, a: Mechanics, b: Mechanics, frame: Frame) -> None:
         self.a, self.b, self.frame = a, b, frame
@@ -107,7 +107,7 @@ class _Pair:
         self.forces = np.maximum(np.nan_to_num(inertia), 1e-300) * frame.unit * frame.typical**2
 
     def inertia(self) -> Iterator[Term]:
-        """Entries of the mass matrix."""
+        """Yield differing entries of the mass matrix."""
         a, b, frame = self.a.mass, self.b.mass, self.frame
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
         for i, one in enumerate(frame.names):
@@ -132,13 +132,13 @@ class _Pair:
                 )
 
     def resistance(self) -> Iterator[Term]:
-        """Damping, and what depends on the velocity otherwise."""
+        """Yield differences of damping, and of other forces that depend on the velocity."""
         a, b, frame = self.a.odd, self.b.odd, self.frame
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
         differing = np.abs(a.value - b.value) > error
         for i, one in enumerate(frame.names):
             for j, other in enumerate(frame.names):
-                # At the higher speed, of which the value is told.
+                # At the higher speed, for which the value is reported.
                 base = _worst((a.value - b.value)[:, 1, j, i], error[:, 1, j, i])
                 if base is None:
                     continue
@@ -149,7 +149,7 @@ class _Pair:
                 )
                 symmetric = differing[..., i, j].any()
                 if j < i and symmetric and not bent:
-                    continue  # told already, the other way round
+                    continue  # already reported as (j, i)
                 speed = SPEEDS[1] * frame.unit[j] * frame.typical
                 here, there = (float(-m.value[base, 1, j, i]) for m in (a, b))
                 doubt = float(error[base, 1, j, i])
@@ -181,7 +181,7 @@ class _Pair:
                     )
 
     def springs(self, a: Estimate, b: Estimate, kind: str) -> Iterator[Term]:
-        """Stiffness where the forces are linear in the positions, else the forces themselves."""
+        """Yield differences of stiffness if forces are linear in the positions, else of forces."""
         frame = self.frame
         count, r = frame.places.shape
         design = np.hstack([frame.places / frame.unit, np.ones((count, 1))])
@@ -220,7 +220,7 @@ class _Pair:
     def pointwise(
         self, a: Estimate, b: Estimate, kind: str, only: int | None = None
     ) -> Iterator[Term]:
-        """Forces at the state where they differ most."""
+        """Yield differing forces, at the state with the largest difference."""
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
         for i, one in enumerate(self.frame.names):
             if only is not None and i != only:
@@ -262,7 +262,7 @@ class _Pair:
 
 
 def _worst(miss: Array, error: Array) -> int | None:
-    """The state where a difference is largest, of those where it is certain."""
+    """Return the state with the largest certain difference."""
     with np.errstate(invalid="ignore"):
         certain = np.abs(miss) > error
     if not certain.any():
@@ -271,7 +271,7 @@ def _worst(miss: Array, error: Array) -> int | None:
 
 
 def apart(here: float, there: float, doubt: float) -> tuple[str, str]:
-    """Both numbers, with as many digits as show the difference; what is uncertain is 0."""
+    """Format both numbers with enough digits to show the difference; uncertain ones are 0."""
     here, there = (0.0 if abs(x) <= doubt else x for x in (here, there))
     size = max(abs(here), abs(there))
     share = abs(here - there) / size if size else 0.0
@@ -286,7 +286,7 @@ def _share(here: float, there: float, doubt: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A relative change as people say it."""
+    """Format a relative change."""
     if abs(share) >= 1e-4:
         return f"{100 * share:+.3g} %"
     return f"{share:+.1e}"

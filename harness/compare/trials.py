@@ -1,4 +1,4 @@
-"""Differences of the files tried out: made in a copy of A, to see whether A then moves as B."""
+"""Trials of file differences: applied to a copy of A, to see whether it then moves as B."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineError, Mode
 
 @dataclass(frozen=True, kw_only=True)
 class TrialTask:
-    """What a worker needs to try some differences at once in one model.
+    """Input of a worker that tries some differences at once in one model.
 
     Attributes:
-        side: the model that is edited.
-        edits: made together; none for the model as it is.
+        side: the model to edit.
+        edits: applied together; () for the unchanged model.
         runs: in its own coordinates.
-        match: how the coordinates of the comparison are read; None: they are its own.
-        joints: how many coordinates it has.
-        near: ends near which angles are taken, (K, 2m).
+        match: conversion to the coordinates of the comparison; None: they are equal.
+        joints: number of its coordinates.
+        near: end states near which angles are taken, (K, 2m).
         periodic: of the coordinates of the comparison.
-        other: at what B's actuators are held, as settings.
-        whole: whether all differences are made, so that actuators are those of B.
+        other: settings that hold B's actuators.
+        whole: whether all differences are applied, so that actuators are those of B.
     """
 
     candidate: Candidate
@@ -48,13 +48,13 @@ class TrialTask:
 
 @dataclass(frozen=True)
 class Trial:
-    """What an edit does.
+    """Effect of an edit.
 
     Attributes:
-        edits: those made.
-        moved: largest change of A's ends, relative to how far the components move.
-        explained: share of the discrepancy that is gone; 1 is all of it.
-        not_tried: why it could not be tried, or empty.
+        edits: applied edits.
+        moved: largest change of A's end states, relative to how far the components move.
+        explained: share of the discrepancy that disappears; 1 is all of it.
+        not_tried: reason why it could not be tried, or empty.
     """
 
     edits: tuple[Edit, ...]
@@ -64,10 +64,10 @@ class Trial:
 
 
 def tried(task: TrialTask) -> Array:
-    """Ends (K, 2m) of the runs with some edits made in a copy.
+    """Return end states (K, 2m) of the runs with some edits applied to a copy.
 
     Raises:
-        EngineError: where the edited model can't be run.
+        EngineError: if the edited model cannot run.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         try:
@@ -78,7 +78,7 @@ def tried(task: TrialTask) -> Array:
         except CompareError:
             raise
         except (RuntimeError, ValueError) as error:
-            # Its place is the copy's, which is gone then: the file's own name is enough.
+            # Drop the path of the temporary copy: the file's own name is enough.
             raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
     if task.match is not None:
         n = task.runs.z.shape[1]
@@ -87,10 +87,10 @@ def tried(task: TrialTask) -> Array:
 
 
 def _loaded(task: TrialTask, edited: Candidate) -> Model:
-    """Return the edited model, its actuators held as A's, or as B's where they are B's.
+    """Return the edited model, with its actuators held as A's, or as B's where they are B's.
 
     Raises:
-        EngineError: where it can't be loaded, or has as many as neither.
+        EngineError: if it cannot be loaded, or its number of actuators is neither A's nor B's.
     """
     as_b = edited.at(**task.other) if task.other else edited
     try:
@@ -105,7 +105,7 @@ def _loaded(task: TrialTask, edited: Candidate) -> Model:
 
 
 def _completed(task: TrialTask) -> dict[str, object]:
-    """Return B's settings, and of as many numbers A's: its actuators keep their order."""
+    """Return B's settings, or A's of equal length, since its actuators keep their order."""
     own = task.candidate.sidecar.spec(task.candidate.engine).settings
     return {
         key: mine if isinstance(mine := own.get(key), list) and len(mine) == len(its) else its
@@ -114,11 +114,11 @@ def _completed(task: TrialTask) -> dict[str, object]:
 
 
 UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
-"""What is said of another number of actuators."""
+"""Error for a wrong number of actuators."""
 
 
 def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:
-    """A copy of the model with edits made; what lies beside it is linked to."""
+    """Return a copy of the model with edits; link to the other files of its folder."""
     model = candidate.sidecar.model
     for entry in model.parent.resolve().iterdir():
         hidden = entry.name.startswith(".")
@@ -145,7 +145,7 @@ def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candid
 def attribute_difference(
     edits: tuple[Edit, ...], found: Array, a: Array, b: Array, scale: Array, floor: float
 ) -> Trial:
-    """What edits did to the discrepancy: ends of A edited, of A and of B, (K, 2m) each.
+    """Return the effect of edits: end states of A edited, of A and of B, (K, 2m) each.
 
     Below `floor`, relative to `scale`, nothing is certain.
     """
