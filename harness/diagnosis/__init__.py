@@ -1,1 +1,1 @@
-"""From a discrepancy to its cause: samples, hypotheses, fits, and the record of them."""
+"""Diagnosis of discrepancies: samples, hypotheses, fits, and their records."""

@@ -1,4 +1,4 @@
-"""What a model does, in as few numbers as tell whether it does something else."""
+"""Behaviour of a model, in few numbers, to detect whether another behaves differently."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 POSED = 8
-"""States at which frames are looked up: extremes of the motions are among the first."""
+"""States at which poses of frames are evaluated; extremes of the motions are among the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """The positions and velocities at which a model is asked, (S, nz) each, and its frames.
+    """Positions and velocities at which a model is evaluated, (S, nz) each, and its frames.
 
     Attributes:
-        h: step, s: of the model as it is, since a number may be the step.
-        resolution: a change that counts, relative.
+        h: step of the unmodified model, s; a number of the file may be the step.
+        resolution: smallest relative change that counts.
     """
 
     z: Array
@@ -34,7 +34,7 @@ class Probe:
     resolution: float
 
     def loaded(self, sidecar: Sidecar) -> Model | None:
-        """A model, or None where the engine refuses it."""
+        """Return the loaded model, or None if the engine rejects it."""
         try:
             model = self.engine.load(sidecar.spec(self.engine.name))
         except (EngineError, SidecarError):
@@ -42,7 +42,7 @@ class Probe:
         return model if len(model.coordinates) == self.z.shape[1] else None
 
     def of(self, model: Model) -> Behaviour:
-        """What it does; its frames are looked up when that is asked, with the model still there."""
+        """Evaluate a model; its poses are evaluated on demand, while it is still loaded."""
         q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
         return Behaviour(
             moved=(q[:, 0] - self.z) / self.h,
@@ -59,11 +59,11 @@ class Probe:
 
 @dataclass(frozen=True, eq=False)
 class Behaviour:
-    """What a model does at some states.
+    """Behaviour of a model at some states.
 
     Attributes:
-        moved, pushed: changes of positions and velocities over a step, a second, (S, nz).
-        look: origins of the frames, and their rotations.
+        moved, pushed: rates of change of positions and velocities over a step, (S, nz).
+        look: returns origins of the frames and their rotations.
     """
 
     moved: Array
@@ -76,12 +76,12 @@ class Behaviour:
         return self.look()
 
     def moves_as(self, other: Behaviour, resolution: float) -> bool:
-        """Whether the motions are the same, to a share of the largest rate."""
+        """Return whether the motions agree, within a share of the largest rate."""
         pairs = ((self.moved, other.moved), (self.pushed, other.pushed))
         return all(_alike(one, two, resolution) for one, two in pairs)
 
     def poses_as(self, other: Behaviour, resolution: float) -> bool:
-        """Whether the frames are where those of another are, to a share of the largest distance."""
+        """Return whether the frames agree, within a share of the largest distance."""
         pairs = zip(self.posed, other.posed, strict=True)
         return all(one.shape == two.shape and _alike(one, two, resolution) for one, two in pairs)
 

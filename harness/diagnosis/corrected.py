@@ -1,7 +1,7 @@
-"""The motion corrected with the value that a diagnosis found, to show that it explains the motion.
+"""Motion corrected with a diagnosed value, which shows that this value explains the motion.
 
-Where the cause is a number of the equations, they are solved again with the estimate. Otherwise the
-model is run again, repaired.
+If the cause is a number of the equations, these are solved with the estimate. Otherwise the
+repaired model runs again.
 """
 
 from __future__ import annotations
@@ -27,21 +27,19 @@ from physics_crosscheck.reference.solving.variants import Variants
 
 SAMPLES = 240
 TOLERANCE = 1e-10
-"""Of the corrected motion, relative: far below what a plot can show."""
+"""Relative tolerance of the corrected motion, far below the resolution of a plot."""
 
 BEYOND = 1e3
-"""A corrected motion that leaves by so many amplitudes ends there."""
+"""Number of amplitudes at which a diverging corrected motion ends."""
 
 
 def correct_motion(
     trial_model: TrialModel, motions: Mapping[str, Motion], ranking: Ranking
 ) -> CorrectedMotion | None:
-    """Motions and defects with the estimate of the best fit put in.
-
-    Returns None where nothing is explained.
+    """Return motions and defects corrected with the best fit's estimate, or None without one.
 
     Raises:
-        EngineError, BlownUpError: naming what could not be run.
+        EngineError, BlownUpError: for a failing run.
     """
     if not ranking.explained:
         return None
@@ -63,7 +61,7 @@ def correct_motion(
 
 
 def causes(fit: Fit) -> tuple[Cause, ...]:
-    """The causes of a fit, with the values that it found."""
+    """Return the causes of a fit, with the fitted values."""
     found = zip(fit.hypotheses, fit.estimates, fit.standard_errors, strict=True)
     return tuple(
         Cause(
@@ -79,7 +77,7 @@ def causes(fit: Fit) -> tuple[Cause, ...]:
 
 
 def _chosen(trial_model: TrialModel, ranking: Ranking) -> tuple[Fit, bool]:
-    """The best fit that is of the equations, if one is as good as the best; else the best."""
+    """Return the best fit, or an equally good one of the equations only; and whether it is one."""
     best = ranking.fits[0]
     for fit in ranking.fits:
         alike = fit.remaining <= max(3 * best.remaining, 3 * ranking.floor)
@@ -89,10 +87,10 @@ def _chosen(trial_model: TrialModel, ranking: Ranking) -> tuple[Fit, bool]:
 
 
 def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Array]:
-    """(t, states) of the equations at other parameters, from where the motion starts."""
+    """Solve the equations at other parameters from the motion's initial state: (t, states)."""
     state = motion.start[0]
     n = len(state) // 2
-    from scipy.integrate import solve_ivp  # a part of a second, in every command
+    from scipy.integrate import solve_ivp  # slow import
 
     limit = BEYOND * np.maximum(motion.amplitude, 1e-12)
     times = np.linspace(0.0, motion.duration, SAMPLES)
@@ -104,7 +102,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
         short = 1e-9 * span.length
 
         def field(t: float, y: Array, end: float = stop - short) -> Array:
-            # Up to the end of a span its own input holds, not the next one's.
+            # Up to its end a span uses its own input, not that of the next span.
             u = motion.inputs(np.array([min(t, end)]))
             a = variants.acceleration(y[None, :n], y[None, n:], u, np.array([[t]]), point[None])
             return np.concatenate([y[n:], a[0]])
@@ -169,7 +167,7 @@ def _scenarios(
 
 
 def _rows(states: Array, digits: int) -> Rows:
-    """A row a component."""
+    """Return a row per component."""
     return tuple(_short(row, digits) for row in states.T)
 
 

@@ -1,4 +1,4 @@
-"""Numbers of a model's files, counted by what sees them."""
+"""Count of the numbers in a model's files, by the check that tests them."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 
 STATES = 24
-"""States at which a model is asked, beside each component's extremes."""
+"""States at which a model is evaluated, in addition to each component's extremes."""
 
 SHOWN = 3
-"""Numbers that are named as examples of a reason."""
+"""Maximum number of examples of a reason."""
 
 _MODEL = re.compile(r"(settings|spring)\b.*")
-"""What of a sidecar is the model's."""
+"""Entries of a sidecar that belong to the model."""
 
 _DIRECTION = re.compile(r".*axis\w*(@.*)?")
-"""Numbers of which the direction counts, and not the length."""
+"""Numbers that define a direction, without regard to length."""
 
 _STEP = {r"settings(\.\w+)?\.step": "time step"}
 
 _NAMED = tuple(say.value for say in (Say.NONE, Say.FAINT, Say.FIXED, Say.REFUSED))
-"""Reasons for which each number that has an address is named."""
+"""Reasons for which each number with an address is listed."""
 
 
 def count_numbers(task: AuditTask) -> Coverage:
-    """Move every number of a model's files, and count those that something follows from.
+    """Change each number of a model's files, and count those with an effect.
 
     Raises:
-        EngineError, SidecarError, LocationError: naming file, place and remedy.
+        EngineError, SidecarError, LocationError: with file, place and remedy.
     """
     engine = engines()[task.engine]
     model = engine.load(task.sidecar.spec(task.engine))
@@ -59,12 +59,12 @@ def count_numbers(task: AuditTask) -> Coverage:
     reasons = [reason_of(one.path, idle) for one in found]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         base = probe.of(model)
-        _ = base.posed  # now: in some engines the next model ends this one
+        _ = base.posed  # before some engines unload this model
         trials = Trials(task.sidecar, found, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in found]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([i for i in tried if reasons[i]])
-        # What stands for a constant has a say, as a rule: it is not looked for among others.
+        # Nudge bound numbers one by one: most have an effect, so that groups of them save no time.
         for i in tried:
             if not reasons[i] and _place(found[i]) in bound:
                 trials.nudge([i])
@@ -88,7 +88,7 @@ def count_numbers(task: AuditTask) -> Coverage:
 
 
 def _some(states: Array) -> Array:
-    """Some of the motions' states, with the extremes of every component."""
+    """Return some states of the motions, including the extremes of each component."""
     extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
     spread = np.linspace(0, len(states) - 1, STATES).astype(int)
     return states[list(dict.fromkeys([*extremes, *spread]))]
@@ -97,14 +97,14 @@ def _some(states: Array) -> Array:
 def _frames(system: System, sidecar: Sidecar) -> SidecarFrames:
     try:
         return sidecar_frames(system, sidecar)
-    except SidecarError:  # the audit tells of it
+    except SidecarError:  # the audit reports it
         return SidecarFrames(targets=(), axes=np.eye(3), origin=np.zeros(3))
 
 
 def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
-    """Those of the model file and of those it includes, and of the sidecar for this engine.
+    """Return numbers of the model file and its includes, and of the sidecar for this engine.
 
-    Of the sidecar its settings and springs.
+    Of the sidecar, return only settings and springs.
     """
     others = tuple(f"settings.{name}." for name in sidecar.engine_settings if name != engine)
     own = (
@@ -118,10 +118,10 @@ def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
 
 
 def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
-    """File and first byte of every number that is bound."""
+    """Return file and first byte of each bound number."""
     try:
         places = locate(sidecar, sidecar.bindings)
-    except (LocationError, SidecarError):  # the audit tells of it
+    except (LocationError, SidecarError):  # the audit reports it
         return frozenset()
     return frozenset((str(place.file), place.start) for place in places.values())
 
@@ -132,14 +132,14 @@ def _place(literal: Literal) -> tuple[str, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class CountedNumber:
-    """A number of a file, and what depends on it.
+    """A number of a file, and its effect.
 
     Attributes:
-        path: the tags that lead to it and its attribute.
-        address: what it is called; empty for none.
-        line: where it stands, such as `rod.xml:12`.
-        say: what depends on it.
-        bound: whether it is held against a formula.
+        path: tags of its ancestors and its attribute.
+        address: its address; empty if it has none.
+        line: its place, such as `rod.xml:12`.
+        say: its effect.
+        bound: whether it is compared with a formula.
     """
 
     path: str
@@ -150,12 +150,12 @@ class CountedNumber:
 
 
 def reason_of(path: str, idle: Mapping[str, str]) -> str:
-    """Return what numbers of a kind are for on which no motion needs to depend; "" if unknown."""
+    """Return the purpose of numbers that need not affect motions, or "" if unknown."""
     return next((why for kind, why in idle.items() if re.fullmatch(kind, path)), "")
 
 
 def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Coverage:
-    """Return the counts of numbers: each once, by what tests it, or by why nothing does."""
+    """Count each number once, by the check that tests it, or by the reason that none does."""
     counts = {"motion": 0, "audit": 0, "frames": 0}
     untested: dict[str, list[CountedNumber]] = {}
     for one in found:
@@ -181,9 +181,9 @@ def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Cover
 
 
 def _examples(why: str, them: Sequence[CountedNumber]) -> tuple[str, ...]:
-    """What some are called: element and attribute, a name, or a line.
+    """Return examples of untested numbers: element and attribute, a name, or a line.
 
-    Each by its address, where what numbers of its kind are for is not the reason.
+    Return all addresses if the reason is not the purpose of such numbers.
     """
     if them[0].address and why in _NAMED:
         return tuple(one.address for one in them)

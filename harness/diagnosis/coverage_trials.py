@@ -1,4 +1,4 @@
-"""A model's numbers moved, many at once where nothing follows from any of them."""
+"""Trials of changed numbers, in groups as long as none of them has an effect."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from physics_crosscheck.harness.modelfiles.locations import Literal
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 
 NUDGE = 1e-3
-"""Share of its size by which a number is moved, or this where it is zero."""
+"""Relative change of a number, or absolute change of zero."""
 
 PATIENCE = 2.0
-"""Processor seconds after which numbers are left untried."""
+"""Processor seconds after which the remaining numbers are not tried."""
 
 _GOLDEN = 0.6180339887498949
-"""Spreads the sizes of moves, so that those of two numbers don't cancel."""
+"""Spreads the sizes of changes, so that two of them do not cancel."""
 
 
 class Say(Enum):
-    """What depends on a number."""
+    """Effect of a number."""
 
     MOTION = "motion"
     FRAMES = "frames"
@@ -37,15 +37,15 @@ class Say(Enum):
 
 
 class Trials:
-    """Copies of a model with some numbers moved.
+    """Copies of a model with changed numbers.
 
     Args:
         numbers: of the model's files.
-        base: what the model does as it is.
+        base: behaviour of the unmodified model.
         folder: for the copies.
 
     Attributes:
-        said: what depends on each number, by its index; those not tried are not in it.
+        said: effect of each tried number, by its index.
     """
 
     def __init__(
@@ -65,11 +65,11 @@ class Trials:
         self._end = time.process_time() + PATIENCE
 
     def nudge(self, group: Sequence[int]) -> None:
-        """Move numbers a little, those that the engine refuses to the next whole number."""
+        """Nudge numbers; change those that the engine rejects to the next whole number."""
         self._halve(group, lambda i: _moved(self._numbers[i], i))
 
     def flip(self, group: Iterable[int]) -> None:
-        """Change the signs of numbers that no nudge showed."""
+        """Change the signs of numbers whose nudge had no effect."""
         quiet = [i for i in group if self.said.get(i) is Say.NONE]
         self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
 
@@ -91,7 +91,7 @@ class Trials:
             self.said[group[0]] = say
 
     def _tried(self, words: Mapping[int, str]) -> Say:
-        """What depends on some numbers, written in other words."""
+        """Return the effect of some numbers with new text."""
         places = ((self._numbers[i].location, word) for i, word in words.items())
         texts = replace_numbers(self._texts, places)
         try:
@@ -107,7 +107,7 @@ class Trials:
 
 
 def _moved(literal: Literal, i: int) -> tuple[str, ...]:
-    """Other words for a number, in the order in which they are tried."""
+    """Return new texts for a number, in the order of trials."""
     value = literal.location.value
     step = NUDGE * (1 + (i * _GOLDEN) % 1)
     up, down = (value * (1 + step), value * (1 - step)) if value else (step, -step)

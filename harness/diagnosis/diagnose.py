@@ -1,9 +1,9 @@
-"""Name the cause of a discrepancy: from motions alone, by moving what might be wrong.
+"""Diagnosis of a discrepancy from motions: fit each hypothesis, and rank them.
 
-Every hypothesis is one number: a literal of the model file, moved in the engine's own model; or a
-constant, or a term that the equations lack, moved in the equations. Each is fitted to the defects
-of all scenarios together (Gauss-Newton), and the answer ranks them by what they leave. Where no
-single one leaves little enough, pairs are (`harness.diagnosis.pairs`).
+Each hypothesis is one number: a literal of the model file, changed in the engine's model, or a
+constant or missing term, changed in the equations. Each is fitted to the defects of all
+scenarios together (Gauss-Newton). The ranking is by the remaining discrepancy. If no single
+hypothesis explains it, pairs are fitted (`harness.diagnosis.pairs`).
 """
 
 from __future__ import annotations
@@ -26,47 +26,55 @@ from physics_crosscheck.harness.diagnosis.pairs import ALIKE, pairs
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 NAMED = 3e-3
-"""A cause is named when it leaves at most this share of the discrepancy, or the uncertainty."""
+"""Largest remaining share of the discrepancy, or the uncertainty, at which a cause is named."""
 
 RESOLVED = (1e-3, 1e-2, 1e-1)
-"""Ends that are known no better than this share of the largest defect are left out of the fit,
-such as where friction turns: they would drown the others. The first share is taken with which the
-discrepancy stands out at what is left: where all of it is small, it may be seen at no end that is
-known so well."""
+"""Uncertainties, as shares of the largest defect, above which end states are left out of the fit.
+
+Uncertain end states, such as those where friction changes sign, would dominate. The first share
+is used at which the discrepancy exceeds the uncertainty of the kept end states: a small
+discrepancy may not be visible at the most accurate ones.
+"""
 
 STANDS_OUT = 0.5
-"""Share of the discrepancy that the uncertainty is at most where it does."""
+"""Largest ratio of uncertainty to discrepancy at which the discrepancy is visible."""
 
 DOUBTFUL = 0.1
-"""What a cause may leave where the uncertainty is as large as the discrepancy. It is a bound: were
-the errors as large, every fit would leave as much, since they lie in no cause's direction."""
+"""Largest remaining share where the uncertainty is as large as the discrepancy.
+
+The uncertainty is a bound. Errors of its size would be part of no cause's effect, so that each
+fit would leave as much.
+"""
 
 SETTLED = 1e-6
-"""A cause that leaves at most this share, or the uncertainty, is all there is; what leaves more may
-hide a second one."""
+"""Largest remaining share, or the uncertainty, at which no second cause is sought."""
 
 APART = 10.0
-"""What leaves so many times more than the best is another cause, though the uncertainty, a bound,
-be larger: errors of that size the best would have left too."""
+"""Ratio of remaining shares at which causes are distinguished, whatever the uncertainty.
+
+The uncertainty is a bound: the best fit would leave errors of that size too.
+"""
 
 UNSEEN, FELT = 1e-9, 1e-3
-"""No motion depends on a number whose change by its own size does no more than this; on a switch
-that does no more than this share of the discrepancy."""
+"""Smallest effects: of a change by a number's own size; of a switch, as a share of the
+discrepancy."""
 
 REFINED = 6
-"""Single hypotheses that are fitted: the best by the linear fit, and those that look like them.
-More may be asked for, where fits are cheap."""
+"""Minimum number of single hypotheses to fit: the best ones of the linear fit.
+
+Hypotheses with the same effect are added. Callers with cheap fits request more.
+"""
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """The ranked answer.
+    """Ranked fits.
 
     Attributes:
-        fits: best first; the tied ones follow each other.
-        explained: whether the first leaves no more than `NAMED`, or than the uncertainty.
-        floor: share of the discrepancy that the uncertainty makes.
-        undone: what the engine does on its own, undone where the fits were made.
+        fits: best first; tied fits are adjacent.
+        explained: whether the first leaves at most `NAMED`, or the uncertainty.
+        floor: the uncertainty as a share of the discrepancy.
+        undone: behaviours of the engine that were switched off for the fits.
     """
 
     fits: tuple[Fit, ...]
@@ -76,12 +84,12 @@ class Ranking:
 
 
 def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:
-    """Rank hypotheses, and pairs of them, by what they leave of a discrepancy.
+    """Rank hypotheses, and pairs of them, by the discrepancy that they leave.
 
     Args:
-        problem: the discrepancy, with what each fault does.
+        problem: the discrepancy, with the effect of each fault.
         uncertainty: of the defect at each end, (N,).
-        refined: how many single hypotheses are fitted at least.
+        refined: minimum number of single hypotheses to fit.
     """
     whole = _resolved(problem, uncertainty)
     defect, slopes = whole.defect({}), whole.slopes({})
@@ -90,17 +98,17 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
     certain = accepted < 1
     accepted = accepted if certain else DOUBTFUL
     lengths = np.linalg.norm(slopes, axis=1)
-    # A switch makes all of its change, however small: what an engine rounds may be all there is.
+    # A switch applies its whole change, however small: an engine's rounding may be the only cause.
     small = min(UNSEEN, FELT * float(np.linalg.norm(defect)))
     least = [small if hypothesis.switch else UNSEEN for hypothesis in hypotheses]
     seen = [i for i, h in enumerate(hypotheses) if lengths[i] * h.size > least[i]]
     left = {i: left_linear(defect, [hypotheses[i]], slopes[[i]]) for i in seen}
     order = sorted(seen, key=lambda i: left[i])
-    # Whatever looks like the best is told with it, though it ranked below by the linear fit.
+    # Report hypotheses with the same effect as a good one, even if their linear fit is worse.
     alike = [
         i for i in order[refined:] if any(_alike(whole, slopes, i, j) for j in order[:refined])
     ]
-    # So is what holds or doesn't, and leaves as little: that is no coincidence.
+    # Also report switches that leave as little, which is no coincidence.
     told = [i for i in order[refined:] if hypotheses[i].switch and left[i] <= accepted]
     chosen = (*order[:refined], *alike, *told)
     tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in chosen]
@@ -115,7 +123,7 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
     first = min(single, key=lambda fit: fit.remaining)
     double = pairs(whole, slopes, seen, first, settled)
     if alone:
-        # A second, smaller fault may hide in what the first leaves.
+        # A second, smaller fault may explain the discrepancy that the first one leaves.
         better = bool(double) and double[0].remaining < best / 100
         return Ranking((*double, *single) if better else tuple(single), True, floor)
     if certain and double and double[0].remaining <= accepted:
@@ -124,12 +132,12 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
 
 
 def _start(hypothesis: Hypothesis) -> float:
-    """What was left in a file is most often not meant at all; any other fault is small at first."""
+    """Return the initial fault: all of an unbound literal's value; others are probably small."""
     return hypothesis.value if hypothesis.id.kind == "unbound literal" else 0.0
 
 
 def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
-    """Which ends are known well enough to tell causes: all, or those of smooth segments alone."""
+    """Restrict a problem to accurate end states: all, or only those of smooth segments."""
     defect = problem.defect({})
     whole = np.ones(len(defect), dtype=bool)
     chosen = whole
@@ -142,7 +150,7 @@ def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
 
 
 def _floor(defect: Array, uncertainty: Array, kept: Array) -> float:
-    """Share of the discrepancy at some ends that the uncertainty makes there."""
+    """Return the uncertainty at some end states as a share of the discrepancy."""
     size = np.linalg.norm(defect[kept])
     return float(np.linalg.norm(uncertainty[kept]) / size) if size else np.inf
 
@@ -153,7 +161,7 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
 
 
 def _ranked(problem: Resolved, found: list[Fit], slopes: Array, settled: float) -> list[Fit]:
-    """Best first; causes that can't be told apart side by side, the most specific before."""
+    """Sort fits, best first; among indistinguishable causes the most specific comes first."""
     best = min(fit.remaining for fit in found)
     enough = max(SETTLED, 3 * best, min(settled, APART * best))
 

@@ -1,4 +1,4 @@
-"""Fit faults to a discrepancy: by linear least squares, then on the models themselves."""
+"""Fits of faults to a discrepancy: by linear least squares, then on the models themselves."""
 
 from __future__ import annotations
 
@@ -15,16 +15,21 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 ITERATIONS = 8
 
 STALLED = 1e-3
-"""A fit ends with the step that takes off less than this share of what was left."""
+"""Minimum share of the remaining discrepancy that a step must remove to continue."""
 
 HALVED = 0.2
-"""How far a step may be from half the last one for two of them to be taken: so goes the way to a
-number of which the slope vanishes where it is right."""
+"""Relative distance of a step from half the previous one at which the step is doubled.
+
+Steps halve in this way near a number with zero slope at its right value.
+"""
 
 BEHIND = 30.0
 FAR = 0.05
-"""Once a cause is found, others are not pursued whose linear fit leaves more than so many times
-what its own did, and more than this share: a bend alone may leave less."""
+"""Limits for pursuing other fits once a cause is found: ratio of linear fits, and share left.
+
+Fits beyond both are not pursued. A linear fit may leave less than that share by
+nonlinearity alone.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +39,12 @@ class Hypothesis:
     Attributes:
         id: which number it is.
         value: its present value: in the file for a literal, in the equations otherwise.
-        size: a change that matters.
-        rank: what a tie is broken by; the most specific first.
-        where: lines of a literal; none otherwise.
-        correction: sign by which the fitted fault enters the estimate: a literal's right value is
+        size: a relevant change.
+        rank: order among ties; the most specific first.
+        where: lines of a literal; () otherwise.
+        correction: sign of the fitted fault in the estimate: a literal's right value is
             value - fault, a constant's apparent value is value + fault.
-        switch: whether it is true or not, a fault of 1 or none, and nothing between.
+        switch: whether its fault is either 0 or 1.
     """
 
     id: CauseId
@@ -52,31 +57,31 @@ class Hypothesis:
 
 
 class Problem(Protocol):
-    """A discrepancy, and what repairing faults makes of it; faults go by index of hypothesis."""
+    """A discrepancy, and its change by repaired faults, given by index of hypothesis."""
 
     @property
     def hypotheses(self) -> Sequence[Hypothesis]:
-        """What might be wrong."""
+        """Hypotheses that might explain the discrepancy."""
 
     def defect(self, faults: Mapping[int, float]) -> Array:
-        """Engine - reference at the ends of all segments with the faults repaired, scaled, (N,)."""
+        """Return engine - reference at all ends with repaired faults, scaled, (N,)."""
 
     def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
-        """How much of the defect a unit of each fault makes, near the given faults, (len(of), N).
+        """Return the defect per unit of each fault, near the given faults, (len(of), N).
 
-        To four digits or so. `of`: which hypotheses; None: all.
+        It is accurate to about four digits. `of`: indices of hypotheses; None: all.
         """
 
 
 @dataclass(frozen=True)
 class Resolved:
-    """A problem at those ends alone that are known well enough to tell causes.
+    """A problem, restricted to end states accurate enough to distinguish causes.
 
     Attributes:
-        problem: the whole.
-        kept: which ends count, (N,).
-        uncertainty: of those, (n,).
-        size: the norm of the discrepancy there.
+        problem: the unrestricted one.
+        kept: mask of end states, (N,).
+        uncertainty: of those kept, (n,).
+        size: norm of the discrepancy there.
     """
 
     problem: Problem
@@ -86,41 +91,41 @@ class Resolved:
 
     @property
     def hypotheses(self) -> Sequence[Hypothesis]:
-        """Those of the problem."""
+        """Hypotheses of the problem."""
         return self.problem.hypotheses
 
     @property
     def floor(self) -> float:
-        """Share of the discrepancy that the uncertainty makes."""
+        """The uncertainty as a share of the discrepancy."""
         return float(np.linalg.norm(self.uncertainty)) / self.size
 
     def defect(self, faults: Mapping[int, float]) -> Array:
-        """Those of the problem, at the ends that count, (n,)."""
+        """Return the problem's defect at the kept end states, (n,)."""
         kept: Array = self.problem.defect(faults)[self.kept]
         return kept
 
     def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
-        """Those of the problem, at the ends that count, (len(of), n)."""
+        """Return the problem's slopes at the kept end states, (len(of), n)."""
         kept: Array = self.problem.slopes(faults, of)[:, self.kept]
         return kept
 
     def left(self, defect: Array) -> float:
-        """The share of the discrepancy that a defect is."""
+        """Return a defect as a share of the discrepancy."""
         return float(np.linalg.norm(defect)) / self.size
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A hypothesis (or a pair of them) with what it leaves.
+    """A hypothesis or a pair of them, fitted.
 
     Attributes:
         members: indices of the hypotheses.
-        hypotheses: these one or two.
-        faults: fitted to each.
+        hypotheses: one or two.
+        faults: the fitted fault of each.
         estimates: the value of each that explains the motion.
         standard_errors: of each estimate.
-        remaining: share of the discrepancy that is left, root mean square over all segments.
-        tied_with: causes that no data of these scenarios tell apart from this one.
+        remaining: remaining share of the discrepancy, root mean square over all segments.
+        tied_with: causes that these scenarios cannot distinguish from this one.
     """
 
     members: tuple[int, ...]
@@ -133,19 +138,19 @@ class Fit:
 
     @property
     def causes(self) -> tuple[CauseId, ...]:
-        """Which causes they are."""
+        """Identifiers of the causes."""
         return tuple(hypothesis.id for hypothesis in self.hypotheses)
 
     @property
     def repair(self) -> dict[int, float]:
-        """The faults by index, as a problem takes them."""
+        """Faults by index, as for `Problem`."""
         return dict(zip(self.members, self.faults, strict=True))
 
 
 def left_linear(defect: Array, hypotheses: Sequence[Hypothesis], rows: Array) -> float:
-    """Share of a defect that the best linear fit of some hypotheses leaves.
+    """Return the share of a defect that the best linear fit of some hypotheses leaves.
 
-    A row of zeros takes nothing off: a number may lose its effect once it is repaired.
+    Rows of zeros are left out: a number may have no effect once it is repaired.
     """
     switches = np.array([hypothesis.switch for hypothesis in hypotheses])
     left = defect - rows[switches].sum(axis=0)
@@ -158,7 +163,7 @@ def left_linear(defect: Array, hypotheses: Sequence[Hypothesis], rows: Array) ->
 
 
 def cosine(a: Array, b: Array) -> float:
-    """Return |cosine| of the angle between two sensitivities; 0 where either is zero."""
+    """Return |cosine| of the angle between two sensitivities; 0 if either is zero."""
     sizes = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) / sizes if sizes else 0.0
 
@@ -166,12 +171,12 @@ def cosine(a: Array, b: Array) -> float:
 def refine(
     problem: Resolved, start: Mapping[int, float], slopes: Array, iterations: int = ITERATIONS
 ) -> Fit:
-    """Fit the faults of some hypotheses by Gauss-Newton, each step tried on the models themselves.
+    """Fit the faults of some hypotheses by Gauss-Newton, checking each step on the models.
 
     Args:
-        problem: with what each fault does.
-        start: where to begin; switches are set, and stay.
-        slopes: there, (H, n).
+        problem: with the effect of each fault.
+        start: initial faults; switches are set to 1.
+        slopes: at these, (H, n).
         iterations: at most.
     """
     members = list(start)
@@ -198,7 +203,7 @@ def refine(
         small = np.linalg.norm(left) <= np.linalg.norm(problem.uncertainty)
         if moved < 1e-12 or stalled or small or iterations == 1 or not free:
             break
-        # The slopes at the new place: the faults may be large.
+        # Faults may be large: evaluate the slopes at the new values.
         at = dict(zip(members, faults.tolist(), strict=True))
         jacobian[:, movable] = (problem.slopes(at, free) * scales[movable, None]).T
     return _fit(problem, members, faults, jacobian, left)
@@ -207,7 +212,7 @@ def refine(
 def _fit(
     problem: Resolved, members: Sequence[int], faults: Array, jacobian: Array, left: Array
 ) -> Fit:
-    """What is told of faults that leave so much, (n,); slopes in units of sizes, (n, m)."""
+    """Build a fit from faults and the defect they leave, (n,); slopes in units of sizes, (n, m)."""
     hypotheses = [problem.hypotheses[i] for i in members]
     scales = np.array([hypothesis.size for hypothesis in hypotheses])
     variance = float(np.sum(left**2)) / max(len(left) - len(hypotheses), 1)
@@ -228,7 +233,7 @@ def _fit(
 
 
 def _linear(problem: Resolved, one: Try) -> Fit:
-    """The linear fit around no fault, tried on no model."""
+    """Return the linear fit around zero faults, without running a model."""
     members = list(one.start)
     hypotheses = [problem.hypotheses[i] for i in members]
     scales = np.array([hypothesis.size for hypothesis in hypotheses])
@@ -244,7 +249,7 @@ def _linear(problem: Resolved, one: Try) -> Fit:
 def _descended(
     residual: Callable[[Array], Array], faults: Array, left: Array, step: Array, share: float
 ) -> tuple[Array, Array]:
-    """Faults some steps further, or a part of that, where it leaves less; with what they leave."""
+    """Return faults after some steps, or a part of them if it leaves less, and their defect."""
     for _ in range(5):
         candidate = faults + share * step
         tried = residual(candidate)
@@ -256,12 +261,12 @@ def _descended(
 
 @dataclass(frozen=True)
 class Try:
-    """Where a fit may begin.
+    """Initial values of a fit.
 
     Attributes:
         left: share of the discrepancy that its linear fit leaves.
         start: faults by index of hypothesis.
-        slopes: of all hypotheses there, (H, n).
+        slopes: of all hypotheses at the start, (H, n).
     """
 
     left: float
@@ -270,9 +275,9 @@ class Try:
 
 
 def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list[Fit]:
-    """Fit each, the most promising first.
+    """Fit each start, the most promising first.
 
-    Once one has left no more than `settled`, those that fall far behind it are told, not pursued.
+    Once a fit leaves at most `settled`, starts with a far worse linear fit keep that fit.
     """
     enough = np.inf
     found = []

@@ -1,4 +1,4 @@
-"""Two faults at once: which pairs leave least, and what could stand in for either of them."""
+"""Fits of two faults at once, and alternatives to either of them."""
 
 from __future__ import annotations
 
@@ -21,37 +21,38 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 ALIKE = 1e-6
-"""1 - |cosine| of two sensitivities below which no data of these scenarios tell them apart."""
+"""Limit of 1 - |cosine| below which these scenarios cannot distinguish two sensitivities."""
 
 PARALLEL = 1e-4
-"""1 - |cosine| of two sensitivities above which a pair of them says more than one."""
+"""Limit of 1 - |cosine| above which two sensitivities are fitted as a pair."""
 
 FITTED = 4
-"""Pairs that are fitted, of those that look best at the model as it is, and of those that look best
-once the best single fault is repaired."""
+"""Number of pairs to fit at zero faults, and as many around the best single fault."""
 
 HALF = 0.5
-"""A single fault that leaves more is none that bends what others show; of a pair that leaves more,
-it is not asked what could stand in for it."""
+"""Remaining share above which fits are not used as a base for other fits.
+
+Neither pairs around such a single fault nor alternatives to members of such a pair are sought.
+"""
 
 SHORTLISTED = 40
-"""Pairs of which it is worked out to all digits how good they look."""
+"""Number of pairs whose linear fit is evaluated to full accuracy."""
 
 
 def pairs(
     problem: Resolved, slopes: Array, seen: Sequence[int], first: Fit, settled: float
 ) -> list[Fit]:
-    """The pairs that leave least, best first, and the best with its ties.
+    """Return the pairs that leave least, best first, and the best with its ties.
 
-    A large fault bends what a small one beside it would show, so pairs are also looked for around
-    the best single fault, with everything's slope as it is once that is repaired.
+    A large fault changes the effect of a small one. Therefore pairs are also sought around the best
+    single fault, with all slopes evaluated after its repair.
 
     Args:
-        problem: with what each fault does.
-        slopes: at no fault, (H, n).
+        problem: with the effect of each fault.
+        slopes: at zero faults, (H, n).
         seen: hypotheses that have an effect.
         first: the best single fit.
-        settled: share of the discrepancy that can't be told from nothing.
+        settled: negligible share of the discrepancy.
     """
     chosen, after, near = _around_nothing(problem, slopes, seen), slopes, list(seen)
     if first.remaining <= HALF:
@@ -84,7 +85,7 @@ def pairs(
 
 
 def _slopes_at(problem: Resolved, fit: Fit, seen: Sequence[int]) -> Array:
-    """Of what has an effect, once a fit is repaired, (H, n); zero of the others."""
+    """Return slopes after repair of a fit, (H, n), zero for hypotheses without effect."""
     rows = problem.slopes(fit.repair, seen)
     found = np.zeros((len(problem.hypotheses), rows.shape[1]))
     found[list(seen)] = rows
@@ -94,7 +95,7 @@ def _slopes_at(problem: Resolved, fit: Fit, seen: Sequence[int]) -> Array:
 def classes(
     hypotheses: Sequence[Hypothesis], slopes: Array, seen: Sequence[int]
 ) -> dict[int, list[int]]:
-    """The most specific of each class of causes that look alike, with the others of its class."""
+    """Return classes of causes with the same effect: the most specific -> the others."""
     order = sorted(seen, key=lambda k: hypotheses[k].rank)
     if not order:
         return {}
@@ -115,7 +116,7 @@ def classes(
 
 
 def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> list[Try]:
-    """Pairs by what their linear fit leaves of the whole discrepancy."""
+    """Return starts with the pairs whose linear fit leaves least of the discrepancy."""
     defect, chosen = problem.defect({}), list(classes(problem.hypotheses, slopes, seen))
     switches = np.array([problem.hypotheses[i].switch for i in chosen], dtype=bool)
     left = _left_by_pairs(defect, slopes[chosen], switches)
@@ -131,9 +132,9 @@ def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> li
 
 
 def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> Array:
-    """What the linear fit of each pair leaves, squared, (C, C); infinite where it is no pair.
+    """Return the squared remainder of each pair's linear fit, (C, C); infinite for invalid pairs.
 
-    By products of the rows, and so to half the digits: enough to find those that look best.
+    It is computed from products of the rows, to half the digits, which suffices for a shortlist.
     """
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
     units = rows / sizes
@@ -142,7 +143,7 @@ def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> A
     with np.errstate(all="ignore"):
         taken = along[:, None] ** 2 + along**2 - 2 * cosines * along[:, None] * along
         left = whole - taken / flat
-        # A switch takes its whole row off; a free one beside it, what it can of the rest.
+        # A switch removes its whole row; a free hypothesis with it, what it can of the rest.
         off = whole - 2 * size * along + size**2
         rest = along - size[:, None] * cosines
         beside = off[:, None] - rest**2
@@ -156,7 +157,7 @@ def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> A
 
 
 def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) -> list[Try]:
-    """Second faults by what they leave once the first is repaired, with the first free to move."""
+    """Return starts with the best second faults, after repair of the first, which stays free."""
     (i,) = first.members
     defect = problem.defect(first.repair)
     tries = []
@@ -173,7 +174,7 @@ def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) ->
 def _stand_ins(
     hypotheses: Sequence[Hypothesis], best: Fit, after: Array, seen: Sequence[int]
 ) -> Iterator[CauseId]:
-    """Causes that either of a pair could be replaced by: their effect is made up of the pair's."""
+    """Yield causes that could replace either member of a pair: their effect lies in its span."""
     free = [i for i in best.members if not hypotheses[i].switch and after[i].any()]
     if not free:
         return

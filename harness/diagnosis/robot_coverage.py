@@ -1,4 +1,4 @@
-"""Numbers of a robot's file, counted by whether its motions depend on them."""
+"""Count of the numbers in a robot's file, by their effect on its motions."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
 def count_robot(task: RobotTask) -> Coverage:
     """Count the numbers of a file whose change moves the ends of segments beyond the resolution.
 
-    By the equations, at the states of a diagnosis: no engine is run.
+    Only the equations are used, at the states of a diagnosis; no engine runs.
 
     Raises:
-        RobotError, ReferenceError: naming the file.
+        RobotError, ReferenceError: with the file.
     """
     numbers = robot_numbers(task.file, task.settings)
     if numbers.unread:
@@ -49,7 +49,7 @@ def count_robot(task: RobotTask) -> Coverage:
 
 
 def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
-    """What a change of a number does; a change that can't be followed is not one without effect."""
+    """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
     effect = problem.effect(index)
     if effect is None or not np.isfinite(effect).all():
         return Say.REFUSED
@@ -60,7 +60,7 @@ def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
 
 
 def _otherwise(one: Number, say: Say, choices: str, fixed: Collection[str]) -> Say:
-    """Why nothing depends on a number, where its place in the file tells."""
+    """Return a reason for no effect from the number's place in the file, or its effect."""
     if say is Say.NONE and choices and re.fullmatch(choices, one.path):
         return Say.CHOICE
     if say is Say.NONE and _INERTIAL.fullmatch(one.path) and _owner(one.element) in fixed:
@@ -73,7 +73,7 @@ def _choices(task: RobotTask) -> str:
 
 
 def _owner(element: RawElement) -> str:
-    """The name of the link or body that an element is part of; empty for none."""
+    """Return the name of the link or body that contains an element, or ""."""
     above: RawElement | None = element
     while above is not None and above.tag not in ("link", "body"):
         above = above.parent
@@ -81,6 +81,6 @@ def _owner(element: RawElement) -> str:
 
 
 def _fixed(task: RobotTask) -> frozenset[str]:
-    """Names of links that stand still."""
+    """Return names of fixed links."""
     robot = read_robot(task.file, floating=bool(task.settings.get("floating")))
     return frozenset(part.name for part in robot.parts if part.body == WORLD)

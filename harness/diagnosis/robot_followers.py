@@ -1,9 +1,9 @@
-"""Joints that follow others in an engine otherwise than the equations have it.
+"""Joints that follow others in an engine differently than in the equations.
 
-Where they are started as the equations have them, an engine pulls them to where it has them: an
-impulse, which is the effect of no number. But at the ends they follow as the engine has them; that
-tells how, and the segments are run again from there. What they are off at the ends is evidence
-beside the motions: an offset may move nothing else.
+If they start according to the equations, an engine pulls them to its own positions. This
+impulse is the effect of no number. At the ends they follow according to the engine. From these
+ends its law is estimated, and the segments run again with it. Deviations at the ends are
+evidence in addition to the motions: an offset may move nothing else.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.samples import Samples
 
 TRIES = 4
-"""Runs from where joints seem to follow: each is as much nearer as they are uncertain."""
+"""Maximum number of runs with an estimated law, each more accurate than the previous one."""
 
 TOLD = 0.1
-"""Share of what joints are off that may be left: else they don't follow these leaders."""
+"""Share of the followers' deviations above which they do not follow these leaders."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Following:
-    """What joints that follow others are off at the ends of segments; k of them.
+    """Deviations of k followers at the ends of segments.
 
     Attributes:
-        coupled: how they follow in the equations.
-        rows: indices of those that follow, among all coordinates, (k,).
-        end: where the equations end, (B, 2n).
-        scale: how far each moves at most, places and rates, (2k,).
+        coupled: the law in the equations.
+        rows: indices of followers among all coordinates, (k,).
+        end: end states of the equations, (B, 2n).
+        scale: how far each moves at most, positions and rates, (2k,).
     """
 
     coupled: Coupled
@@ -48,12 +48,12 @@ class Following:
 
     @staticmethod
     def of(tree: Tree, some: Samples, like: Tree | None = None) -> Following | None:
-        """Of a tree's joints at some states; None where none follows.
+        """Return deviations of a tree's followers at some states, or None without followers.
 
         Args:
-            tree: in which they follow.
+            tree: with the couplings.
             some: states.
-            like: in whose motions they are measured; None: in its own.
+            like: tree whose motions give the scale; None: its own.
         """
         if not tree.couplings:
             return None
@@ -68,7 +68,7 @@ class Following:
         )
 
     def apart(self, tree: Tree, by: Array) -> Array:
-        """How much further they are with another tree that ends so much further, (B, 2k)."""
+        """Return the change of deviations, (B, 2k), for another tree and changed end states."""
         other = Coupled(tree)
         if other.kept != self.coupled.kept:
             return np.zeros((len(by), len(self.scale)))
@@ -81,18 +81,18 @@ class Following:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FollowersRun:
-    """Segments in an engine.
+    """Run of segments in an engine.
 
     Attributes:
-        way: where they end.
-        followers: how joints followed where they started.
+        way: end states.
+        followers: law at the start.
     """
 
     way: Followed
     followers: Followers
 
     def apart(self, check: RobotTask) -> tuple[Array, Array]:
-        """Engine - reference of what follows, scaled, and its uncertainty, (B, 2k) each."""
+        """Return engine - reference of followers, scaled, and its uncertainty, (B, 2k) each."""
         following = Following.of(check.tree, check.samples)
         found = self.way.found.residual
         if following is None or found is None:
@@ -114,14 +114,14 @@ class FollowersRun:
 
 
 def run_followers(check: RobotTask, *, again: bool = True) -> FollowersRun:
-    """Run segments, from where joints follow as they seem to in the engine.
+    """Run segments from states that satisfy the engine's estimated law of followers.
 
     Args:
         check: the segments.
-        again: whether to start again where they follow otherwise.
+        again: whether to run again if the law differs.
 
     Raises:
-        EngineError, BlownUpError: naming the file.
+        EngineError, BlownUpError: with the file.
     """
     found = FollowersRun(way=follow_robot(check, RUNGS_USED), followers=check.followers)
     for _ in range(TRIES if again else 0):
@@ -137,14 +137,14 @@ def run_followers(check: RobotTask, *, again: bool = True) -> FollowersRun:
 
 
 def _between(matrix: Array, offset: Array, states: Array) -> Array:
-    """G x + c of places, and G x of rates, (B, 2k)."""
+    """Return G x + c of positions and G x of rates, (B, 2k)."""
     n = matrix.shape[1]
     places = states[:, :n] @ matrix.T + offset
     return np.concatenate([places, states[:, n:] @ matrix.T], axis=1)
 
 
 def _places(followers: Followers, way: Followed, rows: list[int]) -> list[int]:
-    """Of places, then rates, among the engine's."""
+    """Return indices of positions, then rates, among the engine's."""
     own = list(way.model.coordinates)
     found = [own.index(followers.names[row]) for row in rows]
     return [*found, *(len(own) + place for place in found)]
@@ -156,7 +156,7 @@ def _off(way: Followed) -> float:
 
 
 def _seeming(check: RobotTask, way: Followed) -> Followers | None:
-    """How joints seem to follow others in the engine; None where it is as here, or not told."""
+    """Estimate the engine's law of followers; None if it equals the present one or is unknown."""
     found = way.found.residual
     following = Following.of(check.tree, check.samples)
     if found is None or following is None:
@@ -176,9 +176,9 @@ def _seeming(check: RobotTask, way: Followed) -> Followers | None:
 
 
 def _law(own: Array, way: Followed, off: Array, known: Array) -> tuple[Array, float] | None:
-    """What a joint's multipliers and offset are off, by its place and rate at the ends, (B, 2).
+    """Estimate the deviation of a follower's multipliers and offset, from its ends, (B, 2).
 
-    Some engines hold places, and some only rates. `known` is the uncertainty of those.
+    Some engines enforce positions, some only rates. `known` is the uncertainty of the ends.
     """
     n, leaders = len(own), np.flatnonzero(own)
     place, rate = off.T
@@ -197,6 +197,6 @@ def _law(own: Array, way: Followed, off: Array, known: Array) -> tuple[Array, fl
 
 
 def scaled(some: Samples, following: Following | None) -> Array:
-    """What a defect is relative to: of all coordinates, then of what follows, (2n + 2k,)."""
+    """Return the scale of a defect: of all coordinates, then of followers, (2n + 2k,)."""
     own = scale_of(some)
     return own if following is None else np.concatenate([own, following.scale])

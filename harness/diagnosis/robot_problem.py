@@ -1,6 +1,6 @@
-"""A robot's discrepancy, and what the numbers of its file do to it: by the equations alone.
+"""Discrepancy of a robot, and the effects of its file's numbers, from the equations alone.
 
-What an engine ignores has a slope so, and no engine is run again.
+Thus a number that an engine ignores has a slope, and no engine runs again.
 """
 
 from __future__ import annotations
@@ -22,20 +22,22 @@ from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 NOTHING = 1e-13
-"""A change of the ends by less, relative to their movement, is that of rounding."""
+"""Relative change of the ends that counts as rounding error."""
 
 BEND = 1e-2
-"""Share of its size by which a number is moved that has no slope to speak of."""
+"""Relative change of a number whose slope is negligible."""
 
 FLAT, BENT = 1e-4, 30.0
-"""A slope is none to speak of where a change by the number's size would make no more than this; a
-chord that is steeper by so many times says that it bends."""
+"""Limits of negligible slopes: effect of a change by the number's size, and ratio of chords.
+
+A longer chord that is steeper by this ratio indicates curvature.
+"""
 
 NEAR = 1e-4
-"""Faults by no more than this share of their sizes leave slopes as they are, to four digits."""
+"""Relative faults below which slopes are those of no fault, to four digits."""
 
 Faults = Mapping[int, float]
-"""Faults by index of the hypothesis; those not named are none."""
+"""Faults by index of the hypothesis; missing ones are zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +45,8 @@ class Suspicion:
     """A hypothesis on numbers of a file.
 
     Attributes:
-        hypothesis: what might be wrong.
-        units: how a fault of one moves each number, by its index.
+        hypothesis: the number or numbers that might be wrong.
+        units: change of each number per unit of fault, by its index.
     """
 
     hypothesis: Hypothesis
@@ -53,18 +55,17 @@ class Suspicion:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotProblem:
-    """What an engine makes of a robot's file, beside its equations.
+    """Discrepancy of a robot's file in an engine, with the equations.
 
     Attributes:
         numbers: of the file that the engine runs.
-        flow: where the equations of that file take some states.
-        suspicions: H of them.
-        apart: engine - reference at the ends, scaled, (B, 2n); then of the k joints that follow
-            others, (B, 2n + 2k).
-        scale: what a defect is relative to, (2n + 2k,).
-        way: 1 where the reference is the file's own, so that a fault moves what the engine seems to
-            take; -1 where it is another's, so that repairing the fault moves what the file says.
-        following: what joints that follow others are off; None where none does.
+        flow: end states of that file's equations from some states.
+        suspicions: H hypotheses.
+        apart: engine - reference at the ends, scaled, (B, 2n); with k followers, (B, 2n + 2k).
+        scale: of a defect, (2n + 2k,).
+        way: 1 if the reference is the file itself, so that a fault changes the engine's apparent
+            value; -1 for another reference, so that repairing the fault changes the file's value.
+        following: deviations of followers; None without followers.
     """
 
     numbers: Numbers
@@ -81,17 +82,17 @@ class RobotProblem:
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """What might be wrong."""
+        """Hypotheses that might explain the discrepancy."""
         return tuple(one.hypothesis for one in self.suspicions)
 
     def beside(self, apart: Array) -> RobotProblem:
-        """The same numbers and states with another discrepancy; slopes are worked out once."""
+        """Return the problem with another discrepancy and shared slopes."""
         other = replace(self, apart=apart)
         other._rows.update(self._rows)
         return other
 
     def defect(self, faults: Faults) -> Array:
-        """Engine - reference once these faults are repaired, scaled and flat, (N,)."""
+        """Return engine - reference after repair of these faults, scaled and flat, (N,)."""
         values = self._values(faults)
         key = tuple(sorted(values.items()))
         if key not in self._defects:
@@ -99,18 +100,18 @@ class RobotProblem:
         return self._defects[key]
 
     def left_by(self, tree: Tree) -> Array:
-        """Return what is left, (N,), where the engine takes the file for this tree.
+        """Return the remaining defect, (N,), if the engine reads the file as this tree.
 
         Raises:
-            ReferenceError: where the equations can't follow it.
+            ReferenceError: if the equations cannot be solved.
         """
         return self._left(self.flow.for_tree(tree))
 
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
-        """How much of the defect a unit of each fault makes, near these faults, (len(of), N).
+        """Return the defect per unit of each fault, near these faults, (len(of), N).
 
-        Near to no fault they are those of none; far from it those of the trajectories there, and of
-        the linear problem here.
+        Near zero faults they are those at zero. Far from it they are those of the trajectories
+        there, and of the linear problem here.
         """
         of = range(len(self.suspicions)) if of is None else of
         if all(abs(by) <= NEAR * self.hypotheses[i].size for i, by in faults.items()):
@@ -127,14 +128,14 @@ class RobotProblem:
         return rows
 
     def _or_none(self, slope: Array | None) -> Array:
-        """A slope; zeros for one that is not known, which no fit names then."""
+        """Return a slope, or zeros for an unknown one, which no fit names then."""
         return np.zeros(self.apart.size) if slope is None else slope
 
     def effect(self, index: int) -> Array | None:
-        """Return a slope at no fault, (N,); of a switch, all that it does.
+        """Return the slope at zero faults, (N,), or the whole effect of a switch.
 
-        None where it is not known: the file makes no such tree with another value on either side,
-        or the equations can't follow it.
+        Return None if it is unknown: no such tree exists with another value on either side, or the
+        equations cannot be solved.
         """
         if index not in self._rows:
             self._rows[index] = (
@@ -145,7 +146,7 @@ class RobotProblem:
         return self._rows[index]
 
     def _switched(self, flow: Flow, faults: Faults, index: int) -> Array:
-        """What a switch does beside faults, at trajectories as they are: enough to rank pairs."""
+        """Return a switch's effect with faults, on unchanged trajectories, to rank pairs."""
         tree = self._tree(self._values({**faults, index: 1.0}))
         try:
             by = None if tree is None else self._ends(tree, flow.variation(tree))
@@ -154,10 +155,10 @@ class RobotProblem:
         return np.zeros(self.apart.size) if by is None else self.way * by.ravel()
 
     def _slope(self, flow: Flow, faults: Faults, index: int) -> Array | None:
-        """By a difference; of what has no slope to speak of and bends, by a longer one.
+        """Return the slope by a difference; if it is negligible and curved, by a longer one.
 
-        The length of an axis, or a turn out of the plane of all motions, has no effect of the first
-        order: the chord then points where its curvature does.
+        The length of an axis, or a turn out of the plane of all motions, has no first-order effect.
+        The chord then points in the direction of the curvature.
         """
         near = self._chord(flow, faults, index, NUDGE)
         if near is None or np.max(np.abs(near)) * self.hypotheses[index].size >= FLAT:
@@ -167,9 +168,9 @@ class RobotProblem:
         return far if bends else near
 
     def _chord(self, flow: Flow, faults: Faults, index: int, share: float) -> Array | None:
-        """Slope by a share of the size; to the other side where there is no tree on the one.
+        """Return the slope over a share of the size, downwards if no tree exists upwards.
 
-        None where there is none on either.
+        Return None if none exists on either side.
         """
         size = self.hypotheses[index].size
         for step in (share * size, -share * size):
@@ -199,13 +200,13 @@ class RobotProblem:
         return left
 
     def _ends(self, tree: Tree, by: Array) -> Array:
-        """With a tree that moves ends so, how far they and what follows are moved, scaled."""
+        """Return the scaled change of ends and followers, for a tree and its change of ends."""
         if self.following is None:
             return by / self.scale
         return np.concatenate([by, self.following.apart(tree, by)], axis=1) / self.scale
 
     def _values(self, faults: Faults) -> dict[int, float]:
-        """The numbers with these faults repaired."""
+        """Return the numbers after repair of these faults."""
         values: dict[int, float] = {}
         for index, fault in faults.items():
             for number, unit in self.suspicions[index].units.items():
@@ -229,7 +230,7 @@ class RobotProblem:
         return self._flows[key]
 
     def _near(self, values: Mapping[int, float]) -> Flow:
-        """Where the same numbers were last moved to, from where there is less to correct."""
+        """Return the last flow with the same changed numbers, to start closer."""
         return self._last.get(tuple(values), self.flow)
 
     def _tree(self, values: Mapping[int, float]) -> Tree | None:

@@ -1,4 +1,4 @@
-"""What might be wrong with a robot's file, or with how an engine takes it."""
+"""Hypotheses on a robot's file, or on how an engine reads it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 
 LISTED = 4
-"""Elements that are named where all that they say is dropped."""
+"""Maximum number of elements that are named if all their numbers are ignored."""
 
 _MOMENTS = re.compile(r".*/inertia@\w+")
 _PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
 
 
 def suspicions(numbers: Numbers, *, own: bool) -> Iterator[Suspicion]:
-    """All that might be wrong.
+    """Yield all hypotheses.
 
     Args:
         numbers: of the file.
-        own: whether the file is right, and the engine may take it otherwise.
+        own: whether the file is right, and the engine may read it differently.
     """
     for i in numbers.relevant_numbers:
         one = numbers.numerals[i]
@@ -43,12 +43,12 @@ def suspicions(numbers: Numbers, *, own: bool) -> Iterator[Suspicion]:
 
 
 def _dropped(numbers: Numbers) -> Iterator[Suspicion]:
-    """What an engine may read over: several numbers, each as if it were zero."""
+    """Yield groups of numbers that an engine may ignore, each as if it were zero."""
     numerals = numbers.numerals
     groups: dict[tuple[int, ...], str] = {}
     for name, group in _groups(numbers):
         told = tuple(i for i in group if numerals[i].value)
-        if len(told) > 1:  # one alone is taken for zero
+        if len(told) > 1:  # a single number is a hypothesis already
             groups.setdefault(told, name)
     for chosen, name in groups.items():
         elements = tuple(dict.fromkeys(numerals[i].address.split("@")[0] for i in chosen))
@@ -72,7 +72,7 @@ def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:
 
 
 def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
-    """Numbers that may be dropped together, with what they are; some groups may be the same."""
+    """Yield named groups of numbers that may be ignored together; groups may be equal."""
     kinds: dict[str, list[int]] = {}
     links: dict[int, list[int]] = {}
     massless: list[int] = []
@@ -95,7 +95,7 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
 
 
 def _mass(one: Number) -> float | None:
-    """That is told beside moments."""
+    """Return the mass stated with moments of inertia."""
     inertial = one.element.parent
     told = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
     try:

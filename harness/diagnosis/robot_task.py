@@ -1,4 +1,4 @@
-"""Diagnose a robot's file in an engine: which of its numbers the engine takes otherwise."""
+"""Diagnosis of a robot's file in an engine: the numbers that the engine reads differently."""
 
 from __future__ import annotations
 
@@ -33,14 +33,16 @@ from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.samples import Samples
 
 STATES = 24
-"""Segments that a diagnosis stands on: each number has a say in nearly all of them."""
+"""Segments of a diagnosis; almost each number affects nearly all of them."""
 
 FITTED = 16
-"""Single numbers that are fitted: some of a robot's have no slope where they are right."""
+"""Single numbers to fit: some numbers of a robot have zero slope at their right value."""
 
 MANY, ENOUGH, FEW = 16, 12, 8
-"""A robot of more than so many freedoms takes so many states, and so many fits: each is longer, and
-each state says more."""
+"""Degrees of freedom of a large robot; its number of states; its number of fits.
+
+Each fit takes longer there, and each state carries more information.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +51,8 @@ class RobotDiagnosisTask:
 
     Attributes:
         task: the check.
-        own: whether the equations are those of the file itself; else it is held against those of
-            another, or of a declared tree, and its numbers are what is looked for.
+        own: whether the equations are those of the file itself. Otherwise the file is compared with
+            another file or a declared tree, and its numbers are sought.
     """
 
     task: RobotTask
@@ -58,10 +60,10 @@ class RobotDiagnosisTask:
 
 
 def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
-    """Name the numbers of a robot's file that explain a discrepancy.
+    """Find the numbers of a robot's file that explain a discrepancy.
 
     Raises:
-        RobotError, EngineError, BlownUpError, ReferenceError: naming what could not be run.
+        RobotError, EngineError, BlownUpError, ReferenceError: for a failing run.
     """
     began = time.perf_counter()
     run = _some_of(task.task)
@@ -85,7 +87,7 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
 
 
 def _told(fit: Fit, undone: Sequence[str], check: RobotTask) -> Explanation:
-    """A fit, with what the engine does beside it."""
+    """Build the record of a fit, with the engine's behaviours that were switched off."""
     found = explanation(fit)
     return Explanation(
         causes=(*found.causes, *_own(undone, check)),
@@ -95,14 +97,14 @@ def _told(fit: Fit, undone: Sequence[str], check: RobotTask) -> Explanation:
 
 
 def _some_of(check: RobotTask, *, again: bool = True) -> FollowersRun:
-    """The segments that a diagnosis stands on, in the engine."""
+    """Run the segments of a diagnosis in the engine."""
     return run_followers(replace(check, samples=some_of(check.samples)), again=again)
 
 
 def _undone(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
-    """What the engine does on its own, if nothing is left of the discrepancy where it does not.
+    """Return behaviours of the engine without which no discrepancy remains.
 
-    Each alone, and all together where no single one is enough.
+    Try each alone, then all together if no single one suffices.
     """
     apart, _ = _apart(run, check)
     size = float(np.linalg.norm(apart))
@@ -119,11 +121,11 @@ def _undone(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
 
 
 _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
-"""What an engine does on its own, and the settings with which it does not."""
+"""Behaviours of an engine, and the settings that switch them off."""
 
 
 def _remedies(run: FollowersRun) -> tuple[list[_Remedy], ...]:
-    """Each alone; then all together, where there are several."""
+    """Return each remedy alone; then all together, if there are several."""
     remedies = run.way.model.corrective_settings
     alone: list[_Remedy] = [((cause,), settings) for cause, settings in remedies.items()]
     every = {key: value for settings in remedies.values() for key, value in settings.items()}
@@ -135,14 +137,14 @@ def _under(check: RobotTask, settings: Mapping[str, object]) -> RobotTask:
 
 
 def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ...]:
-    """What an engine that compiles the file makes of it, where no setting lets it do otherwise."""
+    """Return how the engine's compiler changes the file, if no setting prevents it."""
     check = task.task
     numbers = robot_numbers(check.file, check.settings)
     if check.file.suffix not in engines()[check.engine].compiles or not task.own:
         return ()
     apart, uncertainty = _apart(run, check)
     problem = problem_of(check, numbers, apart, own=True)
-    # The equations follow another tree to less digits than the engine's limits have.
+    # The equations of another tree are less accurate than the engine's limits.
     uncertainty = np.maximum(uncertainty, check.resolution)
     size = float(np.linalg.norm(apart))
     found = []
@@ -155,7 +157,7 @@ def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ..
 
 
 def _own(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
-    """What an engine does on its own, with the lines of the file that it concerns."""
+    """Return causes for behaviours of an engine, with the relevant lines of the file."""
     remarks = tuple(engines()[check.engine].file_remarks(check.file))
     return tuple(
         Cause(
@@ -173,16 +175,16 @@ def _own(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
 def ranked(
     task: RobotDiagnosisTask, run: FollowersRun | None = None, known: RobotProblem | None = None
 ) -> Ranking:
-    """All fits.
+    """Rank all fits.
 
-    Where no single number explains what is there, an engine may hide a part of what one does: what
-    it does on its own is then undone, and where one does now, that is told.
+    If no single number explains the discrepancy, a behaviour of the engine may hide part of its
+    effect. Switch off such behaviours, and report those that were switched off if one number then
+    explains it.
 
     Args:
         task: the check.
-        run: the segments in the engine, where they have been run.
-        known: what the numbers do to them, where another discrepancy of the same equations has
-            asked for it.
+        run: the segments in the engine, if they have run.
+        known: effects of the numbers, if known from another discrepancy of the same equations.
     """
     run = run or _some_of(task.task)
     found, problem = _ranked(task, run, known)
@@ -197,7 +199,7 @@ def ranked(
 
 
 def _single(ranking: Ranking) -> bool:
-    """Whether one number explains what is there."""
+    """Return whether one number explains the discrepancy."""
     return ranking.explained and len(ranking.fits[0].members) == 1
 
 
@@ -216,14 +218,14 @@ def _ranked(
 def robot_problem(
     task: RobotDiagnosisTask, run: FollowersRun | None = None
 ) -> tuple[RobotProblem, Array]:
-    """The discrepancy of a robot's file at some states, and its uncertainty, (N,).
+    """Return the discrepancy of a robot's file at some states, and its uncertainty, (N,).
 
     Args:
         task: the check.
-        run: these states in the engine, where they have been run.
+        run: these states in the engine, if they have run.
 
     Raises:
-        RobotError, EngineError, BlownUpError, ReferenceError: naming what could not be run.
+        RobotError, EngineError, BlownUpError, ReferenceError: for a failing run.
     """
     check = task.task
     run = run or _some_of(check)
@@ -233,7 +235,7 @@ def robot_problem(
 
 
 def some_of(drawn: Samples) -> Samples:
-    """Of samples, those that a diagnosis stands on."""
+    """Return the samples of a diagnosis."""
     count = ENOUGH if drawn.forces.shape[1] > MANY else STATES
     return replace(
         drawn, start=drawn.start[:count], forces=drawn.forces[:count], end=drawn.end[:count]
@@ -243,17 +245,17 @@ def some_of(drawn: Samples) -> Samples:
 def problem_of(
     check: RobotTask, numbers: Numbers, apart: Array | None = None, *, own: bool
 ) -> RobotProblem:
-    """What the numbers of a file do to a discrepancy.
+    """Build the problem of a discrepancy, with the effects of a file's numbers.
 
     Args:
         check: of the file that the engine runs.
-        numbers: of it.
-        apart: engine - reference at the ends of what `some_of` picks, scaled, (B, 2n + 2k), k
-            joints following others; None: nothing.
+        numbers: of that file.
+        apart: engine - reference at the ends of `some_of`, scaled, (B, 2n + 2k), with k followers;
+            None: zero.
         own: as in `RobotDiagnosisTask`.
 
     Raises:
-        RobotError, ReferenceError: where it is no file of these states.
+        RobotError, ReferenceError: if the file does not fit these states.
     """
     some = some_of(check.samples)
     tree = numbers.tree({})
@@ -273,7 +275,7 @@ def problem_of(
 
 
 def _apart(run: FollowersRun, check: RobotTask) -> tuple[Array, Array]:
-    """Engine - reference and its uncertainty, in the order of the equations; what follows last."""
+    """Return engine - reference and its uncertainty, in the equations' order; followers last."""
     way = run.way
     limit, samples = way.found.limit, way.samples
     apart = (limit.value - samples.end) / way.scale

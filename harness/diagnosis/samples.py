@@ -1,4 +1,4 @@
-"""What a diagnosis stands on: a few segments of every scenario, and what an engine makes of it."""
+"""Samples of a diagnosis: a few segments of each scenario, and the engine's end states."""
 
 from __future__ import annotations
 
@@ -19,25 +19,27 @@ from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.variants import Variants
 
 SEGMENTS_PICKED = 16
-"""Segments a scenario: enough to tell some forty causes apart, few enough to move each literal."""
+"""Segments per scenario: they distinguish about forty causes, and each literal can be varied."""
 
 RUNGS_USED = RUNGS[:8]
 
 RUNGS_OF_SLOPES = RUNGS[:4]
-"""Enough for a difference between two models that are close: it needs four digits, not nine, and
-takes a seventh of the steps."""
+"""Rungs for a difference between two similar models: it needs four digits, not nine.
+
+These rungs take a seventh of the steps.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """Picked segments of one length from one scenario.
+    """Some segments of one length from one scenario.
 
     Attributes:
         scenario: its name.
         length: of each segment, seconds.
-        t, start, end: start times (B,), states there and where the equations end, (B, 2n).
+        t, start, end: start times (B,), states there and end states of the equations, (B, 2n).
         inputs: u(t).
-        scale: what a defect is relative to, (2n,).
+        scale: of a defect, (2n,).
         varying: whether an input changes over time.
     """
 
@@ -54,7 +56,7 @@ class Sample:
 def sample_segments(
     motions: Mapping[str, Motion], scales: Mapping[str, Array]
 ) -> tuple[Sample, ...]:
-    """Pick segments evenly over every scenario, from each of its spans in proportion."""
+    """Pick segments evenly from each scenario, in proportion from each of its spans."""
     samples = []
     for name, motion in motions.items():
         for span, chosen in pick_segments(motion, SEGMENTS_PICKED):
@@ -76,10 +78,10 @@ def sample_segments(
 def engine_ends(
     model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]
 ) -> tuple[Array, Array]:
-    """Where an engine ends the segments as h -> 0, with the uncertainty, both scaled and flat.
+    """Return the engine's end states as h -> 0 and their uncertainty, both scaled and flat.
 
     Raises:
-        BlownUpError: where the engine returns values that are not finite.
+        BlownUpError: if the engine returns values that are not finite.
     """
     values, uncertainties = [], []
     for batch, scale in _batches(samples):
@@ -92,10 +94,10 @@ def engine_ends(
 def freedoms(
     model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]
 ) -> tuple[str, ...]:
-    """The engine's coordinates that leave the coordinate map, where the equations hold them.
+    """Return engine coordinates that leave the coordinate map, though the equations fix them.
 
     Raises:
-        BlownUpError: where the engine returns values that are not finite.
+        BlownUpError: if the engine returns values that are not finite.
     """
     names, free = tuple(model.coordinates), set[int]()
     for batch, _ in _batches(samples):
@@ -115,7 +117,7 @@ def quick_ends(
     samples: Sequence[Sample],
     rungs: tuple[int, ...] = RUNGS_USED,
 ) -> Array:
-    """The limits alone, scaled and flat: for differences between two models."""
+    """Return only the limits, scaled and flat, for differences between two models."""
     return np.concatenate(
         [
             (limits_only(model, coordinates, batch, rungs) / scale).ravel()
@@ -125,7 +127,7 @@ def quick_ends(
 
 
 def _batches(samples: Sequence[Sample]) -> Iterator[tuple[Batch, Array]]:
-    """The segments of each scenario together, in the order of the samples, with their scale."""
+    """Yield the segments of each scenario together, in the order of the samples, and scale."""
     for name, group in groupby(samples, key=lambda sample: sample.scenario):
         of = list(group)
         t = np.concatenate([sample.t for sample in of])
@@ -144,12 +146,12 @@ def _batches(samples: Sequence[Sample]) -> Iterator[tuple[Batch, Array]]:
 
 
 def reference_ends(samples: Sequence[Sample]) -> Array:
-    """Where the equations end the segments, scaled and flat."""
+    """Return the end states of the equations, scaled and flat."""
     return np.concatenate([(sample.end / sample.scale).ravel() for sample in samples])
 
 
 def variant_ends(variants: Variants, points: Array, samples: Sequence[Sample]) -> Array:
-    """Where the equations end the segments at other parameters: points (K, P) -> (K, N)."""
+    """Return end states of the equations at other parameters: points (K, P) -> (K, N)."""
     parts = []
     for sample in samples:
         ends = variants.flows(points, sample.t, sample.start, sample.length, sample.inputs)

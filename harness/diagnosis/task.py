@@ -1,4 +1,4 @@
-"""Diagnose one model in one engine: samples, hypotheses, ranking, and the record of it."""
+"""Diagnosis of one model in one engine: samples, hypotheses, ranking, and its record."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.variants import Variants
 
 RECORDED = 8
-"""Explanations recorded: the ranking's tail says nothing."""
+"""Maximum number of explanations in the record."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisTask:
-    """Everything a worker needs to diagnose one model in one engine."""
+    """Input of a worker that diagnoses one model in one engine."""
 
     system: System
     sidecar: Sidecar
@@ -50,7 +50,7 @@ class DiagnosisTask:
 
 
 def diagnosis_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> DiagnosisTask:
-    """Gather what a diagnosis needs of the prepared system."""
+    """Build the input of a diagnosis from the prepared system."""
     return DiagnosisTask(
         system=prepared.system,
         sidecar=sidecar,
@@ -62,13 +62,13 @@ def diagnosis_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> Diagnos
 
 
 def diagnose_model(task: DiagnosisTask) -> Diagnosis:
-    """Name the cause of a model's discrepancy, from its motions alone.
+    """Find the cause of a model's discrepancy, from its motions alone.
 
-    A freedom that the equations don't have has no value that could be fitted: it is named where no
-    cause explains the motion, or nothing of it shows in what is read back.
+    A degree of freedom that the equations lack has no value to fit. It is named if no cause
+    explains the motion, or if the discrepancy does not show in the coordinates of the equations.
 
     Raises:
-        EngineError, SidecarError, LocationError, BlownUpError: naming what could not be run.
+        EngineError, SidecarError, LocationError, BlownUpError: for a failing run.
     """
     began = time.perf_counter()
     with trial_model(task) as (whole, uncertainty):
@@ -96,12 +96,12 @@ def diagnose_model(task: DiagnosisTask) -> Diagnosis:
 
 
 def explanation(fit: Fit) -> Explanation:
-    """The record of a fit."""
+    """Build the record of a fit."""
     return Explanation(causes=causes(fit), remaining=fit.remaining, tied_with=fit.tied_with)
 
 
 def ranked(task: DiagnosisTask) -> Ranking:
-    """All fits, and no corrected motion."""
+    """Rank all fits, without a corrected motion."""
     with trial_model(task) as (found, uncertainty):
         return diagnose(found, uncertainty)
 
@@ -110,20 +110,20 @@ def ranked(task: DiagnosisTask) -> Ranking:
 def trial_model(
     task: DiagnosisTask, known: Mapping[CauseId, Array] | None = None
 ) -> Iterator[tuple[TrialModel, Array]]:
-    """A model in an engine to be tried, with the uncertainty of its ends; gone afterwards.
+    """Yield a model to try in an engine, with the uncertainty of its end states.
 
     Args:
         task: the model and its motions.
-        known: slopes of literals, where a model close by has shown them already.
+        known: slopes of literals, if known from a similar model.
     """
     engine = engines()[task.engine]
     model, coordinates = load(task.system, task.sidecar, task.engine)
     samples = sample_segments(task.motions, task.scales)
     ends, uncertainty = engine_ends(model, coordinates, samples)
-    # Where no limit is known, not even its digits before the point, it may be anything seen here.
+    # Where no limit is known, the error may be as large as the largest discrepancy.
     largest = np.max(np.abs(ends - reference_ends(samples)))
     uncertainty = np.where(np.isfinite(uncertainty), uncertainty, largest)
-    # What the reference leaves open, and rounding, as the verdict has them.
+    # Add the reference's error bound and rounding error, as in the verdict.
     bounds = [np.tile(task.motions[s.scenario].bound / s.scale, len(s.t)) for s in samples]
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
     candidates = everything(task.system, task.sidecar, model, coordinates, task.variants)

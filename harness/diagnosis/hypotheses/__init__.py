@@ -1,7 +1,8 @@
-"""What might be wrong with a model, each as a perturbation that can be tried, alone or with others.
+"""Hypotheses on a model, as perturbations that can be tried, alone or with others.
 
-`everything` lists them: literals of the file, engine settings, axes and zeros of joints, constants
-and missing terms of the equations. `TrialModel` tries them in the engine and in the equations.
+`everything` lists them: literals of the file, engine settings, axes and zeros of joints,
+constants and missing terms of the equations. `TrialModel` tries them in the engine and in the
+equations.
 """
 
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import (

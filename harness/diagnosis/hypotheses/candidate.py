@@ -1,4 +1,4 @@
-"""The candidates of a model: every number that might be wrong, and how moving it is tried."""
+"""Candidate hypotheses on a model: numbers that might be wrong, and how to change them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,24 @@ from physics_crosscheck.reference.solving.variants import Variants
 _ORDER: tuple[CauseKind, ...] = (
     "default", "axis", "exchange", "literal", "literals", "unbound literal", "gravity", "constant",
 )  # fmt: skip
-"""The most specific first: what has no number to fit and yet leaves nothing is no coincidence; a
-literal says more than a constant, that than a term that the equations lack."""
+"""Kinds of causes, the most specific first.
+
+A switch that leaves nothing cannot be a coincidence. A literal is more specific than a constant,
+and a constant than a missing term of the equations.
+"""
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """What repairs one unit of fault, in the model or in the equations.
+    """Repair of one unit of fault, in the model or in the equations.
 
     Attributes:
-        literals: what is added to each literal, by address.
-        gravity: what is added to the engine's gravity, three components.
-        settings: what the sidecar is to set, for a switch.
-        reversed: index of the engine coordinate whose axis is turned; -1: none.
-        zero: index of the engine coordinate whose zero is moved; -1: none.
-        parameters: what is added to the parameters of the equations, by index.
+        literals: change of each literal, by address.
+        gravity: change of the engine's gravity, three components.
+        settings: new settings of the sidecar, for a switch.
+        reversed: index of the engine coordinate with reversed axis; -1: none.
+        zero: index of the engine coordinate with moved zero; -1: none.
+        parameters: change of parameters of the equations, by index.
     """
 
     literals: Mapping[str, float] = field(default_factory=dict)
@@ -51,11 +54,11 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A hypothesis and how it is tried.
+    """A hypothesis and its perturbation.
 
     Attributes:
-        perturbation: what repairs one unit of fault.
-        nominal: what a bound literal should be; None for what stands for no constant.
+        perturbation: repairs one unit of fault.
+        nominal: the right value of a bound literal; None for an unbound one.
     """
 
     hypothesis: Hypothesis
@@ -66,7 +69,7 @@ class Candidate:
 def everything(
     system: System, sidecar: Sidecar, model: Model, coordinates: CoordinateMap, variants: Variants
 ) -> tuple[Candidate, ...]:
-    """All that might be wrong with a model."""
+    """Return all candidates of a model."""
     return (
         *_parameters(variants),
         *_exchanges(variants),
@@ -79,12 +82,12 @@ def everything(
 
 
 def rank(kind: CauseKind) -> int:
-    """How specific a kind of cause is; a tie is broken by it."""
+    """Return the rank of a kind of cause, the most specific first; it breaks ties."""
     return _ORDER.index(kind) if kind in _ORDER else len(_ORDER)
 
 
 def _parameters(variants: Variants) -> Iterator[Candidate]:
-    """Every constant, and every term that the equations lack."""
+    """Yield each constant, and each missing term of the equations."""
     for index, p in enumerate(variants.parameters):
         cause = CauseId(kind=p.kind, subject=(p.name,))
         yield Candidate(
@@ -94,7 +97,7 @@ def _parameters(variants: Variants) -> Iterator[Candidate]:
 
 
 def _switch(cause: CauseId, perturbation: Perturbation) -> Candidate:
-    """A hypothesis that is true or not: a fault of 1 makes the whole change."""
+    """Return a hypothesis whose fault is 0 or 1."""
     order = rank(cause.kind)
     return Candidate(
         Hypothesis(id=cause, value=0.0, size=1.0, rank=order, switch=True), perturbation
@@ -102,7 +105,7 @@ def _switch(cause: CauseId, perturbation: Perturbation) -> Candidate:
 
 
 def _exchanges(variants: Variants) -> Iterator[Candidate]:
-    """Two constants of one unit, each with the other's value."""
+    """Yield pairs of constants of one unit with exchanged values."""
     constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
     for (i, one), (j, other) in combinations(constants, 2):
         if one.unit == other.unit and one.nominal != other.nominal:
@@ -114,15 +117,15 @@ def _exchanges(variants: Variants) -> Iterator[Candidate]:
 
 
 def _axes(model: Model) -> Iterator[Candidate]:
-    """Each joint turned the other way."""
+    """Yield each joint with a reversed axis."""
     for index, name in enumerate(model.coordinates):
         yield _switch(CauseId(kind="axis", subject=(name,)), Perturbation(reversed=index))
 
 
 def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
-    """The zero of each engine coordinate moved: a `ref`, a rest offset, a body drawn turned.
+    """Yield each engine coordinate with a moved zero: a `ref`, a rest offset, a rotated body.
 
-    Where engine coordinates are held together by joints, none has a zero of its own.
+    Engine coordinates that joints couple have no zero of their own.
     """
     if len(model.coordinates) > coordinates.back.size:
         return
@@ -133,13 +136,13 @@ def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
 
 
 def _gravity(model: Model) -> Iterator[Candidate]:
-    """Each component of the engine's gravity, for models that tell it: its size and direction."""
+    """Yield each component of gravity, if the model reports it: its size and direction."""
     if not model.gravity:
         return
     vector = [float(component) for component in model.gravity]
     size = float(np.linalg.norm(vector)) or 9.81
     for axis, value in enumerate(vector):
-        # A component that the model has may be wrong; one that it lacks is seldom meant.
+        # A nonzero component may be wrong; a zero one rarely is.
         order = rank("gravity") if value else len(_ORDER) + 1
         added = [0.0, 0.0, 0.0]
         added[axis] = -1.0
@@ -151,26 +154,26 @@ def _gravity(model: Model) -> Iterator[Candidate]:
 
 
 def _defaults(model: Model) -> Iterator[Candidate]:
-    """Yield the engine's own assumptions, each undone by the model's `corrective_settings`."""
+    """Yield the engine's own assumptions, which the model's `corrective_settings` switch off."""
     for cause, settings in model.corrective_settings.items():
         yield _switch(CauseId(kind="default", subject=(cause,)), Perturbation(settings=settings))
 
 
 def literals(system: System, sidecar: Sidecar) -> Iterator[Candidate]:
-    """Every literal: bound ones alone, bound ones of one expression together, and unbound ones."""
+    """Yield literals: bound ones alone, bound ones of one expression together, and unbound ones."""
     found = tuple(_bound(system, sidecar))
     for b in found:
         yield _literal("literal", (b,))
     for expression in dict.fromkeys(b.expression for b in found):
         alike = tuple(b for b in found if b.expression == expression)
-        # Copies of one number, which a mistake has reached all alike.
+        # Copies of one number that share a mistake.
         if len(alike) > 1 and len({b.value for b in alike}) == 1:
             yield _literal("literals", alike)
     yield from _unbound(sidecar, found)
 
 
 def _literal(kind: CauseKind, moved: Sequence[Binding]) -> Candidate:
-    """Bound literals of one value, moved alike."""
+    """Return a candidate that changes bound literals of one value together."""
     value, expected = moved[0].value, moved[0].expected
     hypothesis = Hypothesis(
         id=CauseId(kind=kind, subject=tuple(b.address for b in moved)),
@@ -190,7 +193,7 @@ def _line(place: Location) -> SourceLine:
 
 
 def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:
-    """The bindings whose literal is there: one left out is a cause for the equations to name."""
+    """Yield the bindings whose literal exists; a missing one is a cause in the equations."""
     for address, expression in sidecar.bindings.items():
         with suppress(LocationError):
             yield from bindings(system, replace(sidecar, bindings={address: expression}))
@@ -201,11 +204,11 @@ _MECHANICS = (
     r"(?!timestep|tolerance|range|axis|limit|lower|upper)\w+|\w*[sS]pring\w*|implicitSpringDamper"
     r"|mass|i[xyz]{2}|pose|damping|friction|multiplier|offset"
 )
-"""Numbers of XML that may be part of the mechanism, not of its looks or its solver."""
+"""Numbers of XML that may belong to the mechanism, not to visual geometry or the solver."""
 
 
 def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate]:
-    """Numbers of the mechanism that stand for no constant and are not zero: left in, perhaps."""
+    """Yield unbound nonzero numbers of the mechanism, which may be left over."""
     taken = {(b.place.file, b.place.start) for b in bound}
     with suppress(LocationError):
         addresses = numbers(sidecar.model, _MECHANICS)

@@ -1,4 +1,4 @@
-"""A model reoriented: an axis turned the other way, or read from another zero."""
+"""A reoriented model: with a reversed axis, or another zero."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class ReorientedModel(Model):
-    """A model whose coordinates read sign * (its own - offset), (nz,) each."""
+    """A model whose coordinates are sign * (the inner model's - offset), (nz,) each."""
 
     def __init__(self, model: Model, sign: Array, offset: Array) -> None:
         self.model, self.sign, self.offset = model, sign, offset
@@ -17,13 +17,13 @@ class ReorientedModel(Model):
         self.integrator, self.gravity, self.epsilon = model.integrator, model.gravity, model.epsilon
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Its exponents."""
+        """Return the inner model's exponents."""
         return self.model.exponents(varying_input)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Its rollout, from states and with forces as they are reoriented."""
+        """Run the inner model, with reoriented states and forces."""
         sign, offset = self.sign, self.offset
         if isinstance(force, StateForce):
             inner = force

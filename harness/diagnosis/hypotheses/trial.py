@@ -1,4 +1,4 @@
-"""A model to be tried: perturbed in many ways at once, in its engine and in its equations."""
+"""Trials of a model: with many perturbations at once, in its engine and in its equations."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.variants import Variants
 
 NUDGE = 1e-4
-"""Share of a number's size by which it is moved to learn its slope."""
+"""Relative change of a number to measure its slope."""
 
 REFUSED = 1e6
-"""Stands for the ends that an engine refuses to compute: what explains nothing."""
+"""Placeholder for ends that an engine rejects; it explains nothing."""
 
 Faults = Mapping[int, float]
-"""Faults by index of the candidate; those not named are none."""
+"""Faults by index of the candidate; missing ones are zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialModel:
-    """A model, its equations, and what might be wrong with it.
+    """A model, its equations, and hypotheses on it.
 
     Attributes:
-        sidecar, engine, model, coordinates: the model as it is.
-        variants: the equations with their parameters free.
+        sidecar, engine, model, coordinates: the unmodified model.
+        variants: the equations with free parameters.
         samples: the segments.
-        ends: where the model ends them, scaled and flat, (N,).
-        candidates: H of them.
+        ends: the model's end states, scaled and flat, (N,).
+        candidates: H hypotheses.
         folder: for copies of the model.
-        known: slopes of the literals, where a model close by has shown them.
+        known: slopes of the literals, if known from a similar model.
     """
 
     sidecar: Sidecar
@@ -70,15 +70,15 @@ class TrialModel:
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """What might be wrong, in the order of the candidates."""
+        """Hypotheses, in the order of the candidates."""
         return tuple(candidate.hypothesis for candidate in self.candidates)
 
     def defect(self, faults: Faults) -> Array:
-        """Engine - reference at the ends once these faults are repaired, scaled and flat, (N,)."""
+        """Return engine - reference at the ends with repaired faults, scaled and flat, (N,)."""
         return self._repaired(faults, RUNGS_USED) - self._moved(self.point(faults))
 
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
-        """How much of the defect a unit of each fault makes, near these faults, (len(of), N)."""
+        """Return the defect per unit of each fault, near these faults, (len(of), N)."""
         of = range(len(self.candidates)) if of is None else of
         rows = np.zeros((len(of), len(self.ends)))
         free: dict[int, int] = {}
@@ -99,7 +99,7 @@ class TrialModel:
         return rows
 
     def _slope(self, faults: Faults, index: int) -> Array:
-        """By a difference; from below where the engine refuses the number above."""
+        """Return the slope by a difference, downwards if the engine rejects the larger number."""
         base = self._repaired(faults, RUNGS_OF_SLOPES)
         step = NUDGE * self.candidates[index].hypothesis.size
         for delta in (step, -step):
@@ -111,7 +111,7 @@ class TrialModel:
         return np.zeros_like(base)
 
     def _parameter_slopes(self, point: Array, indices: list[int]) -> Array:
-        """Central differences of all parameters, integrated at once."""
+        """Return central differences for all parameters, integrated at once."""
         steps = NUDGE * self.variants.sizes[indices]
         moves = np.zeros((len(indices), len(point)))
         moves[np.arange(len(indices)), indices] = steps
@@ -120,7 +120,7 @@ class TrialModel:
                 self.variants, np.concatenate([point + moves, point - moves]), self.samples
             )
         except ReferenceError:
-            # Too stiff beside one of them, as friction is: told by none but that one.
+            # The equations may be too stiff with one of them, such as friction: skip only that one.
             if len(indices) == 1:
                 return np.zeros((1, len(self.ends)))
             return np.concatenate([self._parameter_slopes(point, [index]) for index in indices])
@@ -129,7 +129,7 @@ class TrialModel:
         return slopes
 
     def point(self, faults: Faults) -> Array:
-        """Parameters of the equations with these faults repaired, (P,)."""
+        """Return parameters of the equations with repaired faults, (P,)."""
         point = self.variants.nominal.copy()
         for row, fault in faults.items():
             for index, unit in self.candidates[row].perturbation.parameters.items():
@@ -137,7 +137,7 @@ class TrialModel:
         return point
 
     def _moved(self, point: Array) -> Array:
-        """Where the equations end, or `REFUSED` where they can't be solved there."""
+        """Return the equations' end states, or `REFUSED` if they cannot be solved."""
         key = point.tobytes()
         if key not in self._reference_ends:
             self._reference_ends[key] = self._equations(point)
@@ -154,15 +154,15 @@ class TrialModel:
         return ends if np.isfinite(ends).all() else np.full_like(ends, REFUSED)
 
     def repaired(self, faults: Faults) -> Model | None:
-        """The model with these faults repaired; None where that can't be.
+        """Return the model with repaired faults, or None if that is impossible.
 
         Raises:
-            EngineError: where the engine refuses it.
+            EngineError: if the engine rejects it.
         """
         return self._load(self._repair(faults))
 
     def _repaired(self, faults: Faults, rungs: tuple[int, ...]) -> Array:
-        """Where the engine ends with these faults repaired, or `REFUSED` where it refuses."""
+        """Return the engine's end states with repaired faults, or `REFUSED` if it rejects them."""
         repair = self._repair(faults)
         key = (repair.key, rungs)
         if key not in self._engine_ends:
@@ -196,7 +196,7 @@ class TrialModel:
                 return None
             sidecar = with_literals(sidecar, moved, self.folder)
         if repair.gravity.any():
-            own = [*self.model.gravity, 0.0][:3]  # a planar engine has two
+            own = [*self.model.gravity, 0.0][:3]  # gravity of a planar engine has two components
             settings = {**settings, "gravity": [float(g) for g in np.array(own) + repair.gravity]}
         if settings:
             sidecar = at(sidecar, self.engine.name, **settings)
@@ -207,13 +207,13 @@ class TrialModel:
         return ReorientedModel(model=model, sign=repair.sign, offset=repair.offset)
 
     def _literals(self, changes: Mapping[str, float]) -> dict[str, float] | None:
-        """New values, or None where one would change sign, other than to that of its nominal."""
+        """Return new values, or None if one would change sign to another than its nominal's."""
         values = {}
         for address, place in locate(self.sidecar, changes).items():
             signs = {np.sign(place.value), 0.0, *self._nominal_signs(address)}
             values[address] = place.value + changes[address]
             if np.sign(values[address]) not in signs:
-                # A mass below zero ends some engines' process.
+                # Some engines' process crashes for a negative mass.
                 return None
         return values
 
@@ -225,7 +225,7 @@ class TrialModel:
 
 @dataclass
 class _Repair:
-    """What is to be changed of a model, all faults together."""
+    """Changes of a model for all faults together."""
 
     sign: Array
     offset: Array
@@ -247,19 +247,19 @@ class _Repair:
 
     @property
     def turned(self) -> bool:
-        """Whether coordinates are reoriented."""
+        """True if coordinates are reoriented."""
         return bool(self.offset.any() or (self.sign < 0).any())
 
     @property
     def nothing(self) -> bool:
-        """Whether it changes nothing."""
+        """True without any change."""
         return not (
             any(self.literals.values()) or self.gravity.any() or self.settings or self.turned
         )
 
     @property
     def key(self) -> object:
-        """Equal for equal repairs."""
+        """Key, equal for equal repairs."""
         return (
             tuple(sorted(self.literals.items())),
             self.gravity.tobytes(),
@@ -270,13 +270,13 @@ class _Repair:
 
 
 def at(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
-    """A sidecar with other settings for one engine."""
+    """Return a sidecar with other settings for one engine."""
     own = {**sidecar.engine_settings.get(engine, {}), **settings}
     return replace(sidecar, engine_settings={**sidecar.engine_settings, engine: own})
 
 
 @contextmanager
 def scratch() -> Iterator[Path]:
-    """A folder for copies of a model, gone afterwards."""
+    """Yield a folder for copies of a model, and remove it afterwards."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         yield Path(folder)
