@@ -34,24 +34,24 @@ def pair_actuators(
         a, b: actuators of both files.
         joints: names of A's joints -> names of B's joints that they are paired with.
     """
-    found: dict[int, tuple[int, str]] = {}
+    pairs: dict[int, tuple[int, str]] = {}
     for how, of_a, of_b in (
         ("name", lambda one: one.name, lambda one: one.name),
         ("joint", lambda one: joints.get(one.on, one.on), lambda one: one.on),
         ("order", _unnamed_target(set(joints)), _unnamed_target(set(joints.values()))),
     ):
-        _add_pairs(found, how, [of_a(one) for one in a], [of_b(one) for one in b])
-    taken = {j for j, _ in found.values()}
+        _add_pairs(pairs, how, [of_a(one) for one in a], [of_b(one) for one in b])
+    paired_b = {j for j, _ in pairs.values()}
     return ActuatorPairs(
-        pairs=tuple((i, found[i][0]) for i in sorted(found)),
+        pairs=tuple((i, pairs[i][0]) for i in sorted(pairs)),
         how=tuple(
             f"actuator {_name(a[i])} of A is {_name(b[j])} of B: by {how}"
-            for i, (j, how) in sorted(found.items())
+            for i, (j, how) in sorted(pairs.items())
             if a[i].name != b[j].name
         ),
         alone=(
-            tuple(i for i in range(len(a)) if i not in found),
-            tuple(j for j in range(len(b)) if j not in taken),
+            tuple(i for i in range(len(a)) if i not in pairs),
+            tuple(j for j in range(len(b)) if j not in paired_b),
         ),
     )
 
@@ -62,20 +62,20 @@ def _unnamed_target(joints: set[str]) -> Callable[[CompiledActuator], str]:
 
 
 def _add_pairs(
-    found: dict[int, tuple[int, str]], how: str, of_a: Sequence[str], of_b: Sequence[str]
+    pairs: dict[int, tuple[int, str]], how: str, of_a: Sequence[str], of_b: Sequence[str]
 ) -> None:
     """Pair the remaining actuators with equal keys, in order."""
-    taken = {j for j, _ in found.values()}
-    free = [j for j in range(len(of_b)) if j not in taken]
+    paired_b = {j for j, _ in pairs.values()}
+    free = [j for j in range(len(of_b)) if j not in paired_b]
     for i, key in enumerate(of_a):
         partner = next((j for j in free if key and of_b[j] == key), None)
-        if i not in found and partner is not None:
-            found[i] = partner, how
+        if i not in pairs and partner is not None:
+            pairs[i] = partner, how
             free.remove(partner)
 
 
-def _name(one: CompiledActuator) -> str:
-    return one.name or f"on {one.on}"
+def _name(actuator: CompiledActuator) -> str:
+    return actuator.name or f"on {actuator.on}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,17 +97,18 @@ def held_alike(a: CompiledTree, b: CompiledTree, pairs: ActuatorPairs) -> tuple[
     Unpaired actuators of B take values within B's ranges. A state begins away from the value that
     its control would hold, so that its dynamics act.
     """
-    one, other = (
+    inputs_a, inputs_b = (
         (list(held_controls(compiled)), [_state(compiled, i) for i in range(compiled.states)])
         for compiled in (a, b)
     )
     for i, j in pairs.pairs:
         here, there = a.actuators[i], b.actuators[j]
-        other[0][there.control] = one[0][here.control]
+        inputs_b[0][there.control] = inputs_a[0][here.control]
         for k, state in zip(here.states, there.states, strict=False):
-            other[1][state] = one[1][k]
+            inputs_b[1][state] = inputs_a[1][k]
     first, second = (
-        Held(controls=tuple(controls), states=tuple(states)) for controls, states in (one, other)
+        Held(controls=tuple(controls), states=tuple(states))
+        for controls, states in (inputs_a, inputs_b)
     )
     return first, second
 
@@ -134,33 +135,35 @@ def actuator_properties(
         acting: whether actuators act in the compared motions.
     """
     pairs = pair_actuators(a, b, joints)
-    for label, own, alone in zip("AB", (a, b), pairs.alone, strict=True):
-        for one in (own[i] for i in alone):
-            message = f"actuator {_name(one)}: in {label} alone"
-            moves = acting and one.covered
-            yield told("actuators", one.on, message, 0.0, moves=moves)
+    for label, actuators, unpaired in zip("AB", (a, b), pairs.alone, strict=True):
+        for actuator in (actuators[i] for i in unpaired):
+            message = f"actuator {_name(actuator)}: in {label} alone"
+            moves = acting and actuator.covered
+            yield told("actuators", actuator.on, message, 0.0, moves=moves)
     for i, j in pairs.pairs:
         yield from _differences(a[i], b[j], acting)
 
 
 def _differences(
-    one: CompiledActuator, other: CompiledActuator, acting: bool
+    actuator: CompiledActuator, other: CompiledActuator, acting: bool
 ) -> Iterator[Property]:
-    for here, there in zip(one.kind, other.kind, strict=True):
+    for here, there in zip(actuator.kind, other.kind, strict=True):
         if here != there:
-            message = f"actuator {_name(one)}: {here} in A, {there} in B"
-            yield told("actuator", one.on, message, 0.0, moves=acting)
-    moves = acting and one.covered and other.covered
-    for own, its, acts in (
-        (one.numbers, other.numbers, moves),
-        (one.ranges, other.ranges, False),
+            message = f"actuator {_name(actuator)}: {here} in A, {there} in B"
+            yield told("actuator", actuator.on, message, 0.0, moves=acting)
+    moves = acting and actuator.covered and other.covered
+    for values_a, values_b, acts in (
+        (actuator.numbers, other.numbers, moves),
+        (actuator.ranges, other.ranges, False),
     ):
-        of_a, of_b = dict(own), dict(its)
+        of_a, of_b = dict(values_a), dict(values_b)
         for what in dict.fromkeys([*of_a, *of_b]):
             values = _shown(of_a.get(what)), _shown(of_b.get(what))
             if values[0] != values[1]:
-                message = f"{what} of actuator {_name(one)}: {values[0]} in A, {values[1]} in B"
-                yield told("actuator", one.on, message, 0.0, moves=acts)
+                message = (
+                    f"{what} of actuator {_name(actuator)}: {values[0]} in A, {values[1]} in B"
+                )
+                yield told("actuator", actuator.on, message, 0.0, moves=acts)
 
 
 def _shown(values: Numbers | None) -> str:

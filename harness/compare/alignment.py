@@ -50,34 +50,34 @@ class Aligned:
     zero: float = 0.0
 
 
-def aligned(one: Placed, other: Placed, pairs: Sequence[LinkPair]) -> tuple[Aligned, ...]:
+def aligned(placed_a: Placed, placed_b: Placed, pairs: Sequence[LinkPair]) -> tuple[Aligned, ...]:
     """Align B's links with those of A.
 
     Args:
-        one, other: A and B, at one position.
+        placed_a, placed_b: A and B, at one position.
         pairs: links of one kind, parents first.
     """
-    found: dict[int, Aligned] = {}
+    rows: dict[int, Aligned] = {}
     for a, b in pairs:
-        parent = one.tree.links[a].parent
-        before = found[parent].moved if parent in found else IDENTITY
-        found[a] = _joint(one, other, (a, b), before, pairs)
-    return tuple(found.values())
+        parent = placed_a.tree.links[a].parent
+        before = rows[parent].moved if parent in rows else IDENTITY
+        rows[a] = _joint(placed_a, placed_b, (a, b), before, pairs)
+    return tuple(rows.values())
 
 
 def _joint(
-    one: Placed,
-    other: Placed,
+    placed_a: Placed,
+    placed_b: Placed,
     pair: LinkPair,
     before: Place,
     pairs: Sequence[LinkPair],
 ) -> Aligned:
     a, b = pair
-    if one.tree.links[a].kind not in ("hinge", "slide"):
+    if placed_a.tree.links[a].kind not in ("hinge", "slide"):
         return Aligned(a=a, b=b, moved=before)
-    hinge, size = one.tree.links[a].kind == "hinge", max(one.size, other.size)
-    u, p = one.axes[a], one.anchors[a]
-    v, r = before.rotation @ other.axes[b], before.transform(other.anchors[b])
+    hinge, size = placed_a.tree.links[a].kind == "hinge", max(placed_a.size, placed_b.size)
+    u, p = placed_a.axes[a], placed_a.anchors[a]
+    v, r = before.rotation @ placed_b.axes[b], before.transform(placed_b.anchors[b])
     opposite = bool(u @ v < 0)
     v = -v if opposite else v
     across = np.cross(v, u)
@@ -90,7 +90,7 @@ def _joint(
     apart = float(np.linalg.norm(shift))
     if apart > SAME * size:
         moved = Place(np.eye(3), shift).compose(moved)
-    zero, along, moved = _zero(one, other, pair, moved, pairs)
+    zero, along, moved = _zero(placed_a, placed_b, pair, moved, pairs)
     return Aligned(
         a=a,
         b=b,
@@ -103,8 +103,8 @@ def _joint(
 
 
 def _zero(
-    one: Placed,
-    other: Placed,
+    placed_a: Placed,
+    placed_b: Placed,
     pair: LinkPair,
     moved: Place,
     pairs: Sequence[LinkPair],
@@ -114,8 +114,8 @@ def _zero(
     An offset or shift is returned only if it alone explains the difference of B's load.
     """
     a, _ = pair
-    u, p, hinge = one.axes[a], one.anchors[a], one.tree.links[a].kind == "hinge"
-    carried = _Carried(one, other, pair, pairs)
+    u, p, hinge = placed_a.axes[a], placed_a.anchors[a], placed_a.tree.links[a].kind == "hinge"
+    carried = _Carried(placed_a, placed_b, pair, pairs)
     if carried.alike(moved) == carried.count or carried.count < LEAST_SEEN:
         return 0.0, 0.0, moved
     for x, y in carried.points(moved):
@@ -141,15 +141,15 @@ class _Carried:
     """The load of a pair of joints: body masses, and the axes of child joints."""
 
     def __init__(
-        self, one: Placed, other: Placed, pair: LinkPair, pairs: Sequence[LinkPair]
+        self, placed_a: Placed, placed_b: Placed, pair: LinkPair, pairs: Sequence[LinkPair]
     ) -> None:
-        self.one, self.other = one, other
-        self.size = max(one.size, other.size)
-        self.bodies = one.lump(pair[0]), other.lump(pair[1])
+        self.placed_a, self.placed_b = placed_a, placed_b
+        self.size = max(placed_a.size, placed_b.size)
+        self.bodies = placed_a.lump(pair[0]), placed_b.lump(pair[1])
         self.children = [
             (a, b)
             for a, b in pairs
-            if one.tree.links[a].parent == pair[0] and other.tree.links[b].parent == pair[1]
+            if placed_a.tree.links[a].parent == pair[0] and placed_b.tree.links[b].parent == pair[1]
         ]
         self.heavy = self.bodies[0].mass > 0 and self.bodies[1].mass > 0
         self.count = 2 * self.heavy + len(self.children)
@@ -159,7 +159,7 @@ class _Carried:
         if self.heavy:
             yield self.bodies[0].center, moved.transform(self.bodies[1].center)
         for a, b in self.children:
-            yield self.one.anchors[a], moved.transform(self.other.anchors[b])
+            yield self.placed_a.anchors[a], moved.transform(self.placed_b.anchors[b])
 
     def alike(self, moved: Place) -> int:
         """Count what coincides when B's load is moved."""
@@ -173,9 +173,9 @@ class _Carried:
             large = max(np.abs(x.inertia).max(), np.abs(y.inertia).max())
             yield bool(np.abs(x.inertia - y.inertia).max() <= 10 * SAME * large)
         for a, b in self.children:
-            u, v = self.one.axes[a], moved.rotation @ self.other.axes[b]
-            between = moved.transform(self.other.anchors[b]) - self.one.anchors[a]
-            if self.one.tree.links[a].kind != "hinge":
+            u, v = self.placed_a.axes[a], moved.rotation @ self.placed_b.axes[b]
+            between = moved.transform(self.placed_b.anchors[b]) - self.placed_a.anchors[a]
+            if self.placed_a.tree.links[a].kind != "hinge":
                 between = 0 * between
             line = np.linalg.norm(between - u * (u @ between)) <= near
             yield bool(np.linalg.norm(np.cross(u, v)) <= SAME and line)
@@ -188,23 +188,23 @@ def _turned_about(point: Array, axis: Array, angle: float) -> Place:
 
 
 def paired_links(
-    one: Placed, other: Placed, names: Sequence[tuple[str, str]]
+    placed_a: Placed, placed_b: Placed, names: Sequence[tuple[str, str]]
 ) -> tuple[tuple[LinkPair, ...], tuple[tuple[str, str, str], ...]]:
     """Return index pairs of links by their joints' names, parents first, and mismatched pairs.
 
     A mismatch is the name in A, and phrases for A and B.
     """
-    of = dict(names)
+    partner = dict(names)
     good: list[LinkPair] = []
     odd: list[tuple[str, str, str]] = []
-    for name, its in sorted(names, key=lambda pair: one.index[pair[0]]):
-        if one.kind(name) != other.kind(its):
-            odd.append((name, f"a {one.kind(name)}", f"a {other.kind(its)}"))
+    for name, its in sorted(names, key=lambda pair: placed_a.index[pair[0]]):
+        if placed_a.kind(name) != placed_b.kind(its):
+            odd.append((name, f"a {placed_a.kind(name)}", f"a {placed_b.kind(its)}"))
             continue
-        carriers = one.parent(name), other.parent(its)
-        if of.get(carriers[0], "") != carriers[1]:
+        carriers = placed_a.parent(name), placed_b.parent(its)
+        if partner.get(carriers[0], "") != carriers[1]:
             here, there = (f"on {one}" if one else "on the base" for one in carriers)
             odd.append((name, here, there))
             continue
-        good.append((one.index[name], other.index[its]))
+        good.append((placed_a.index[name], placed_b.index[its]))
     return tuple(good), tuple(odd)

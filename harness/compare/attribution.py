@@ -33,7 +33,7 @@ SOME = 32
 RESOLVED = 1e-9
 """Relative uncertainty of end states below which runs are preferred."""
 
-Found = tuple[tuple[Trial, ...], int]
+Attribution = tuple[tuple[Trial, ...], int]
 """Trials, and the number of differences not tried alone."""
 
 
@@ -44,8 +44,8 @@ def attributed(
     runs: Runs,
     followed: Followed,
     matched: Match,
-    known: bool,
-) -> Found:
+    is_known: bool,
+) -> Attribution:
     """Apply the differences of the files to copies of A, one by one and together.
 
     Args:
@@ -55,20 +55,20 @@ def attributed(
         runs: the same in the target's coordinates.
         followed: the target's end states.
         matched: the coordinates.
-        known: whether bodies or joints are known to differ; then many differences are not tried
+        is_known: whether bodies or joints are known to differ; then many differences are not tried
             one by one.
 
     Raises:
         FailureError: if a file cannot be read, or an engine fails with the unchanged files.
     """
     try:
-        found = edits(*models)
+        differences = edits(*models)
     except LocationError as error:
         raise FailureError(Failure(str(error), "")) from None
-    can = [edit for edit in found if edit.changes or edit.settings]
+    can = [edit for edit in differences if edit.changes or edit.settings]
     rest = [
         Trial((edit,), 0.0, 0.0, "it can't be tried alone")
-        for edit in found
+        for edit in differences
         if not edit.changes and not edit.settings
     ]
     if not can:
@@ -77,12 +77,12 @@ def attributed(
     engine = engines()[models[0].engine]
     looks = [re.compile(pattern) for pattern in engine.non_physical]
     root = _root(models[0].sidecar.model)
-    idle = [edit for edit in can if _is_idle(edit, root, looks)]
-    others = sorted((edit for edit in can if edit not in idle), key=_size, reverse=True)
-    most = 0 if known and len(others) + len(idle) > MOST_TRIED else MOST_TRIED
-    trials = bench.idle(idle, most)
-    alone = 0 if known and len(others) > MOST_TRIED else MOST_TRIED
-    sets: list[tuple[Edit, ...]] = [(edit,) for edit in others[:alone]]
+    ineffective = [edit for edit in can if _is_idle(edit, root, looks)]
+    others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
+    idle_limit = 0 if is_known and len(others) + len(ineffective) > MOST_TRIED else MOST_TRIED
+    trials = bench.idle(ineffective, idle_limit)
+    single_limit = 0 if is_known and len(others) > MOST_TRIED else MOST_TRIED
+    sets: list[tuple[Edit, ...]] = [(edit,) for edit in others[:single_limit]]
     untried = len(can) - len(trials) - len(sets)
     if len(can) > 1:
         sets.append(tuple(can))
@@ -182,14 +182,19 @@ class _Bench:
         some = smooth[even_indices(len(smooth), SOME)]
 
         def task(candidate: Candidate, source: bool) -> TrialTask:
-            own = recorded.runs if source else runs
-            part = Runs(length=own.length, z=own.z[some], w=own.w[some], push=own.push[some])
+            source_runs = recorded.runs if source else runs
+            part = Runs(
+                length=source_runs.length,
+                z=source_runs.z[some],
+                w=source_runs.w[some],
+                push=source_runs.push[some],
+            )
             return TrialTask(
                 candidate=candidate,
                 edits=(),
                 runs=part,
                 match=matched if source else None,
-                joints=own.z.shape[1],
+                joints=source_runs.z.shape[1],
                 near=recorded.end[some],
                 periodic=matched.periodic,
                 other=_actuation(models[1]),
@@ -197,7 +202,7 @@ class _Bench:
 
         is_source = matched.source == "A"
         of_a, of_b = task(models[0], is_source), task(models[1], not is_source)
-        known = doubt[some]
+        relevant = doubt[some]
         return _Bench(
             execute=execute,
             task=of_a,
@@ -205,7 +210,7 @@ class _Bench:
             b=ask(execute, models[1], tried, of_b),
             scale=recorded.scale,
             count=count,
-            floor=2 * float(np.max(known[np.isfinite(known)], initial=1e-13)),
+            floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
         )
 
     def tried(self, sets: Sequence[tuple[Edit, ...]]) -> list[Trial]:
@@ -219,15 +224,15 @@ class _Bench:
             for made, value in zip(sets, values, strict=True)
         ]
 
-    def idle(self, made: Sequence[Edit], most: int) -> list[Trial]:
+    def idle(self, group: Sequence[Edit], limit: int) -> list[Trial]:
         """Try probably ineffective differences at once; try some singly if there is an effect.
 
         Args:
-            made: the differences.
-            most: maximum number tried singly.
+            group: the differences.
+            limit: maximum number tried singly.
         """
-        if len(made) > 1:
-            (together,) = self.tried([tuple(made)])
+        if len(group) > 1:
+            (together,) = self.tried([tuple(group)])
             if not together.not_tried and together.moved == 0.0:
-                return [Trial((edit,), 0.0, 0.0) for edit in made]
-        return self.tried([(edit,) for edit in made[:most]])
+                return [Trial((edit,), 0.0, 0.0) for edit in group]
+        return self.tried([(edit,) for edit in group[:limit]])

@@ -20,24 +20,24 @@ ROUNDING = 1e-13
 
 def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Property]:
     """Yield the differences, in the world, of the bodies that a pair of joints carries."""
-    one, other = a.placed.lump(row.a), b.placed.lump(row.b).in_frame(row.moved)
+    body_a, body_b = a.placed.lump(row.a), b.placed.lump(row.b).in_frame(row.moved)
     parts = a.parts[row.a], b.parts[row.b]
     total = sum(link.mass for link in a.tree.links) or 1.0
-    heavy = max(one.mass, other.mass)
-    if abs(one.mass - other.mass) > SAME * heavy:
-        effect = abs(one.mass - other.mass) / total
-        yield from _masses(a, b, parts, (one.mass, other.mass), effect)
-    apart = float(np.linalg.norm(one.center - other.center))
-    weighed = min(one.mass, other.mass) > 0
+    heavy = max(body_a.mass, body_b.mass)
+    if abs(body_a.mass - body_b.mass) > SAME * heavy:
+        effect = abs(body_a.mass - body_b.mass) / total
+        yield from _masses(a, b, parts, (body_a.mass, body_b.mass), effect)
+    apart = float(np.linalg.norm(body_a.center - body_b.center))
+    weighed = min(body_a.mass, body_b.mass) > 0
     if weighed and apart > SAME * size:
-        here, there = (f"({_digits(c, apart)})" for c in (one.center, other.center))
+        here, there = (f"({_digits(c, apart)})" for c in (body_a.center, body_b.center))
         message = f"centre of mass {apart:.3g} m apart: {here} in A, {there} in B, in the world"
         effect = heavy * apart / total / size
         yield from _named(a, b, parts, "centre", message, (effect, apart / size))
-    large = max(np.abs(one.inertia).max(), np.abs(other.inertia).max())
-    miss = float(np.abs(one.inertia - other.inertia).max())
+    large = max(np.abs(body_a.inertia).max(), np.abs(body_b.inertia).max())
+    miss = float(np.abs(body_a.inertia - body_b.inertia).max())
     if miss > SAME * large + ROUNDING * heavy * size**2:
-        message = _tensors(one.inertia, other.inertia)
+        message = _tensors(body_a.inertia, body_b.inertia)
         effect = miss / total / size**2
         yield from _named(a, b, parts, "inertia", message, (effect, miss / large))
 
@@ -54,13 +54,13 @@ def _masses(
         (x, y) for x, y in _namesakes(*parts)
         if abs(x.mass - y.mass) > SAME * max(x.mass, y.mass)
     ]  # fmt: skip
-    left = masses[0] - masses[1] - sum(x.mass - y.mass for x, y in pairs)
-    if pairs and abs(left) <= SAME * max(masses):
+    remainder = masses[0] - masses[1] - sum(x.mass - y.mass for x, y in pairs)
+    if pairs and abs(remainder) <= SAME * max(masses):
         for x, y in pairs:
             message = f"link {_both(x.name, y.name)}: mass {shown(x.mass, y.mass)}"
             share = abs(x.mass - y.mass) / max(x.mass, y.mass)
-            one = told("mass", x.name, message, effect, x.mass, y.mass, relative=share)
-            yield _at(a, b, x, y, one)
+            difference = told("mass", x.name, message, effect, x.mass, y.mass, relative=share)
+            yield _at(a, b, x, y, difference)
         return
     message = f"mass {shown(*masses)}"
     share = abs(masses[0] - masses[1]) / max(masses)
@@ -68,12 +68,12 @@ def _masses(
 
 
 def _namesakes(
-    one: tuple[LinkPart, ...], other: tuple[LinkPart, ...]
+    parts_a: tuple[LinkPart, ...], parts_b: tuple[LinkPart, ...]
 ) -> list[tuple[LinkPart, LinkPart]]:
-    if len(one) == len(other) == 1:
-        return [(one[0], other[0])]
-    by_name = {part.name: part for part in other}
-    return [(part, by_name[part.name]) for part in one if part.name in by_name]
+    if len(parts_a) == len(parts_b) == 1:
+        return [(parts_a[0], parts_b[0])]
+    by_name = {part.name: part for part in parts_b}
+    return [(part, by_name[part.name]) for part in parts_a if part.name in by_name]
 
 
 def _named(
@@ -89,16 +89,18 @@ def _named(
 
     `sizes` are the effect and the relative difference.
     """
-    own = [pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)]
-    x, y = own[0] if len(own) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
+    unequal = [
+        pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)
+    ]
+    x, y = unequal[0] if len(unequal) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
     name = _both(x.name, y.name) if x and y else (x or y or _NOBODY).name
-    more = max(map(len, parts)) > 1 and len(own) != 1
+    more = max(map(len, parts)) > 1 and len(unequal) != 1
     subject = f"link {name}{' with what is welded to it' if more else ''}"
     here, there = values or (None, None)
     effect, share = sizes
     about, sentence = x.name if x else name, f"{subject}: {message}"
-    one = told(kind, about, sentence, effect, here, there, relative=share)
-    yield _at(a, b, x, y, one)
+    difference = told(kind, about, sentence, effect, here, there, relative=share)
+    yield _at(a, b, x, y, difference)
 
 
 _NOBODY = LinkPart(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
@@ -121,33 +123,34 @@ def _both(x: str, y: str) -> str:
     return x if x == y else f"{x} / {y}"
 
 
-def _at(a: Side, b: Side, x: LinkPart | None, y: LinkPart | None, one: Property) -> Property:
+def _at(a: Side, b: Side, x: LinkPart | None, y: LinkPart | None, difference: Property) -> Property:
     """Return a difference with its source lines."""
     where = [
         SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None
         for side, part in ((a, x), (b, y))
     ]
-    return replace(one, where_a=where[0], where_b=where[1])
+    return replace(difference, where_a=where[0], where_b=where[1])
 
 
-def _tensors(one: Array, other: Array) -> str:
+def _tensors(tensor_a: Array, tensor_b: Array) -> str:
     """Describe the difference of principal moments of inertia, or the angle of the axes."""
-    here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (one, other))
+    here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (tensor_a, tensor_b))
     large = float(max(np.abs(here).max(), np.abs(there).max()))
     miss = float(np.abs(here - there).max())
-    entries = float(np.abs(one - other).max())
+    entries = float(np.abs(tensor_a - tensor_b).max())
     if miss > max(SAME * large, 1e-3 * entries):
         told_a, told_b = (f"({_digits(m, miss)})" for m in (here, there))
         return (
             f"principal moments of inertia {told_a} in A, {told_b} in B ({miss / large:.2g}"
             f" of the largest)"
         )
-    return f"the same principal moments of inertia about axes turned by {_turn(one, other):.3g} rad"
+    turn = _turn(tensor_a, tensor_b)
+    return f"the same principal moments of inertia about axes turned by {turn:.3g} rad"
 
 
-def _turn(one: Array, other: Array) -> float:
+def _turn(tensor_a: Array, tensor_b: Array) -> float:
     """Return the largest angle between corresponding principal axes, rad."""
-    bases = np.linalg.eigh(one)[1], np.linalg.eigh(other)[1]
+    bases = np.linalg.eigh(tensor_a)[1], np.linalg.eigh(tensor_b)[1]
     cosines = np.abs(np.sum(bases[0] * bases[1], axis=0))
     sines = np.linalg.norm(np.cross(bases[0].T, bases[1].T), axis=1)
     return float(np.arctan2(sines, cosines).max())

@@ -70,8 +70,8 @@ class Candidate:
 
     def at(self, **settings: object) -> Candidate:
         """Return a copy with other settings."""
-        own = {**self.sidecar.engine_settings.get(self.engine, {}), **settings}
-        changed = {**self.sidecar.engine_settings, self.engine: own}
+        merged = {**self.sidecar.engine_settings.get(self.engine, {}), **settings}
+        changed = {**self.sidecar.engine_settings, self.engine: merged}
         sidecar = replace(self.sidecar, engine_settings=changed)
         return replace(self, sidecar=sidecar, given=self.given | set(settings))
 
@@ -92,11 +92,11 @@ def smooth(a: Candidate, b: Candidate) -> tuple[Candidate, Candidate]:
     return _switched(a, wanted), _switched(b, wanted)
 
 
-def _switched(one: Candidate, wanted: Mapping[str, object]) -> Candidate:
-    known = engines()[one.engine].switches
-    stated = one.sidecar.spec(one.engine).settings
-    settings = {k: v for k, v in wanted.items() if k in known and k not in stated}
-    return one.at(**settings) if settings else one
+def _switched(model: Candidate, wanted: Mapping[str, object]) -> Candidate:
+    switches = engines()[model.engine].switches
+    stated = model.sidecar.spec(model.engine).settings
+    settings = {k: v for k, v in wanted.items() if k in switches and k not in stated}
+    return model.at(**settings) if settings else model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +143,7 @@ def facts(candidate: Candidate) -> Facts:
     model, file = candidate.load(), candidate.sidecar.model
     settings = candidate.sidecar.spec(candidate.engine).settings
     robot = _robot(file, settings) if file.suffix in FORMATS else None
-    found = compiler(file.suffix)
+    file_compiler = compiler(file.suffix)
     return Facts(
         coordinates=tuple(model.coordinates),
         integrator=model.integrator,
@@ -154,7 +154,7 @@ def facts(candidate: Candidate) -> Facts:
         limits=_limits(model, robot),
         places=tuple(model.places),
         robot=robot,
-        compiled=None if found is None else found.compiled(file),
+        compiled=None if file_compiler is None else file_compiler.compiled(file),
         states_move=bool(settings.get("activations")),
     )
 
@@ -186,9 +186,9 @@ def _limits(model: Model, robot: Robot | None) -> Array:
     limits = model.limits.copy()
     if robot is None or robot.tree is None:
         return limits
-    told = np.stack(robot.limits, axis=1)
+    file_limits = np.stack(robot.limits, axis=1)
     names = names_of(robot.tree)
-    for name, bounds in zip(names, told, strict=True):
+    for name, bounds in zip(names, file_limits, strict=True):
         if name in model.coordinates:
             limits[model.coordinates.index(name)] = bounds
     return limits
@@ -213,56 +213,58 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         raise CompareError(f"{path}: there is no such file")
     if why := xacro_remedy(path):
         raise CompareError(f"{path}: {why}")
-    beside = Path(f"{path}.toml")
+    sidecar_file = Path(f"{path}.toml")
     try:
         check_parts(path)
     except PartError as error:
         raise UnreadableModelError(str(error)) from None
     if path.suffix in FORMATS and (why := xml_problem(path, strict=path.suffix != ".xml")):
         raise UnreadableModelError(why)
-    sidecar = read_sidecar(beside) if beside.exists() else None
+    sidecar = read_sidecar(sidecar_file) if sidecar_file.exists() else None
     name = _engine(label, path, engine, sidecar)
-    found = engines()[name]
+    adapter = engines()[name]
     if sidecar is not None:
-        check_springs(sidecar, found)
-    own = found.caveats(path)
+        check_springs(sidecar, adapter)
+    caveats = adapter.caveats(path)
     if sidecar is None:
-        bare, notes = _bare(path, found)
-        alone = Candidate(label, bare, name, (*notes, *own), bare=True)
-        return alone.at(floating=True) if floating and path.suffix == ".urdf" else alone
-    return Candidate(label, sidecar, name, own)
+        bare, notes = _bare(path, adapter)
+        model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
+        return model.at(floating=True) if floating and path.suffix == ".urdf" else model
+    return Candidate(label, sidecar, name, caveats)
 
 
-def _engine(label: str, path: Path, asked: str | None, sidecar: Sidecar | None) -> str:
-    known = engines()
-    if asked is not None:
-        if asked not in known:
-            names = ", ".join(sorted(known))
-            raise CompareError(f"no engine {asked!r} is known; known are {names}")
-        if path.suffix not in known[asked].formats:
-            reads = ", ".join(known[asked].formats)
+def _engine(label: str, path: Path, requested: str | None, sidecar: Sidecar | None) -> str:
+    all_engines = engines()
+    if requested is not None:
+        if requested not in all_engines:
+            names = ", ".join(sorted(all_engines))
+            raise CompareError(f"no engine {requested!r} is known; known are {names}")
+        if path.suffix not in all_engines[requested].formats:
+            reads = ", ".join(all_engines[requested].formats)
             raise CompareError(
-                f"{path}: {asked} reads {reads} files alone; choose another with"
+                f"{path}: {requested} reads {reads} files alone; choose another with"
                 f" --engine-{label.lower()}"
             )
-        wanted = [asked]
+        wanted = [requested]
     else:
         declared = () if sidecar is None else sidecar.engines
-        wanted = [name for name in declared if _reads(known, name, path)] or [
+        wanted = [name for name in declared if _reads(all_engines, name, path)] or [
             engine.name for engine in engines_reading(path.suffix)
         ]
         if not wanted:
-            formats = sorted({suffix for engine in known.values() for suffix in engine.formats})
+            formats = sorted(
+                {suffix for engine in all_engines.values() for suffix in engine.formats}
+            )
             raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
     for name in wanted:
-        if known[name].version() is not None:
+        if all_engines[name].version() is not None:
             return name
-    remedies = "; ".join(missing(known[name]) for name in wanted)
-    raise NotInstalledError(f"{path}: no engine that reads it is installed: {remedies}")
+    missing_engines = "; ".join(missing(all_engines[name]) for name in wanted)
+    raise NotInstalledError(f"{path}: no engine that reads it is installed: {missing_engines}")
 
 
-def _reads(known: dict[str, Engine], name: str, path: Path) -> bool:
-    return name in known and path.suffix in known[name].formats
+def _reads(all_engines: dict[str, Engine], name: str, path: Path) -> bool:
+    return name in all_engines and path.suffix in all_engines[name].formats
 
 
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:

@@ -115,12 +115,12 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         FailureError: if an engine fails, with its output.
     """
     began = time.perf_counter()
-    made = prepare(execute, options.a, options.b, options.joints, options.include_constraints)
-    options = replace(options, a=made.a, b=made.b)
-    a, b, matched = made.a, made.b, made.match
+    prepared = prepare(execute, options.a, options.b, options.joints, options.include_constraints)
+    options = replace(options, a=prepared.a, b=prepared.b)
+    a, b, matched = prepared.a, prepared.b, prepared.match
     is_a = matched.source == "A"
     source, target = (a, b) if is_a else (b, a)
-    both = made.facts if is_a else made.facts[::-1]
+    both = prepared.facts if is_a else prepared.facts[::-1]
     home, reach, strangers, limits = start_range(*both, matched)
     task = SourceTask(
         candidate=source,
@@ -148,24 +148,24 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
     ones = np.ones(len(matched.names))
     followed, judgement = trial.judged(ones)
-    read = said(execute, made, home)
+    read = said(execute, prepared, home)
     turned, signs, left, final = _turned(trial, judgement, followed, read)
     mends = bool(turned) and left <= options.resolution
     share: Explained | None = None
-    found: tuple[Term, ...] = ()
-    known = False
+    measured: tuple[Term, ...] = ()
+    is_explained = False
     if judgement.outcome is not Outcome.AGREES and not mends:
         if read.sides is not None:
             sides = read.sides if is_a else read.sides[::-1]
             share = explained(sides, matched, recorded, runs, final, signs)
-        known = read.moving and share is not None and share.share >= EXPLAINED
-        if not known:
+        is_explained = read.moving and share is not None and share.share >= EXPLAINED
+        if not is_explained:
             count = len(recorded.independent) + 6 if share is None else FEW
-            found = _terms(execute, (source, target), recorded, runs, matched, signs, count)
+            measured = _terms(execute, (source, target), recorded, runs, matched, signs, count)
     trials, untried = attributed(execute, (a, b), recorded, runs, followed, matched, read.moving)
     return Findings(
         options=options,
-        facts=made.facts,
+        facts=prepared.facts,
         match=matched,
         recorded=recorded,
         judgement=judgement,
@@ -173,44 +173,49 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         left=left,
         properties=read.properties,
         explained=share,
-        terms=found,
+        terms=measured,
         trials=trials,
         untried=untried,
-        untested=_untested(made, judgement, read, trials, untried),
-        impossible=_impossible(made),
-        notes=_notes(made, recorded, strangers),
+        untested=_untested(prepared, judgement, read, trials, untried),
+        impossible=_impossible(prepared),
+        notes=_notes(prepared, recorded, strangers),
         seconds=time.perf_counter() - began,
     )
 
 
-def _impossible(made: Prepared) -> tuple[str, ...]:
+def _impossible(prepared: Prepared) -> tuple[str, ...]:
     """Return messages about impossible inertias of moving links."""
-    robots = [own.robot for own in made.facts if own.robot is not None]
-    told = [
+    robots = [own.robot for own in prepared.facts if own.robot is not None]
+    messages = [
         str(one)
         for robot in robots
         for one in impossible_inertias(robot)
         if one.link not in {part.name for part in robot.parts if part.body == WORLD}
     ]
-    return tuple(dict.fromkeys(told))
+    return tuple(dict.fromkeys(messages))
 
 
 def _untested(
-    made: Prepared, judgement: Judgement, read: Said, trials: tuple[Trial, ...], untried: int
+    prepared: Prepared, judgement: Judgement, read: Said, trials: tuple[Trial, ...], untried: int
 ) -> tuple[str, ...]:
     """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
-    found = [one.message for one in read.properties if agrees or not one.moves]
-    found += untested(trials, made.a)
+    messages = [one.message for one in read.properties if agrees or not one.moves]
+    messages += untested(trials, prepared.a)
     if untried:
-        found.append(f"{untried} differences of the files that were not tried alone")
-    return (*dict.fromkeys(found), *made.uncompared)
+        messages.append(f"{untried} differences of the files that were not tried alone")
+    return (*dict.fromkeys(messages), *prepared.uncompared)
 
 
-def _notes(made: Prepared, recorded: Recorded, strangers: tuple[str, ...]) -> tuple[str, ...]:
+def _notes(prepared: Prepared, recorded: Recorded, strangers: tuple[str, ...]) -> tuple[str, ...]:
     """Return assumptions and actions, without duplicates."""
-    notes = (*made.a.notes, *made.b.notes, *made.notes, *told(strangers, made.match.source),
-             *_lost(recorded, made.match))  # fmt: skip
+    notes = (
+        *prepared.a.notes,
+        *prepared.b.notes,
+        *prepared.notes,
+        *told(strangers, prepared.match.source),
+        *_lost(recorded, prepared.match),
+    )
     return tuple(dict.fromkeys(notes))
 
 
@@ -252,22 +257,22 @@ def _turned(
     """
     names = trial.match.names
     signs = np.ones(len(names))
-    left = float(np.max(judgement.by_component))
-    if judgement.outcome is not Outcome.DIFFERS or left < TURNED:
-        return (), signs, left, followed
+    remaining = float(np.max(judgement.by_component))
+    if judgement.outcome is not Outcome.DIFFERS or remaining < TURNED:
+        return (), signs, remaining, followed
     if read.sides is not None:
         turned = [i for i, name in enumerate(names) if name in read.turned]
         if not turned:
-            return (), signs, left, followed
+            return (), signs, remaining, followed
         signs[turned] = -1.0
         followed, judgement = trial.judged(signs)
-        left = float(np.max(judgement.by_component))
-        return tuple(names[i] for i in turned), signs, left, followed
-    return _sought(trial, left, followed)
+        remaining = float(np.max(judgement.by_component))
+        return tuple(names[i] for i in turned), signs, remaining, followed
+    return _sought(trial, remaining, followed)
 
 
 def _sought(
-    trial: _Following, left: float, followed: Followed
+    trial: _Following, remaining: float, followed: Followed
 ) -> tuple[tuple[str, ...], Array, float, Followed]:
     names = trial.match.names
     signs = np.ones(len(names))
@@ -280,19 +285,19 @@ def _sought(
                 guess = signs.copy()
                 guess[i] = -1.0
                 try:
-                    runs[i], one = trial.judged(guess)
+                    runs[i], verdict = trial.judged(guess)
                 except FailureError:
                     continue
-                sizes[i] = float(np.max(one.by_component))
+                sizes[i] = float(np.max(verdict.by_component))
         best = min(sizes, key=lambda i: sizes[i], default=None)
-        if best is None or sizes[best] > 0.1 * left:
+        if best is None or sizes[best] > 0.1 * remaining:
             break
         # In a mechanism that is its own mirror image, several joints explain the difference alike.
         like = [i for i, size in sizes.items() if size <= max(1.5 * sizes[best], trial.resolution)]
-        left, followed = sizes[best], runs[best]
+        remaining, followed = sizes[best], runs[best]
         signs[best] = -1.0
         turned.append(" or ".join(names[i] for i in like))
-    return tuple(turned), signs, left, followed
+    return tuple(turned), signs, remaining, followed
 
 
 def _terms(
@@ -317,15 +322,21 @@ def _terms(
         fastest=recorded.fastest,
         typical=recorded.typical,
     )
-    own = recorded.runs
+    recorded_runs = recorded.runs
     ones = np.ones(len(signs))
-    one = ask(
+    measured_a = ask(
         execute,
         source,
         mechanics,
-        task(candidate=source, match=matched, signs=ones, z=own.z[picked], w=own.w[picked]),
+        task(
+            candidate=source,
+            match=matched,
+            signs=ones,
+            z=recorded_runs.z[picked],
+            w=recorded_runs.w[picked],
+        ),
     )
-    other = ask(
+    measured_b = ask(
         execute,
         target,
         mechanics,
@@ -338,7 +349,7 @@ def _terms(
         ),
     )
     if matched.source == "B":
-        one, other = other, one
+        measured_a, measured_b = measured_b, measured_a
     chosen = list(recorded.independent)
     frame = Frame(
         [matched.names[i] for i in chosen],
@@ -346,4 +357,4 @@ def _terms(
         recorded.unit[chosen],
         recorded.typical,
     )
-    return terms(one, other, frame)
+    return terms(measured_a, measured_b, frame)

@@ -45,15 +45,15 @@ def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
     Raises:
         LocationError: for an unreadable file, with its line.
     """
-    one, other = a.sidecar.model, b.sidecar.model
-    if one.suffix != other.suffix:
+    file_a, file_b = a.sidecar.model, b.sidecar.model
+    if file_a.suffix != file_b.suffix:
         return tuple(_bound(a, b))
-    found: list[Edit] = []
-    if one.suffix in MARKUP:
-        found += _Xml(one, other).edits()
-    elif one.suffix == ".py":
-        found += _python(one, other)
-    return (*found, *_settings(a, b))
+    differences: list[Edit] = []
+    if file_a.suffix in MARKUP:
+        differences += _Xml(file_a, file_b).edits()
+    elif file_a.suffix == ".py":
+        differences += _python(file_a, file_b)
+    return (*differences, *_settings(a, b))
 
 
 class _Xml:
@@ -72,75 +72,77 @@ class _Xml:
         if a.text.text.split() != b.text.text.split():
             yield from self._value(a.label, a.text, b.text, a, b)
         pairs, gone, new = _aligned(a.children, b.children)
-        for one, other in pairs:
-            yield from self._elements(one, other)
-        for one in gone:
-            text = self.data_a[one.start : one.end].decode()
+        for element, partner in pairs:
+            yield from self._elements(element, partner)
+        for element in gone:
+            text = self.data_a[element.start : element.end].decode()
             yield Edit(
-                label=one.label,
-                where_a=self._at_a(one.line),
+                label=element.label,
+                where_a=self._at_a(element.line),
                 where_b=self._at_b(b.line),
                 old=_short(text),
                 new="nothing",
-                changes=((one.start, one.end, b""),),
+                changes=((element.start, element.end, b""),),
             )
-        for one in new:
-            data = self.data_b[one.start : one.end]
+        for element in new:
+            data = self.data_b[element.start : element.end]
             changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
             yield Edit(
-                label=one.label,
+                label=element.label,
                 where_a=self._at_a(a.line),
-                where_b=self._at_b(one.line),
+                where_b=self._at_b(element.line),
                 old="nothing",
                 new=_short(data.decode()),
                 changes=changes,
             )
 
     def _attribute(self, name: str, a: Element, b: Element) -> Iterator[Edit]:
-        one, other = a.attributes.get(name), b.attributes.get(name)
+        value_a, value_b = a.attributes.get(name), b.attributes.get(name)
         label = f"{a.label}@{name}"
-        if one is not None and other is not None:
-            if one.text.split() != other.text.split():
-                yield from self._value(label, one, other, a, b)
-        elif other is not None:
-            data = b" " + self.data_b[other.outer[0] : other.outer[1]].strip()
+        if value_a is not None and value_b is not None:
+            if value_a.text.split() != value_b.text.split():
+                yield from self._value(label, value_a, value_b, a, b)
+        elif value_b is not None:
+            data = b" " + self.data_b[value_b.outer[0] : value_b.outer[1]].strip()
             yield Edit(
                 label=label,
                 where_a=self._at_a(a.line),
-                where_b=self._at_b(other.line),
+                where_b=self._at_b(value_b.line),
                 old="nothing",
-                new=other.text,
+                new=value_b.text,
                 changes=((a.tag_end, a.tag_end, data),),
             )
-        elif one is not None:
+        elif value_a is not None:
             yield Edit(
                 label=label,
-                where_a=self._at_a(one.line),
+                where_a=self._at_a(value_a.line),
                 where_b=self._at_b(b.line),
-                old=one.text,
+                old=value_a.text,
                 new="nothing",
-                changes=((*one.outer, b""),),
+                changes=((*value_a.outer, b""),),
             )
 
     def _value(
-        self, label: str, one: Value, other: Value, a: Element, b: Element
+        self, label: str, value_a: Value, value_b: Value, a: Element, b: Element
     ) -> Iterator[Edit]:
         """Compare word by word if both hold equally many numbers, else as a whole."""
-        old, new = one.text.split(), other.text.split()
+        old, new = value_a.text.split(), value_b.text.split()
         edit = partial(
             Edit,
-            where_a=self._at_a(one.line or a.line),
-            where_b=self._at_b(other.line or b.line),
+            where_a=self._at_a(value_a.line or a.line),
+            where_b=self._at_b(value_b.line or b.line),
         )
         numbers = all(map(_is_number, [*old, *new]))
-        if not numbers or len(old) != len(new) or len(one.words) != len(old):
-            change = (*one.span, self.data_b[other.span[0] : other.span[1]])
-            yield edit(label=label, old=_short(one.text), new=_short(other.text), changes=(change,))
+        if not numbers or len(old) != len(new) or len(value_a.words) != len(old):
+            change = (*value_a.span, self.data_b[value_b.span[0] : value_b.span[1]])
+            yield edit(
+                label=label, old=_short(value_a.text), new=_short(value_b.text), changes=(change,)
+            )
             return
         for i, (x, y) in enumerate(zip(old, new, strict=True)):
             if float(x) != float(y):
                 index = f"[{i}]" if len(old) > 1 else ""
-                change = (*one.words[i], y.encode())
+                change = (*value_a.words[i], y.encode())
                 yield edit(label=label + index, old=x, new=y, changes=(change,))
 
     def _at_a(self, line: int) -> SourceLine:
@@ -154,11 +156,11 @@ def _aligned(
     a: tuple[Element, ...], b: tuple[Element, ...]
 ) -> tuple[list[tuple[Element, Element]], list[Element], list[Element]]:
     """Pair children that correspond, also if only a name differs; return the unpaired ones too."""
-    left = {child.key: child for child in b}
-    pairs = [(child, left.pop(child.key)) for child in a if child.key in left]
-    taken = {id(child) for child, _ in pairs}
-    gone = [child for child in a if id(child) not in taken]
-    new = list(left.values())
+    remaining = {child.key: child for child in b}
+    pairs = [(child, remaining.pop(child.key)) for child in a if child.key in remaining]
+    paired = {id(child) for child, _ in pairs}
+    gone = [child for child in a if id(child) not in paired]
+    new = list(remaining.values())
     for tag in dict.fromkeys(child.tag for child in gone):
         ours = [child for child in gone if child.tag == tag]
         theirs = [child for child in new if child.tag == tag]
@@ -203,17 +205,17 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
     starts = [0]
     for line in data.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
-    for one, other in zip(shapes[0].numbers, shapes[1].numbers, strict=True):
-        old, new = ast.unparse(one), ast.unparse(other)
-        if ast.literal_eval(one) == ast.literal_eval(other):
+    for number_a, number_b in zip(shapes[0].numbers, shapes[1].numbers, strict=True):
+        old, new = ast.unparse(number_a), ast.unparse(number_b)
+        if ast.literal_eval(number_a) == ast.literal_eval(number_b):
             continue
-        first = starts[one.lineno - 1] + one.col_offset
-        last = starts[(one.end_lineno or 1) - 1] + (one.end_col_offset or 0)
-        name = names.get(id(one), "number")
+        first = starts[number_a.lineno - 1] + number_a.col_offset
+        last = starts[(number_a.end_lineno or 1) - 1] + (number_a.end_col_offset or 0)
+        name = names.get(id(number_a), "number")
         yield Edit(
             label=name,
-            where_a=SourceLine(file=str(a), line=one.lineno),
-            where_b=SourceLine(file=str(b), line=other.lineno),
+            where_a=SourceLine(file=str(a), line=number_a.lineno),
+            where_b=SourceLine(file=str(b), line=number_b.lineno),
             old=old,
             new=new,
             changes=((first, last, new.encode()),),
@@ -264,9 +266,9 @@ def _holds_nodes(value: object) -> bool:
 
 def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
     """Yield differences of settings and springs, stated in the sidecars or assumed."""
-    one, other = _stated(a), _stated(b)
-    for key in dict.fromkeys([*one, *other]):
-        old, new = one.get(key), other.get(key)
+    stated_a, stated_b = _stated(a), _stated(b)
+    for key in dict.fromkeys([*stated_a, *stated_b]):
+        old, new = stated_a.get(key), stated_b.get(key)
         if old != new:
             yield Edit(
                 label=f"sidecar:{key}",
@@ -281,16 +283,16 @@ def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
 def _stated(candidate: Candidate) -> dict[str, object]:
     spec = candidate.sidecar.spec(candidate.engine)
     stated = ((key, value) for key, value in spec.settings.items() if key not in candidate.given)
-    found = {f"settings.{key}": value for key, value in stated}
+    values = {f"settings.{key}": value for key, value in stated}
     for i, spring in enumerate(spec.springs):
-        found[f"spring[{i}]"] = spring
-    return found
+        values[f"spring[{i}]"] = spring
+    return values
 
 
 def _toml_line(candidate: Candidate, key: str) -> SourceLine:
     file = Path(f"{candidate.sidecar.model}.toml")
-    own = key.replace("settings.", f"settings.{candidate.engine}.", 1)
-    for name in (own, f"{own}[0]", key, f"{key}[0]", f"{key}.stiffness"):
+    specific = key.replace("settings.", f"settings.{candidate.engine}.", 1)
+    for name in (specific, f"{specific}[0]", key, f"{key}[0]", f"{key}.stiffness"):
         try:
             return _line(find(file, [name])[name])
         except LocationError:
@@ -304,11 +306,11 @@ def _line(location: Location) -> SourceLine:
 
 def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
     """Yield unlike literals, across formats, that both sidecars bind to one expression."""
-    one, other = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
-    for expression in one.keys() & other.keys():
+    bound_a, bound_b = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
+    for expression in bound_a.keys() & bound_b.keys():
         try:
-            ours = _find_bound(a, one[expression])
-            theirs = _find_bound(b, other[expression])
+            ours = _find_bound(a, bound_a[expression])
+            theirs = _find_bound(b, bound_b[expression])
         except LocationError:
             continue
         for address, place in ours.items():
@@ -327,28 +329,28 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
 
 def _find_bound(candidate: Candidate, addresses: list[str]) -> dict[str, Location]:
     """Return locations in the model file; literals of the sidecar are compared as settings."""
-    own = [address for address in addresses if not address.startswith("sidecar:")]
-    return dict(find(candidate.sidecar.model, own))
+    in_model = [address for address in addresses if not address.startswith("sidecar:")]
+    return dict(find(candidate.sidecar.model, in_model))
 
 
 def _by_expression(bindings: Mapping[str, str]) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
+    addresses: dict[str, list[str]] = {}
     for address, expression in bindings.items():
         try:
             spelled = ast.unparse(ast.parse(expression.strip(), mode="eval"))
         except SyntaxError:
             continue
-        found.setdefault(spelled, []).append(address)
-    return found
+        addresses.setdefault(spelled, []).append(address)
+    return addresses
 
 
-def applied(data: bytes, found: tuple[Edit, ...]) -> bytes:
+def applied(data: bytes, differences: tuple[Edit, ...]) -> bytes:
     """Return the bytes of A's model file with some edits.
 
     Raises:
         ValueError: for overlapping edits.
     """
-    changes = sorted(change for edit in found for change in edit.changes)
+    changes = sorted(change for edit in differences for change in edit.changes)
     for (_, end, _), (start, _, _) in pairwise(changes):
         if start < end:
             raise ValueError("these edits overlap")

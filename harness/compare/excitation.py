@@ -111,22 +111,22 @@ def record(task: SourceTask) -> Recorded:
     """
     model = task.candidate.load()
     rng = np.random.default_rng(SEED)
-    home, found = _scales(task, model, rng)
+    home, scales = _scales(task, model, rng)
     names = tuple(model.coordinates)
-    z, w, driven, links = _starts(task, home, found, names, rng)
+    z, w, driven, links = _starts(task, home, scales, names, rng)
     reduced = task.match.slopes(home[None])[0]
-    compared = reduced @ found.inverse @ reduced.T
+    compared = reduced @ scales.inverse @ reduced.T
     independent = _independent(compared)
-    unit = np.abs(reduced) @ found.unit
+    unit = np.abs(reduced) @ scales.unit
     push = np.zeros((len(z), len(unit)))
     picked = np.ix_(independent, independent)
     mass = np.linalg.inv(compared[picked])
     wanted = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
-    push[:, independent] = (wanted * found.typical**2) @ mass
+    push[:, independent] = (wanted * scales.typical**2) @ mass
     push[np.logical_not(driven)] = 0.0
-    chain = _chain(model, task, found, Runs(length=0.0, z=z, w=w, push=push), links)
-    recorded = _gathered(task, chain, found, unit, independent)
-    _check_left_out(task, model, found, recorded, names)
+    chain = _chain(model, task, scales, Runs(length=0.0, z=z, w=w, push=push), links)
+    recorded = _gathered(task, chain, scales, unit, independent)
+    _check_left_out(task, model, scales, recorded, names)
     return recorded
 
 
@@ -142,10 +142,10 @@ def _scales(
         CompareError: if no force moves a joint.
     """
     try:
-        found = characteristic_scales(model, rng, task.home, task.reach)
+        scales = characteristic_scales(model, rng, task.home, task.reach)
         drawn = model.home
-        if found.tangent.shape[1] == len(drawn) or np.array_equal(drawn, task.home):
-            return task.home, found
+        if scales.tangent.shape[1] == len(drawn) or np.array_equal(drawn, task.home):
+            return task.home, scales
         return drawn, characteristic_scales(model, rng, drawn, task.reach)
     except CompareError as error:
         raise CompareError(f"{task.candidate.name}: {error}") from None
@@ -154,26 +154,26 @@ def _scales(
 def _starts(
     task: SourceTask,
     start: Array,
-    found: CharacteristicScales,
+    scales: CharacteristicScales,
     names: tuple[str, ...],
     rng: np.random.Generator,
 ) -> tuple[Array, Array, Array, int]:
     """Return initial states (B, nz), whether each is driven (B,), and the runs per chain."""
     extent, n = task.reach, len(names)
-    own = [_one(start, names, state) for state in task.given]
+    given = [_one(start, names, state) for state in task.given]
     still = np.zeros(n)
-    if found.tangent.shape[1] == n:
-        middle, half = extent.mean(axis=1), 0.8 * found.unit
+    if scales.tangent.shape[1] == n:
+        middle, half = extent.mean(axis=1), 0.8 * scales.unit
         drawn = middle + half * rng.uniform(-1, 1, (DRAWN, n))
-        going = 0.5 * found.unit * found.typical * rng.uniform(-1, 1, (DRAWN, n))
+        going = 0.5 * scales.unit * scales.typical * rng.uniform(-1, 1, (DRAWN, n))
         taut = [(position, still) for position in task.taut]
-        pairs = [*own, (start, still), *taut, *zip(drawn, going, strict=True)]
+        pairs = [*given, (start, still), *taut, *zip(drawn, going, strict=True)]
         starts = [pair for pair in pairs for _ in range(2)]
         driven = np.tile([False, True], len(pairs))
         links = LINKS_DRAWN
     else:
-        starts = [*own, *[(start, still)] * (PUSHED + 1)]
-        driven = np.array([False] * (len(own) + 1) + [True] * PUSHED)
+        starts = [*given, *[(start, still)] * (PUSHED + 1)]
+        driven = np.array([False] * (len(given) + 1) + [True] * PUSHED)
         links = LINKS_PUSHED
     z, w = (np.array([s[i] for s in starts], dtype=float) for i in range(2))
     return z, w, driven, links
@@ -213,13 +213,13 @@ def _independent(inverse: Array) -> tuple[int, ...]:
 
 
 def _chain(
-    model: Model, task: SourceTask, found: CharacteristicScales, first: Runs, links: int
+    model: Model, task: SourceTask, scales: CharacteristicScales, first: Runs, links: int
 ) -> list[tuple[Runs, Limit]]:
     """Return chains of runs, as long as the fastest rate allows."""
     best: tuple[float, list[tuple[Runs, Limit]]] | None = None
     for shorter in SHORTER:
-        length = 2 * np.pi / found.fastest * SHARE / shorter
-        chain = _links(model, task, found, replace(first, length=length), links)
+        length = 2 * np.pi / scales.fastest * SHARE / shorter
+        chain = _links(model, task, scales, replace(first, length=length), links)
         worst = _most(chain, lambda limit: limit.uncertainty)
         # Rounding dominates where half the length or less does not halve the uncertainty.
         before = np.inf if best is None else best[0]
@@ -232,21 +232,21 @@ def _chain(
     if worst > ROOM * task.resolution and 2 * _most(chain, lambda limit: limit.rounding) > worst:
         # Over a longer run a position moves further, while its rounding error stays the same.
         length = chain[0][0].length * LONGER
-        longer = _links(model, task, found, replace(first, length=length), links)
+        longer = _links(model, task, scales, replace(first, length=length), links)
         if _most(longer, lambda limit: limit.uncertainty) < worst:
             return longer
     return chain
 
 
-def _most(chain: Sequence[tuple[Runs, Limit]], of: Callable[[Limit], Array]) -> float:
+def _most(chain: Sequence[tuple[Runs, Limit]], quantity: Callable[[Limit], Array]) -> float:
     """Return the 90th percentile over runs, relative to how far components move."""
-    sizes = [np.max(_relative(runs, limit, of(limit)), axis=1) for runs, limit in chain]
+    sizes = [np.max(_relative(runs, limit, quantity(limit)), axis=1) for runs, limit in chain]
     ordered = np.sort(np.concatenate(sizes))
     return float(ordered[int(0.9 * (len(ordered) - 1))])
 
 
 def _links(
-    model: Model, task: SourceTask, found: CharacteristicScales, runs: Runs, links: int
+    model: Model, task: SourceTask, scales: CharacteristicScales, runs: Runs, links: int
 ) -> list[tuple[Runs, Limit]]:
     chain: list[tuple[Runs, Limit]] = []
     for link in range(links):
@@ -264,8 +264,8 @@ def _links(
 
 def _relative(runs: Runs, limit: Limit, error: Array) -> Array:
     starts = np.hstack([runs.z, runs.w])
-    known = np.flatnonzero(np.max(limit.uncertainty, axis=1) < np.inf)
-    scale = movement(limit.value[known], starts[known])
+    finite = np.flatnonzero(np.max(limit.uncertainty, axis=1) < np.inf)
+    scale = movement(limit.value[finite], starts[finite])
     relative: Array = error / scale
     return relative
 
@@ -273,7 +273,7 @@ def _relative(runs: Runs, limit: Limit, error: Array) -> Array:
 def _gathered(
     task: SourceTask,
     chain: list[tuple[Runs, Limit]],
-    found: CharacteristicScales,
+    scales: CharacteristicScales,
     unit: Array,
     independent: tuple[int, ...],
 ) -> Recorded:
@@ -299,8 +299,8 @@ def _gathered(
         scale=scale,
         driven=np.not_equal(push[kept], 0.0).any(axis=1),
         lost=len(z) - len(kept),
-        fastest=found.fastest,
-        typical=found.typical,
+        fastest=scales.fastest,
+        typical=scales.typical,
         unit=unit,
         independent=independent,
         order=limit.order,
@@ -332,7 +332,7 @@ def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
 def _check_left_out(
     task: SourceTask,
     model: Model,
-    found: CharacteristicScales,
+    scales: CharacteristicScales,
     recorded: Recorded,
     names: tuple[str, ...],
 ) -> None:
@@ -340,14 +340,14 @@ def _check_left_out(
     match = task.match
     if not match.left_out or not len(recorded.runs.z):
         return
-    if found.tangent.shape[1] == len(recorded.independent):
+    if scales.tangent.shape[1] == len(recorded.independent):
         return
     places = [names.index(name) for name in match.left_out]
     moved = np.abs(recorded.runs.z[:, places] - model.home[places]).max(axis=0)
     free = [
         name
         for name, by, i in zip(match.left_out, moved, places, strict=True)
-        if by > 1e-9 * found.unit[i]
+        if by > 1e-9 * scales.unit[i]
     ]
     if not free:
         return

@@ -66,32 +66,32 @@ def explained(
         return None
     if source.facts.states_move or other.facts.states_move:
         return None
-    known, reached = _reached(followed)
-    if not len(known):
+    finite, reached = _reached(followed)
+    if not len(finite):
         return None
-    some = known[even_indices(len(known), SOME)]
-    own, target = _of(recorded.runs, some), _of(target, some)
+    some = finite[even_indices(len(finite), SOME)]
+    source_runs, target = _of(recorded.runs, some), _of(target, some)
     ends = recorded.end[some]
-    slopes = match.slopes(own.z[:1])[0]
+    slopes = match.slopes(source_runs.z[:1])[0]
     both = np.concatenate([signs, signs])
     with np.errstate(all="ignore"):
-        one = _ends(source, own, own.push @ slopes)
+        source_ends = _ends(source, source_runs, source_runs.push @ slopes)
         turned = Runs(
             length=target.length, z=target.z * signs, w=target.w * signs, push=target.push * signs
         )
-        two = _ends(other, turned, turned.push) * both
-    n = own.z.shape[1]
-    one = np.hstack(match.over(one[:, :n], one[:, n:]))
-    if not (np.isfinite(one).all() and np.isfinite(two).all()):
+        target_ends = _ends(other, turned, turned.push) * both
+    n = source_runs.z.shape[1]
+    source_ends = np.hstack(match.over(source_ends[:, :n], source_ends[:, n:]))
+    if not (np.isfinite(source_ends).all() and np.isfinite(target_ends).all()):
         return None
     seen, scale = reached[some], recorded.scale
     discrepancy = (seen - ends) / scale
-    left = discrepancy - (two - one) / scale
+    remaining = discrepancy - (target_ends - source_ends) / scale
     return Explained(
-        share=1 - _size(left) / _size(discrepancy) if _size(discrepancy) else 0.0,
+        share=1 - _size(remaining) / _size(discrepancy) if _size(discrepancy) else 0.0,
         off=(
-            float(np.max(np.abs(one - ends) / scale)),
-            float(np.max(np.abs(two - seen) / scale)),
+            float(np.max(np.abs(source_ends - ends) / scale)),
+            float(np.max(np.abs(target_ends - seen) / scale)),
         ),
     )
 
@@ -102,8 +102,8 @@ def _reached(followed: Followed) -> tuple[NDArray[np.intp], Array]:
     Where few runs have a limit, as under holding motors, use the end states of the finest rung.
     """
     if followed.mostly_known:
-        known = np.isfinite(followed.limit.uncertainty).all(axis=1)
-        return np.flatnonzero(known), followed.limit.value
+        finite = np.isfinite(followed.limit.uncertainty).all(axis=1)
+        return np.flatnonzero(finite), followed.limit.value
     return np.flatnonzero(np.isfinite(followed.finest).all(axis=1)), followed.finest
 
 
@@ -116,10 +116,10 @@ def _size(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def _ends(side: Side, runs: Runs, push: Array) -> Array:
+def _ends(model: Side, runs: Runs, push: Array) -> Array:
     """Return the end states of a file's equations, (K, 2nz), in the engine's order."""
-    order, n = side.order, runs.z.shape[1]
-    equations = Charted(side.tree, DOUBLES)
+    order, n = model.order, runs.z.shape[1]
+    equations = Charted(model.tree, DOUBLES)
     forces = push[:, order].T
 
     def field(times: Array, states: Array) -> Array:
@@ -129,17 +129,17 @@ def _ends(side: Side, runs: Runs, push: Array) -> Array:
         a = np.moveaxis(equations.acceleration(q, v, pushed), 0, -1)
         return np.concatenate([states[..., n:], a], axis=-1)
 
-    found = start = np.hstack([runs.z[:, order], runs.w[:, order]])
+    reached = start = np.hstack([runs.z[:, order], runs.w[:, order]])
     for pieces in PIECES:
         try:
-            found = start
+            reached = start
             for _ in range(pieces):
-                found, _ = collocate(field, np.zeros(len(start)), found, runs.length / pieces)
+                reached, _ = collocate(field, np.zeros(len(start)), reached, runs.length / pieces)
         except ReferenceError:
             continue
         break
     else:
         return np.full_like(start, np.nan)
-    ends = np.empty_like(found)
-    ends[:, [*order, *(n + i for i in order)]] = found
+    ends = np.empty_like(reached)
+    ends[:, [*order, *(n + i for i in order)]] = reached
     return ends

@@ -12,7 +12,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.property import Property, told
 from physics_crosscheck.harness.engines.protocol import Array
 
-KNOWN = 1e-9
+POSE_ACCURACY = 1e-9
 """Accuracy of frames from engines, relative to the size of the mechanism."""
 
 
@@ -40,41 +40,41 @@ def shared_frames(a: Facts, b: Facts) -> tuple[tuple[str, ...], tuple[str, ...]]
 
     The frame of a link with mass is a convention.
     """
-    one, other = _frames(a), _frames(b)
-    names = [name for name in one if name in other]
-    return tuple(one[name] for name in names), tuple(other[name] for name in names)
+    frames_a, frames_b = _frames(a), _frames(b)
+    names = [name for name in frames_a if name in frames_b]
+    return tuple(frames_a[name] for name in names), tuple(frames_b[name] for name in names)
 
 
 def _frames(facts: Facts) -> dict[str, str]:
     parts = () if facts.robot is None else facts.robot.parts
     massless = {part.name for part in parts if part.mass == 0.0 and not part.inertia.any()}
-    found: dict[str, str] = {}
+    places: dict[str, str] = {}
     for place in facts.places:
         kind, _, name = place.partition(":")
         if kind == "site" or (kind in ("body", "link") and name in massless):
-            found.setdefault(name, place)
-    return found
+            places.setdefault(name, place)
+    return places
 
 
 def frame_properties(
     places: Sequence[str], a: tuple[Array, Array], b: tuple[Array, Array], size: float
 ) -> tuple[Property, ...]:
     """Return frames whose poses differ between the files."""
-    found = []
+    differences = []
     for i, place in enumerate(places):
         name = place.partition(":")[2]
         apart = b[0][i] - a[0][i]
         far = float(np.linalg.norm(apart))
         turn = _angle(a[1][i].T @ b[1][i])
         parts = []
-        if far > max(KNOWN, SAME) * size:
+        if far > max(POSE_ACCURACY, SAME) * size:
             x, y, z = (f"{value + 0.0:.4g}" for value in apart)
             parts.append(f"in B {far:.4g} m away, by ({x}, {y}, {z}) in the world")
         if turn > 10 * SAME:
             parts.append(f"turned by {turn:.4g} rad")
         if parts:
             message = f"frame {name}: {' and '.join(parts)}"
-            found.append(
+            differences.append(
                 told(
                     "frame",
                     name,
@@ -84,7 +84,7 @@ def frame_properties(
                     relative=far / size + turn,
                 )
             )
-    return tuple(found)
+    return tuple(differences)
 
 
 def _angle(rotation: Array) -> float:

@@ -53,8 +53,8 @@ class Followed:
     @property
     def mostly_known(self) -> bool:
         """True if enough runs have a limit, so that last digits do not decide."""
-        known = np.isfinite(self.limit.uncertainty).all(axis=1)
-        return bool(np.mean(known) >= FEWEST)
+        finite = np.isfinite(self.limit.uncertainty).all(axis=1)
+        return bool(np.mean(finite) >= FEWEST)
 
 
 def follow(task: TargetTask) -> Followed:
@@ -65,9 +65,9 @@ def follow(task: TargetTask) -> Followed:
     """
     model, s, given = task.candidate.load(), task.signs, task.runs
     runs = Runs(length=given.length, z=given.z * s, w=given.w * s, push=given.push * s)
-    found, both = ends(model, runs, None, task.resolution), np.concatenate([s, s])
-    found.limit.value[:] *= both
-    return Followed(found.limit, found.raw[-1] * both, model.exponents(False)[0])
+    extrapolated, both = ends(model, runs, None, task.resolution), np.concatenate([s, s])
+    extrapolated.limit.value[:] *= both
+    return Followed(extrapolated.limit, extrapolated.raw[-1] * both, model.exponents(False)[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,39 +110,44 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
     there = unresolved_reason(limit) or (
         None if followed.mostly_known else UnresolvedReason.DIVERGES
     )
-    found = judgement.judge(defect, uncertainty, resolution, hindered or there)
+    verdict = judgement.judge(defect, uncertainty, resolution, hindered or there)
     reason = ""
-    stopped = hindered or found.unresolved_reason
-    known = np.where(np.isfinite(uncertainty), defect, 0.0)
-    certain = known > uncertainty
-    if found.outcome is Outcome.DIFFERS:
-        found = _largest(found, known, uncertainty, certain & (known + uncertainty > resolution))
+    stopped = hindered or verdict.unresolved_reason
+    finite_defect = np.where(np.isfinite(uncertainty), defect, 0.0)
+    certain = finite_defect > uncertainty
+    if verdict.outcome is Outcome.DIFFERS:
+        verdict = _largest(
+            verdict,
+            finite_defect,
+            uncertainty,
+            certain & (finite_defect + uncertainty > resolution),
+        )
         reason = (
-            f"{components[found.component]} ends a run of {recorded.runs.length:.3g} s"
-            f" {found.discrepancy:.2e} of its movement apart, where"
-            f" {found.uncertainty:.1e} is uncertain"
+            f"{components[verdict.component]} ends a run of {recorded.runs.length:.3g} s"
+            f" {verdict.discrepancy:.2e} of its movement apart, where"
+            f" {verdict.uncertainty:.1e} is uncertain"
         )
     elif hindered:
         reason = _in_source(hindered, recorded, source)
-    elif found.unresolved_reason:
-        reason = _in_target(found, followed, (source, target), components, resolution)
+    elif verdict.unresolved_reason:
+        reason = _in_target(verdict, followed, (source, target), components, resolution)
     return Judgement(
-        outcome=found.outcome,
-        discrepancy=found.discrepancy,
-        uncertainty=found.uncertainty,
-        largest_discrepancy=found.largest_discrepancy,
-        largest_uncertainty=found.largest_uncertainty,
-        component=components[found.component],
-        run=found.segment,
-        by_component=np.max(known, axis=0),
+        outcome=verdict.outcome,
+        discrepancy=verdict.discrepancy,
+        uncertainty=verdict.uncertainty,
+        largest_discrepancy=verdict.largest_discrepancy,
+        largest_uncertainty=verdict.largest_uncertainty,
+        component=components[verdict.component],
+        run=verdict.segment,
+        by_component=np.max(finite_defect, axis=0),
         certain=np.asarray(certain.any(axis=0)),
         reason=reason,
-        kind=stopped.kind if stopped and found.outcome is Outcome.UNRESOLVED else "",
+        kind=stopped.kind if stopped and verdict.outcome is Outcome.UNRESOLVED else "",
     )
 
 
 def _largest(
-    found: judgement.LimitVerdict, defect: Array, uncertainty: Array, differing: NDArray[np.bool_]
+    verdict: judgement.LimitVerdict, defect: Array, uncertainty: Array, differing: NDArray[np.bool_]
 ) -> judgement.LimitVerdict:
     """Return a verdict that names the component with the largest certain difference.
 
@@ -152,7 +157,7 @@ def _largest(
     component = int(np.argmax(sizes >= (1 - ALIKE) * np.max(sizes)))
     run = int(np.argmax(np.where(differing[:, component], defect[:, component], -1.0)))
     return replace(
-        found,
+        verdict,
         component=component,
         segment=run,
         discrepancy=float(defect[run, component]),
@@ -179,28 +184,28 @@ def _in_source(hindered: UnresolvedReason, recorded: Recorded, source: str) -> s
 
 
 def _in_target(
-    found: judgement.LimitVerdict,
+    verdict: judgement.LimitVerdict,
     followed: Followed,
     models: tuple[str, str],
     components: tuple[str, ...],
     resolution: float,
 ) -> str:
     source, target = models
-    if found.unresolved_reason is UnresolvedReason.STANDS_STILL:
+    if verdict.unresolved_reason is UnresolvedReason.STANDS_STILL:
         return f"the engine of {target} did not move: every time step returned the same values"
-    if found.unresolved_reason is UnresolvedReason.DIVERGES:
+    if verdict.unresolved_reason is UnresolvedReason.DIVERGES:
         return f"{target} does not converge: a contact, a joint limit or friction acts"
-    if found.unresolved_reason is UnresolvedReason.WRONG_ORDER:
+    if verdict.unresolved_reason is UnresolvedReason.WRONG_ORDER:
         return (
             f"the convergence order in {target} is {followed.limit.order:.2f}, but the engine"
             f" claims {followed.claimed}"
         )
-    if found.unresolved_reason is UnresolvedReason.DIVERGES_HERE:
+    if verdict.unresolved_reason is UnresolvedReason.DIVERGES_HERE:
         return (
             f"{target} does not converge from states where {source} does: a contact, a joint limit"
             " or friction acts"
         )
     return (
-        f"{components[found.component]} is resolved to {found.uncertainty:.1e}, but"
+        f"{components[verdict.component]} is resolved to {verdict.uncertainty:.1e}, but"
         f" {resolution:.0e} was requested"
     )

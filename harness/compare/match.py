@@ -66,8 +66,8 @@ class Match:
         """Convert uncertainties (B, 2nz) of (z, w) to those of the target's (c, dc/dt), (B, 2m)."""
         slopes = np.abs(self.rates(z, w)).reshape(len(z), 2 * len(self.names), -1)
         with np.errstate(invalid="ignore"):
-            found = np.einsum("bij,bj->bi", slopes, uncertainty)
-        return np.where(np.isnan(found), np.inf, found)
+            errors = np.einsum("bij,bj->bi", slopes, uncertainty)
+        return np.where(np.isnan(errors), np.inf, errors)
 
 
 def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, str]]:
@@ -124,26 +124,26 @@ def match(
         partners = found_partners(a, b, spoken_for(a, b, given, readback), None)
     ways = []
     of_a = {its: name for name, its in partners.pairs.items()}
-    for source, names, others, own, of in (
+    for source, names, others, own_readback, partner in (
         ("A", a, b, readback[0], of_a),
         ("B", b, a, readback[1], partners.pairs),
     ):
         z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
-        found = _given(source, names, others, given, z) if any(given) else {}
+        expressions = _given(source, names, others, given, z) if any(given) else {}
         for name in others:
-            if name in found:
+            if name in expressions:
                 continue
-            if name in own and name not in z:
+            if name in own_readback and name not in z:
                 try:
-                    found[name] = parse(own[name], z, f"[readback] {name}")
+                    expressions[name] = parse(own_readback[name], z, f"[readback] {name}")
                 except SidecarError:
                     continue  # it needs the constants of a system
-            elif name in of:
-                found[name] = z[of[name]]
-        missing = [name for name in others if name not in found]
+            elif name in partner:
+                expressions[name] = z[partner[name]]
+        missing = [name for name in others if name not in expressions]
         if not missing:
-            plain = {name for name in of if found[name] == z[of[name]]}
-            return _compiled(source, names, others, found, z, partners.told, plain)
+            plain = {name for name in partner if expressions[name] == z[partner[name]]}
+            return _compiled(source, names, others, expressions, z, partners.told, plain)
         ways.append(missing)
     raise CompareError(_unmatched(a, b, ways[0], ways[1]))
 
@@ -156,14 +156,14 @@ def _given(
     z: Mapping[str, sp.Symbol],
 ) -> dict[str, sp.Expr]:
     """Return the user's map as expressions of the source's coordinates."""
-    found: dict[str, sp.Expr] = {}
+    expressions: dict[str, sp.Expr] = {}
     forward, backward = given
     label = ("A", "B") if source == "A" else ("B", "A")
     # Use expressions of the source's coordinates directly; invert the others.
     direct, turned = (backward, forward) if source == "A" else (forward, backward)
     for name, text in direct.items():
         _known(name, others, label[1])
-        found[name] = _read(text, z, label[0])
+        expressions[name] = _read(text, z, label[0])
     c = {name: sp.Symbol(f"c{i}_", real=True) for i, name in enumerate(others)}
     for name, text in turned.items():
         _known(name, names, label[0])
@@ -173,8 +173,8 @@ def _given(
         if len(free) != 1 or slope.free_symbols or slope == 0:
             continue  # not invertible; the other model may be the source
         other = next(n for n, symbol in c.items() if symbol == free[0])
-        found[other] = (z[name] - expression.subs(free[0], 0)) / slope
-    return found
+        expressions[other] = (z[name] - expression.subs(free[0], 0)) / slope
+    return expressions
 
 
 def spoken_for(
@@ -221,11 +221,11 @@ def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Se
             what = "joint" if len(missing) == 1 else "joints"
             parts.append(f"{what} {', '.join(missing)} of {label}")
     pairs = []
-    left = list(of_b)
+    remaining = list(of_b)
     for name in of_a:
-        near = difflib.get_close_matches(name, left, n=1, cutoff=0.0)
+        near = difflib.get_close_matches(name, remaining, n=1, cutoff=0.0)
         if near:
-            left.remove(near[0])
+            remaining.remove(near[0])
             pairs.append(f"{name}={near[0]}")
     remedy = (
         f"name the pairs, for instance --joints {','.join(pairs)}"
@@ -242,25 +242,25 @@ def _compiled(
     source: str,
     names: Sequence[str],
     others: Sequence[str],
-    found: Mapping[str, sp.Expr],
+    expressions: Mapping[str, sp.Expr],
     z: Mapping[str, sp.Symbol],
-    told: tuple[str, ...],
+    phrases: tuple[str, ...],
     plain: set[str],
 ) -> Match:
-    own = list(z.values())
-    w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(own))]
-    value = [sp.sympify(found[name]) for name in others]
+    symbols = list(z.values())
+    w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(symbols))]
+    value = [sp.sympify(expressions[name]) for name in others]
     forces = [sp.Symbol(f"f{i}_", real=True) for i in range(len(value))]
-    slope = sp.zeros(len(value), len(own))
-    rates = sp.zeros(2 * len(value), 2 * len(own))
+    slope = sp.zeros(len(value), len(symbols))
+    rates = sp.zeros(2 * len(value), 2 * len(symbols))
     for i, expression in enumerate(value):
-        for j, symbol in enumerate(own):
+        for j, symbol in enumerate(symbols):
             if expression.has(symbol):
                 slope[i, j] = expression.diff(symbol)
-        rate = sum((slope[i, j] * w[j] for j in range(len(own))), sp.Integer(0))
-        turn = [rate.diff(symbol) if rate.has(symbol) else sp.Integer(0) for symbol in own]
-        for j in range(len(own)):
-            rates[i, j] = rates[len(value) + i, len(own) + j] = slope[i, j]
+        rate = sum((slope[i, j] * w[j] for j in range(len(symbols))), sp.Integer(0))
+        turn = [rate.diff(symbol) if rate.has(symbol) else sp.Integer(0) for symbol in symbols]
+        for j in range(len(symbols)):
+            rates[i, j] = rates[len(value) + i, len(symbols) + j] = slope[i, j]
             rates[len(value) + i, j] = turn[j]
     used = set[sp.Basic]().union(*(e.free_symbols for e in value))
     spelled = {symbol: sp.Symbol(name) for name, symbol in z.items()}
@@ -273,12 +273,12 @@ def _compiled(
     return Match(
         source=source,
         names=tuple(others),
-        pairing=(*told, *pairing),
+        pairing=(*phrases, *pairing),
         left_out=tuple(name for name, symbol in z.items() if symbol not in used),
         constant=not slope.free_symbols,
-        value=compile_function(value, own),
-        slope=compile_function(list(slope), own),
-        push=compile_function(list(slope.T * sp.Matrix(forces)), own, forces),
-        rates=compile_function(list(rates), own, w),
+        value=compile_function(value, symbols),
+        slope=compile_function(list(slope), symbols),
+        push=compile_function(list(slope.T * sp.Matrix(forces)), symbols, forces),
+        rates=compile_function(list(rates), symbols, w),
         periodic=tuple(bool(e.has(sp.atan2)) for e in value),
     )

@@ -119,8 +119,8 @@ class _Lens:
             0
         ]
         ease = np.diagonal(rough)
-        most = float(np.max(ease)) or 1.0  # no joint moves if a motor holds them all
-        sizes = self.size * task.typical**2 / np.where(ease > 0, ease, most)
+        largest = float(np.max(ease)) or 1.0  # no joint moves if a motor holds them all
+        sizes = self.size * task.typical**2 / np.where(ease > 0, ease, largest)
         inverse = self._agreed(
             [inverse_mass(self._accelerations(model, by), task.z, task.w, sizes) for by in WINDOWS]
         )
@@ -129,9 +129,9 @@ class _Lens:
         reduced = self.slopes @ inverse.value @ self.slopes.swapaxes(1, 2)
         error = np.abs(self.slopes) @ inverse.uncertainty @ np.abs(self.slopes).swapaxes(1, 2)
         mass, mass_error = np.full_like(reduced, np.nan), np.full_like(reduced, np.inf)
-        for k, one in enumerate(reduced):
-            if np.isfinite(one).all() and np.linalg.cond(one) < 1e12:
-                mass[k] = np.linalg.inv(one)
+        for k, matrix in enumerate(reduced):
+            if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e12:
+                mass[k] = np.linalg.inv(matrix)
                 mass_error[k] = _known(np.abs(mass[k]) @ error[k] @ np.abs(mass[k]))
         self.mass = Estimate(value=mass, uncertainty=mass_error)
 
@@ -144,10 +144,10 @@ class _Lens:
         )
 
     @staticmethod
-    def _agreed(found: list[Estimate]) -> Estimate:
+    def _agreed(estimates: list[Estimate]) -> Estimate:
         """Return the most accurate values, and their distance from the next best as uncertainty."""
         value, error = (
-            np.stack([getattr(one, key) for one in found]) for key in ("value", "uncertainty")
+            np.stack([getattr(one, key) for one in estimates]) for key in ("value", "uncertainty")
         )
         order = np.argsort(error, axis=0)[:2]
         best, next_best = np.take_along_axis(value, order, axis=0)
@@ -155,10 +155,10 @@ class _Lens:
             doubt = np.take_along_axis(error, order, axis=0)[0] + np.abs(best - next_best)
         return Estimate(value=best, uncertainty=_known(doubt))
 
-    def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Estimate:
-        """Return mass times acceleration (B, r), with the mass of the states numbered `at`."""
+    def forces(self, model: Model, z: Array, w: Array, indices: Sequence[int]) -> Estimate:
+        """Return mass times acceleration (B, r), with the mass of the states numbered `indices`."""
         states = np.hstack([z, w])
-        found = self._agreed(
+        accelerations = self._agreed(
             [
                 self._accelerations(model, by).measure(
                     states, np.zeros((len(z), 0)), np.zeros_like(z)
@@ -167,11 +167,11 @@ class _Lens:
             ]
         )
         slopes, mass, error = (
-            one[list(at)] for one in (self.slopes, self.mass.value, self.mass.uncertainty)
+            one[list(indices)] for one in (self.slopes, self.mass.value, self.mass.uncertainty)
         )
         with np.errstate(invalid="ignore"):
-            seen = np.einsum("bij,bj->bi", slopes, found.value)
-            seen_error = np.einsum("bij,bj->bi", np.abs(slopes), found.uncertainty)
+            seen = np.einsum("bij,bj->bi", slopes, accelerations.value)
+            seen_error = np.einsum("bij,bj->bi", np.abs(slopes), accelerations.uncertainty)
             value = np.einsum("bij,bj->bi", mass, seen)
             doubt = np.einsum("bij,bj->bi", np.abs(mass), seen_error)
             doubt += np.einsum("bij,bj->bi", error, np.abs(seen))
@@ -182,7 +182,7 @@ class _Lens:
         task, bases = self.task, min(BASES, len(self.task.z))
         r = len(task.independent)
         speed = task.unit[list(task.independent)] * task.typical
-        z, w, at = [], [], []
+        z, w, indices = [], [], []
         for base in range(bases):
             # The velocity at which one independent coordinate alone moves.
             along = self.inverse[base] @ self.slopes[base].T @ self.mass.value[base]
@@ -191,10 +191,10 @@ class _Lens:
                     for j in range(r):
                         z.append(task.z[base])
                         w.append(sign * share * speed[j] * along[:, j])
-                        at.append(base)
-        found = self.forces(model, np.array(z), np.array(w), at)
+                        indices.append(base)
+        forces = self.forces(model, np.array(z), np.array(w), indices)
         value, error = (
-            one.reshape(bases, len(SPEEDS), 2, r, r) for one in (found.value, found.uncertainty)
+            one.reshape(bases, len(SPEEDS), 2, r, r) for one in (forces.value, forces.uncertainty)
         )
         return Estimate(
             value=(value[:, :, 0] - value[:, :, 1]) / 2,

@@ -54,21 +54,23 @@ def partners(
         placed: both files' joints as they are drawn; None if a file has no tree.
     """
     pairs = {name: name for name in a if name in b and name not in spoken_for[0] | spoken_for[1]}
-    left = [name for name in a if name not in pairs and name not in spoken_for[0]]
-    right = [name for name in b if name not in pairs.values() and name not in spoken_for[1]]
-    told: list[str] = []
-    if placed is not None and left and right:
-        one, other = placed
-        ways = _whole(one, left), _whole(other, right)
-        found, how = _unnamed(*ways, joints_of(pairs, one, other), placed)
-        told = [f"joint {here} of A is {there} of B: by {how}" for here, there in found.items()]
-        for here, there in found.items():
-            pairs |= zip(one.coordinates(here), other.coordinates(there), strict=True)
-    alone = (
-        tuple(name for name in left if name not in pairs),
-        tuple(name for name in right if name not in pairs.values()),
+    unpaired_a = [name for name in a if name not in pairs and name not in spoken_for[0]]
+    unpaired_b = [name for name in b if name not in pairs.values() and name not in spoken_for[1]]
+    phrases: list[str] = []
+    if placed is not None and unpaired_a and unpaired_b:
+        placed_a, placed_b = placed
+        ways = _whole(placed_a, unpaired_a), _whole(placed_b, unpaired_b)
+        joint_pairs, how = _unnamed(*ways, joints_of(pairs, placed_a, placed_b), placed)
+        phrases = [
+            f"joint {here} of A is {there} of B: by {how}" for here, there in joint_pairs.items()
+        ]
+        for here, there in joint_pairs.items():
+            pairs |= zip(placed_a.coordinates(here), placed_b.coordinates(there), strict=True)
+    unpaired = (
+        tuple(name for name in unpaired_a if name not in pairs),
+        tuple(name for name in unpaired_b if name not in pairs.values()),
     )
-    return Partners(pairs=pairs, told=tuple(told), alone=alone)
+    return Partners(pairs=pairs, told=tuple(phrases), alone=unpaired)
 
 
 def _whole(placed: Placed, names: Sequence[str]) -> list[str]:
@@ -76,21 +78,23 @@ def _whole(placed: Placed, names: Sequence[str]) -> list[str]:
     return [joint for joint in placed.index if set(placed.coordinates(joint)) <= set(names)]
 
 
-def joints_of(pairs: Mapping[str, str], one: Placed, other: Placed) -> dict[str, str]:
+def joints_of(pairs: Mapping[str, str], placed_a: Placed, placed_b: Placed) -> dict[str, str]:
     """Return joint pairs whose coordinates are paired in order."""
-    owners = {name: joint for joint in other.index for name in other.coordinates(joint)}
-    found: dict[str, str] = {}
-    for joint in one.index:
-        own = one.coordinates(joint)
-        its = owners.get(pairs.get(own[0], ""))
-        if its is not None and tuple(pairs.get(name) for name in own) == other.coordinates(its):
-            found[joint] = its
-    return found
+    owners = {name: joint for joint in placed_b.index for name in placed_b.coordinates(joint)}
+    joints: dict[str, str] = {}
+    for joint in placed_a.index:
+        names_a = placed_a.coordinates(joint)
+        its = owners.get(pairs.get(names_a[0], ""))
+        if its is not None and tuple(pairs.get(name) for name in names_a) == placed_b.coordinates(
+            its
+        ):
+            joints[joint] = its
+    return joints
 
 
 def _unnamed(
-    left: Sequence[str],
-    right: Sequence[str],
+    joints_a: Sequence[str],
+    joints_b: Sequence[str],
     pairs: Mapping[str, str],
     placed: tuple[Placed, Placed],
 ) -> tuple[dict[str, str], str]:
@@ -98,86 +102,92 @@ def _unnamed(
 
     Pair them by order, unless geometry pairs more of them, or as many much closer.
     """
-    one, other = placed
-    in_order = _in_order(left, right, pairs, one, other)
-    near = _nearest(left, right, one, other)
+    placed_a, placed_b = placed
+    in_order = _in_order(joints_a, joints_b, pairs, placed_a, placed_b)
+    near = _nearest(joints_a, joints_b, placed_a, placed_b)
     if len(near) != len(in_order):
         return (near, "geometry") if len(near) > len(in_order) else (in_order, "order")
-    apart = [_apart(found, one, other) for found in (in_order, near)]
+    apart = [_apart(found, placed_a, placed_b) for found in (in_order, near)]
     if apart[0] > SAME and apart[1] < NEARER * apart[0]:
         return near, "geometry"
     return in_order, "order"
 
 
 def _in_order(
-    left: Sequence[str],
-    right: Sequence[str],
+    joints_a: Sequence[str],
+    joints_b: Sequence[str],
     pairs: Mapping[str, str],
-    one: Placed,
-    other: Placed,
+    placed_a: Placed,
+    placed_b: Placed,
 ) -> dict[str, str]:
     """Pair joints of one kind whose parents are paired, in order."""
-    found, free = dict(pairs), [name for name in right if name in other.index]
+    paired, free = dict(pairs), [name for name in joints_b if name in placed_b.index]
     new: dict[str, str] = {}
-    for name in sorted((x for x in left if x in one.index), key=lambda x: one.index[x]):
-        parent = one.parent(name)
-        if parent and parent not in found:
+    for name in sorted(
+        (x for x in joints_a if x in placed_a.index), key=lambda x: placed_a.index[x]
+    ):
+        parent = placed_a.parent(name)
+        if parent and parent not in paired:
             continue
-        carrier, kind = found[parent] if parent else "", one.kind(name)
-        like = (x for x in free if other.kind(x) == kind and other.parent(x) == carrier)
-        partner = min(like, key=lambda x: other.index[x], default=None)
+        carrier, kind = paired[parent] if parent else "", placed_a.kind(name)
+        like = (x for x in free if placed_b.kind(x) == kind and placed_b.parent(x) == carrier)
+        partner = min(like, key=lambda x: placed_b.index[x], default=None)
         if partner is not None:
             free.remove(partner)
-            found[name] = new[name] = partner
+            paired[name] = new[name] = partner
     return new
 
 
-def _apart(pairs: Mapping[str, str], one: Placed, other: Placed) -> float:
+def _apart(pairs: Mapping[str, str], placed_a: Placed, placed_b: Placed) -> float:
     """Return the summed distance of partners' axes and bodies.
 
     Bodies are needed since legs on both sides turn about one line.
     """
-    size = max(one.size, other.size)
-    lines = sum(_distance(one, name, other, its, size) for name, its in pairs.items())
+    size = max(placed_a.size, placed_b.size)
+    lines = sum(_distance(placed_a, name, placed_b, its, size) for name, its in pairs.items())
     bodies = (
-        one.centers[one.index[name]] - other.centers[other.index[its]]
+        placed_a.centers[placed_a.index[name]] - placed_b.centers[placed_b.index[its]]
         for name, its in pairs.items()
     )
     return lines + sum(float(np.linalg.norm(apart)) / size for apart in bodies)
 
 
 def _nearest(
-    left: Sequence[str], right: Sequence[str], one: Placed, other: Placed
+    joints_a: Sequence[str], joints_b: Sequence[str], placed_a: Placed, placed_b: Placed
 ) -> dict[str, str]:
     """Pair joints whose axes are close to each other in the world."""
     from scipy.optimize import linear_sum_assignment  # slow import: half a second per worker
 
-    left = [name for name in left if name in one.index]
-    right = [name for name in right if name in other.index]
-    size = max(one.size, other.size)
-    lines = np.array([[_distance(one, x, other, y, size) for y in right] for x in left])
+    joints_a = [name for name in joints_a if name in placed_a.index]
+    joints_b = [name for name in joints_b if name in placed_b.index]
+    size = max(placed_a.size, placed_b.size)
+    lines = np.array(
+        [[_distance(placed_a, x, placed_b, y, size) for y in joints_b] for x in joints_a]
+    )
     if not lines.size:
         return {}
-    faint = np.array([[_faintly(one, x, other, y, size) for y in right] for x in left])
+    faint = np.array(
+        [[_faintly(placed_a, x, placed_b, y, size) for y in joints_b] for x in joints_a]
+    )
     rows, columns = linear_sum_assignment(np.minimum(lines, UNLIKE) + FAINT * faint)
     near = [(i, j) for i, j in zip(rows, columns, strict=True) if lines[i, j] < NEAR]
-    return {left[i]: right[j] for i, j in near}
+    return {joints_a[i]: joints_b[j] for i, j in near}
 
 
-def _distance(one: Placed, x: str, other: Placed, y: str, size: float) -> float:
+def _distance(placed_a: Placed, x: str, placed_b: Placed, y: str, size: float) -> float:
     """Return the distance of two axes: the angle in rad, plus the distance of hinges in sizes."""
-    if one.kind(x) != other.kind(y):
+    if placed_a.kind(x) != placed_b.kind(y):
         return UNLIKE
-    i, j = one.index[x], other.index[y]
-    u, v = one.axes[i], other.axes[j]
+    i, j = placed_a.index[x], placed_b.index[y]
+    u, v = placed_a.axes[i], placed_b.axes[j]
     angle = float(np.linalg.norm(np.cross(u, v)))
-    if one.kind(x) != "hinge":
+    if placed_a.kind(x) != "hinge":
         return angle
-    between = other.anchors[j] - one.anchors[i]
+    between = placed_b.anchors[j] - placed_a.anchors[i]
     return angle + float(np.linalg.norm(between - u * (u @ between))) / size
 
 
-def _faintly(one: Placed, x: str, other: Placed, y: str, size: float) -> float:
-    i, j = one.index[x], other.index[y]
-    apart = float(np.linalg.norm(one.centers[i] - other.centers[j])) / size
-    return apart + abs(i - j) / max(len(one.index), len(other.index))
+def _faintly(placed_a: Placed, x: str, placed_b: Placed, y: str, size: float) -> float:
+    i, j = placed_a.index[x], placed_b.index[y]
+    apart = float(np.linalg.norm(placed_a.centers[i] - placed_b.centers[j])) / size
+    return apart + abs(i - j) / max(len(placed_a.index), len(placed_b.index))

@@ -101,18 +101,18 @@ def tree_of(robot: Robot | None, coordinates: Sequence[str]) -> Tree | None:
 def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:
     """Convert positions of an engine's coordinates, (nz,), to a tree's positions, (nq,)."""
     where = {name: i for i, name in enumerate(coordinates)}
-    found: Array = MinimalCoordinates(tree, DOUBLES).positions(
+    values: Array = MinimalCoordinates(tree, DOUBLES).positions(
         z[[where[name] for name in names_of(tree)]]
     )
-    return found
+    return values
 
 
-def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
+def held(tree: Tree, locked: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
     """Return the tree with some joints locked, and the new index of each link, or `WORLD`.
 
     Args:
         tree: the links.
-        at: positions of the locked hinges and slides, by name.
+        locked: positions of the locked hinges and slides, by name.
     """
     links: list[TreeLink] = []
     # The new link that contains each old link, and its frame there.
@@ -121,20 +121,20 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
     for link in tree.links:
         within, frame = (WORLD, still) if link.parent == WORLD else now[link.parent]
         place = frame.compose(Place(link.rotation, link.position))
-        if link.name not in at:
+        if link.name not in locked:
             links.append(
                 replace(link, parent=within, rotation=place.rotation, position=place.origin)
             )
             now.append((len(links) - 1, still))
             continue
-        place = place.compose(_moved(link, at[link.name]))
+        place = place.compose(_moved(link, locked[link.name]))
         now.append((within, place))
         if within != WORLD:
             links[within] = _joined(links[within], link, place)
     pulls = tuple(
         _pulled(pull, now)
         for pull in tree.pulls
-        if not any(tree.links[i].name in at for i, _ in pull.joints)
+        if not any(tree.links[i].name in locked for i, _ in pull.joints)
     )
     couplings = tuple(
         replace(
@@ -144,7 +144,7 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
             others=tuple((now[link][0], share) for link, share in one.others),
         )
         for one in tree.couplings
-        if not {tree.links[i].name for i in (one.follower, *dict(one.leaders))} & set(at)
+        if not {tree.links[i].name for i in (one.follower, *dict(one.leaders))} & set(locked)
     )
     whole = Tree(
         links=tuple(links),
@@ -159,27 +159,27 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
     return whole, tuple(i for i, _ in now)
 
 
-def _pulled(pull: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:
+def _pulled(force: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:
     """Return a force element with updated link indices and frames."""
-    if pull.along is None:
-        return replace(pull, joints=tuple((now[i][0], share) for i, share in pull.joints))
-    if isinstance(pull.along, JointForce):
-        return replace(pull, along=pull.along.mapped(lambda link: now[link][0]))
-    return replace(pull, along=pull.along.mapped(lambda mark: _marked(mark, now)))
+    if force.along is None:
+        return replace(force, joints=tuple((now[i][0], share) for i, share in force.joints))
+    if isinstance(force.along, JointForce):
+        return replace(force, along=force.along.mapped(lambda link: now[link][0]))
+    return replace(force, along=force.along.mapped(lambda mark: _marked(mark, now)))
 
 
 def _marked(mark: LinkFrame, now: list[tuple[int, Place]]) -> LinkFrame:
     if mark.link == WORLD:
         return mark
     link, frame = now[mark.link]
-    at = frame.compose(Place(mark.rotation, mark.position))
-    return LinkFrame(link=link, position=at.origin, rotation=at.rotation)
+    pose = frame.compose(Place(mark.rotation, mark.position))
+    return LinkFrame(link=link, position=pose.origin, rotation=pose.rotation)
 
 
-def _carried(one: Immersed, link: int, frame: Place) -> Immersed:
+def _carried(box: Immersed, link: int, frame: Place) -> Immersed:
     """Return a submerged box whose link is now part of another link."""
-    at = frame.compose(Place(one.rotation, one.position))
-    return replace(one, link=link, position=at.origin, rotation=at.rotation)
+    pose = frame.compose(Place(box.rotation, box.position))
+    return replace(box, link=link, position=pose.origin, rotation=pose.rotation)
 
 
 def _joined(carrier: TreeLink, link: TreeLink, place: Place) -> TreeLink:

@@ -59,39 +59,45 @@ def prepare(
     """
     if not include_constraints:
         a, b = smooth(a, b)
-    (a, one), (b, other), floated = _loaded(execute, (a, b))
+    (a, facts_a), (b, facts_b), floated = _loaded(execute, (a, b))
     readback = a.sidecar.readback, b.sidecar.readback
-    names = one.coordinates, other.coordinates
+    names = facts_a.coordinates, facts_b.coordinates
     given = spoken_for(*names, joints, readback)
-    found = partners(*names, given, _drawn(one, other))
-    notes = [*_left_out(a, b, one, other, include_constraints), *floated]
-    unlike = [] if include_constraints else list(_uncompared(a, b, one, other))
+    joint_pairs = partners(*names, given, _drawn(facts_a, facts_b))
+    notes = [*_left_out(a, b, facts_a, facts_b, include_constraints), *floated]
+    unlike = [] if include_constraints else list(_uncompared(a, b, facts_a, facts_b))
     still: list[Mapping[str, float]] = []
-    for candidate, own, alone in zip((a, b), (one, other), found.alone, strict=True):
-        held = _held(candidate, own, alone) if found.pairs else {}
+    for candidate, model_facts, unpaired in zip(
+        (a, b), (facts_a, facts_b), joint_pairs.alone, strict=True
+    ):
+        held = _held(candidate, model_facts, unpaired) if joint_pairs.pairs else {}
         still.append(held)
-        of = "B" if candidate.label == "A" else "A"
+        other_label = "B" if candidate.label == "A" else "A"
         notes += [
-            f"joint {name} of {candidate.label} has no partner in {of}: held at {at:g}"
+            f"joint {name} of {candidate.label} has no partner in {other_label}: held at {at:g}"
             for name, at in held.items()
         ]
     if still[0]:
         a = a.at(held=list(still[0]))
-        one = ask(execute, a, facts, a)
+        facts_a = ask(execute, a, facts, a)
     if still[1]:
         b = b.at(held=list(still[1]))
-        other = ask(execute, b, facts, b)
+        facts_b = ask(execute, b, facts, b)
     if not include_constraints:
-        a, one, b, other, more = _actuated(
-            execute, (a, b), (one, other), _joints(found, joints), bool(still[0] or still[1])
+        a, facts_a, b, facts_b, more = _actuated(
+            execute,
+            (a, b),
+            (facts_a, facts_b),
+            _joints(joint_pairs, joints),
+            bool(still[0] or still[1]),
         )
         notes += more
         unlike += [note for note in more if note.startswith(NOT_COMPARED)]
-    matched = _matched(one, other, joints, readback, found, still)
+    matched = _matched(facts_a, facts_b, joints, readback, joint_pairs, still)
     return Prepared(
         a=a,
         b=b,
-        facts=(one, other),
+        facts=(facts_a, facts_b),
         match=matched,
         still=(still[0], still[1]),
         notes=tuple(notes),
@@ -103,15 +109,15 @@ def _loaded(
     execute: Execute, models: tuple[Candidate, Candidate]
 ) -> tuple[tuple[Candidate, Facts], tuple[Candidate, Facts], list[str]]:
     """Load both models; let the root of an unspecified URDF float if the other model's does."""
-    found: dict[str, tuple[Candidate, Facts]] = {}
+    loaded: dict[str, tuple[Candidate, Facts]] = {}
     notes = []
     for candidate in sorted(models, key=_may_float):
-        if _may_float(candidate) and any(_floats(own) for _, own in found.values()):
-            (other,) = found
+        if _may_float(candidate) and any(_floats(own) for _, own in loaded.values()):
+            (other,) = loaded
             candidate = candidate.at(floating=True)
             notes.append(f"the root link of {candidate.label} moves freely, as that of {other}")
-        found[candidate.label] = candidate, ask(execute, candidate, facts, candidate)
-    return found[models[0].label], found[models[1].label], notes
+        loaded[candidate.label] = candidate, ask(execute, candidate, facts, candidate)
+    return loaded[models[0].label], loaded[models[1].label], notes
 
 
 def _may_float(candidate: Candidate) -> bool:
@@ -120,9 +126,10 @@ def _may_float(candidate: Candidate) -> bool:
     return candidate.sidecar.model.suffix == ".urdf" and candidate.bare and not stated
 
 
-def _floats(own: Facts) -> bool:
+def _floats(model_facts: Facts) -> bool:
     """Return whether each body that the world carries moves freely."""
-    links = () if own.robot is None or own.robot.tree is None else own.robot.tree.links
+    robot = model_facts.robot
+    links = () if robot is None or robot.tree is None else robot.tree.links
     kinds = [link.kind for link in links if link.parent == WORLD]
     return bool(kinds) and set(kinds) == {"free"}
 
@@ -130,7 +137,7 @@ def _floats(own: Facts) -> bool:
 def _actuated(
     execute: Execute,
     models: tuple[Candidate, Candidate],
-    own: tuple[Facts, Facts],
+    both_facts: tuple[Facts, Facts],
     joints: Mapping[str, str],
     held: bool,
 ) -> tuple[Candidate, Facts, Candidate, Facts, tuple[str, ...]]:
@@ -139,122 +146,122 @@ def _actuated(
     They are switched off if joints are locked, which removes the actuators on them, or if the
     other format has none. Settings of a sidecar are kept.
     """
-    (a, b), (one, other) = models, own
-    stated = any(_is_stated(*pair) for pair in zip(models, own, strict=True))
-    if stated or not (one.actuators or other.actuators):
-        return a, one, b, other, ()
-    if held or one.compiled is None or other.compiled is None:
-        return _without_actuators(execute, models, own, held)
-    pairs = pair_actuators(one.actuators, other.actuators, joints)
-    at = held_alike(one.compiled, other.compiled, pairs)
+    (a, b), (facts_a, facts_b) = models, both_facts
+    stated = any(_is_stated(*pair) for pair in zip(models, both_facts, strict=True))
+    if stated or not (facts_a.actuators or facts_b.actuators):
+        return a, facts_a, b, facts_b, ()
+    if held or facts_a.compiled is None or facts_b.compiled is None:
+        return _without_actuators(execute, models, both_facts, held)
+    pairs = pair_actuators(facts_a.actuators, facts_b.actuators, joints)
+    inputs = held_alike(facts_a.compiled, facts_b.compiled, pairs)
     # States that move in one engine only would differ without a difference of the files.
     move = all("activations" in engines()[candidate.engine].switches for candidate in models)
-    found: list[tuple[Candidate, Facts]] = []
-    for candidate, values in zip(models, at, strict=True):
+    acting_models: list[tuple[Candidate, Facts]] = []
+    for candidate, values in zip(models, inputs, strict=True):
         settings: dict[str, object] = {"controls": list(values.controls)}
         if values.states and move:
             settings["activations"] = list(values.states)
         acting = candidate.at(**settings)
-        found.append((acting, ask(execute, acting, facts, acting)))
+        acting_models.append((acting, ask(execute, acting, facts, acting)))
     notes = list(pairs.how)
     if pairs.pairs:
         notes.append(f"actuators ({len(pairs.pairs)}), each held at a control within its range")
-    for candidate, its, alone in zip(models, own, pairs.alone, strict=True):
-        count = sum(its.actuators[i].covered for i in alone)
+    for candidate, model_facts, unpaired in zip(models, both_facts, pairs.alone, strict=True):
+        count = sum(model_facts.actuators[i].covered for i in unpaired)
         if count:
             who = f"actuators of {candidate.label} without a partner ({count})"
             notes.append(f"{who}, each held likewise")
-    return *found[0], *found[1], tuple(notes)
+    return *acting_models[0], *acting_models[1], tuple(notes)
 
 
 def _without_actuators(
     execute: Execute,
     models: tuple[Candidate, Candidate],
-    own: tuple[Facts, Facts],
+    both_facts: tuple[Facts, Facts],
     held: bool,
 ) -> tuple[Candidate, Facts, Candidate, Facts, tuple[str, ...]]:
     """Switch actuators off in both models."""
     why = "since joints are held" if held else "since the other file's format has none"
-    found: list[tuple[Candidate, Facts]] = []
+    models_off: list[tuple[Candidate, Facts]] = []
     notes = []
-    for candidate, its in zip(models, own, strict=True):
-        if its.actuators:
-            count = len(its.actuators)
+    for candidate, model_facts in zip(models, both_facts, strict=True):
+        if model_facts.actuators:
+            count = len(model_facts.actuators)
             notes.append(f"{NOT_COMPARED}: actuators ({count}) of {candidate.label}, {why}")
             off = candidate.at(actuators=False)
-            found.append((off, ask(execute, off, facts, off)))
+            models_off.append((off, ask(execute, off, facts, off)))
         else:
-            found.append((candidate, its))
-    return *found[0], *found[1], tuple(notes)
+            models_off.append((candidate, model_facts))
+    return *models_off[0], *models_off[1], tuple(notes)
 
 
-def _is_stated(candidate: Candidate, own: Facts) -> bool:
+def _is_stated(candidate: Candidate, model_facts: Facts) -> bool:
     """Return whether a sidecar states a file's actuators."""
     stated = candidate.sidecar.spec(candidate.engine).settings
     switched = {"controls", "actuators"} & set(stated) or not stated.get("smooth", False)
-    return bool(own.actuators) and bool(switched)
+    return bool(model_facts.actuators) and bool(switched)
 
 
-def _joints(found: Partners, joints: Maps) -> dict[str, str]:
+def _joints(joint_pairs: Partners, joints: Maps) -> dict[str, str]:
     """Return joints of A with their partners in B, by pairing and by the user's map.
 
     A free joint represents its coordinates.
     """
-    pairs = {**found.pairs, **{name: text.lstrip("-") for name, text in joints[0].items()}}
+    pairs = {**joint_pairs.pairs, **{name: text.lstrip("-") for name, text in joints[0].items()}}
     whole = {name.partition(":")[0]: its.partition(":")[0] for name, its in pairs.items()}
     return {**whole, **pairs}
 
 
 def _matched(
-    one: Facts,
-    other: Facts,
+    facts_a: Facts,
+    facts_b: Facts,
     joints: Maps,
     readback: Maps,
-    found: Partners,
+    joint_pairs: Partners,
     still: Sequence[Mapping[str, float]],
 ) -> Match:
     try:
-        return match(one.coordinates, other.coordinates, joints, readback, found)
+        return match(facts_a.coordinates, facts_b.coordinates, joints, readback, joint_pairs)
     except CompareError as error:
-        if any(found.alone) and not any(still):
+        if any(joint_pairs.alone) and not any(still):
             message = f"{error}; none was found by name, order or geometry, and none can be held"
             raise CompareError(message) from None
         raise
 
 
-def _drawn(one: Facts, other: Facts) -> tuple[Placed, Placed] | None:
+def _drawn(facts_a: Facts, facts_b: Facts) -> tuple[Placed, Placed] | None:
     """Return both files' joints as drawn; None if one is not a tree of hinges and slides."""
     sides = []
-    for own in (one, other):
-        tree = tree_of(own.robot, own.coordinates)
-        if tree is None or set(names_of(tree)) != set(own.coordinates):
+    for model_facts in (facts_a, facts_b):
+        tree = tree_of(model_facts.robot, model_facts.coordinates)
+        if tree is None or set(names_of(tree)) != set(model_facts.coordinates):
             return None
-        sides.append(placed(tree, positions(tree, own.coordinates, own.home)))
+        sides.append(placed(tree, positions(tree, model_facts.coordinates, model_facts.home)))
     return sides[0], sides[1]
 
 
-def _held(candidate: Candidate, own: Facts, alone: Sequence[str]) -> dict[str, float]:
+def _held(candidate: Candidate, model_facts: Facts, unpaired: Sequence[str]) -> dict[str, float]:
     """Return positions of unpaired joints to lock; {} for models whose sidecar declares couplings.
 
     There a joint may follow others.
     """
     if not candidate.bare or "held" not in engines()[candidate.engine].switches:
         return {}
-    tree = tree_of(own.robot, own.coordinates)
+    tree = tree_of(model_facts.robot, model_facts.coordinates)
     single = {} if tree is None else {link.name: link.kind for link in tree.links}
     return {
-        name: float(own.home[own.coordinates.index(name)])
-        for name in alone
+        name: float(model_facts.home[model_facts.coordinates.index(name)])
+        for name in unpaired
         if single.get(name) in ("hinge", "slide")
     }
 
 
-def _uncompared(a: Candidate, b: Candidate, one: Facts, other: Facts) -> Iterator[str]:
+def _uncompared(a: Candidate, b: Candidate, facts_a: Facts, facts_b: Facts) -> Iterator[str]:
     """Yield omissions of files of two formats; position limits are read from both."""
     if a.sidecar.model.suffix == b.sidecar.model.suffix:
         return
-    for candidate, own in ((a, one), (b, other)):
-        parts = [_counted(part) for part in _parts(candidate, own) if part.what != LIMITS]
+    for candidate, model_facts in ((a, facts_a), (b, facts_b)):
+        parts = [_counted(part) for part in _parts(candidate, model_facts) if part.what != LIMITS]
         if parts:
             yield f"{NOT_COMPARED}: {', '.join(parts)}, in {candidate.label}"
 
@@ -272,34 +279,34 @@ COUPLED = ("mimic", "equality", FOLLOWERS)
 
 
 def _left_out(
-    a: Candidate, b: Candidate, one: Facts, other: Facts, include_constraints: bool
+    a: Candidate, b: Candidate, facts_a: Facts, facts_b: Facts, include_constraints: bool
 ) -> tuple[str, ...]:
     """Return notes about contacts and other omissions."""
     if include_constraints:
         return ("contacts, joint limits, dry friction and couplings of the files are included",)
-    told = [_told(*pair) for pair in ((a, one), (b, other))]
-    if a.sidecar.model.resolve() == b.sidecar.model.resolve() or told[0] == told[1]:
-        return (f"{NOT_COMPARED}: {told[0]}",) if told[0] else ()
+    texts = [_told(*pair) for pair in ((a, facts_a), (b, facts_b))]
+    if a.sidecar.model.resolve() == b.sidecar.model.resolve() or texts[0] == texts[1]:
+        return (f"{NOT_COMPARED}: {texts[0]}",) if texts[0] else ()
     return tuple(
         f"{NOT_COMPARED}: {text}, in {candidate.label}"
-        for candidate, text in zip((a, b), told, strict=True)
+        for candidate, text in zip((a, b), texts, strict=True)
         if text
     )
 
 
-def _told(candidate: Candidate, own: Facts) -> str:
+def _told(candidate: Candidate, model_facts: Facts) -> str:
     """Format omissions, such as: contact geometry (12), dry friction (7)."""
-    return ", ".join(map(_counted, _parts(candidate, own)))
+    return ", ".join(map(_counted, _parts(candidate, model_facts)))
 
 
-def _parts(candidate: Candidate, own: Facts) -> list[Omission]:
+def _parts(candidate: Candidate, model_facts: Facts) -> list[Omission]:
     """Return what a model's motions leave out."""
     settings = candidate.sidecar.spec(candidate.engine).settings
-    if own.robot is None or not settings.get("smooth", False):
+    if model_facts.robot is None or not settings.get("smooth", False):
         return []
     kept = COUPLED if settings.get("couplings", True) else ()
-    return [one for one in own.robot.left_out if not one.what.startswith((*ALWAYS, *kept))]
+    return [one for one in model_facts.robot.left_out if not one.what.startswith((*ALWAYS, *kept))]
 
 
-def _counted(one: Omission) -> str:
-    return one.what if one.count == 1 else f"{one.what} ({one.count})"
+def _counted(omission: Omission) -> str:
+    return omission.what if omission.count == 1 else f"{omission.what} ({omission.count})"

@@ -44,7 +44,7 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
     links, odd = paired_links(a.placed, b.placed, names)
     rows = aligned(a.placed, b.placed, links)
     size = max(a.placed.size, b.placed.size)
-    found = [
+    differences = [
         told("kind", name, f"joint {name}: {here} in A, {there} in B", 1.0)
         for name, here, there in odd
     ]
@@ -54,13 +54,13 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
         single = a.tree.links[row.a].kind in ("hinge", "slide")
         if single and row.opposite != (pair.slope < 0):
             turned.append(pair.a)
-        found += _joint(a, b, row, pair, size)
-        found += body_properties(a, b, row, size)
-    found += _gravity(a, b)
-    found.sort(key=lambda one: (one.kind in ALONG_JOINTS, -one.effect))
+        differences += _joint(a, b, row, pair, size)
+        differences += body_properties(a, b, row, size)
+    differences += _gravity(a, b)
+    differences.sort(key=lambda one: (one.kind in ALONG_JOINTS, -one.effect))
     rest = [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
     rest += _left_out(a, b)
-    every = sorted((*found, *rest), key=lambda one: not one.moves)
+    every = sorted((*differences, *rest), key=lambda one: not one.moves)
     return Properties(found=tuple(every), turned=tuple(turned))
 
 
@@ -71,18 +71,18 @@ Files often leave them out.
 """
 
 
-def _joint_pairs(one: Placed, other: Placed, pairs: Sequence[Pair]) -> dict[str, Pair]:
+def _joint_pairs(placed_a: Placed, placed_b: Placed, pairs: Sequence[Pair]) -> dict[str, Pair]:
     """Return pairs of joints, from pairs of coordinates, by the names of A's.
 
     Coordinates of a ball and a free joint are paired in order, unchanged.
     """
     straight = {pair.a: pair.b for pair in pairs if (pair.slope, pair.offset) == (1.0, 0.0)}
-    found = {
+    by_name = {
         name: Pair(a=name, b=its, slope=1.0, offset=0.0)
-        for name, its in joints_of(straight, one, other).items()
+        for name, its in joints_of(straight, placed_a, placed_b).items()
     }
-    single = (pair for pair in pairs if pair.a in one.index and pair.b in other.index)
-    return found | {pair.a: pair for pair in single}
+    single = (pair for pair in pairs if pair.a in placed_a.index and pair.b in placed_b.index)
+    return by_name | {pair.a: pair for pair in single}
 
 
 def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
@@ -95,8 +95,8 @@ def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[
 
 def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
     """Yield differences of axis, position and zero."""
-    one = a.tree.links[row.a]
-    name = one.name
+    link = a.tree.links[row.a]
+    name = link.name
     if row.angle > SAME:
         vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
         message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
@@ -105,8 +105,8 @@ def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterat
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
         yield told("anchor", name, message, row.apart / size, relative=row.apart / size)
-    if abs(row.zero) > SAME * (1.0 if one.kind == "hinge" else size):
-        unit = "rad" if one.kind == "hinge" else "m"
+    if abs(row.zero) > SAME * (1.0 if link.kind == "hinge" else size):
+        unit = "rad" if link.kind == "hinge" else "m"
         sign = -1.0 if row.opposite else 1.0
         shift = f"{row.zero - sign * pair.offset:+.15g}"
         remedy = f"--joints={pair.a}={'-' if row.opposite else ''}{pair.b}{shift}"
@@ -116,25 +116,25 @@ def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterat
 
 def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
     """Yield differences of armature, damper and spring."""
-    one, other = a.tree.links[row.a], b.tree.links[row.b]
-    name = one.name
-    plain = [("armature", one.armature, other.armature)]
+    link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
+    name = link_a.name
+    plain = [("armature", link_a.armature, link_b.armature)]
     if not (a.springs or b.springs):
         plain += [
-            ("damping", one.damping, other.damping),
-            ("stiffness", one.stiffness, other.stiffness),
+            ("damping", link_a.damping, link_b.damping),
+            ("stiffness", link_a.stiffness, link_b.stiffness),
         ]
     for what, here, there in plain:
-        most = max(abs(here), abs(there))
-        if abs(here - there) > SAME * most:
+        largest = max(abs(here), abs(there))
+        if abs(here - there) > SAME * largest:
             message = f"{what} of joint {name}: {shown(here, there)}"
-            share = abs(here - there) / most
+            share = abs(here - there) / largest
             yield told(what, name, message, share, here, there, relative=share)
-    if one.stiffness and other.stiffness and not (a.springs or b.springs):
-        rest = (other.rest[0] - pair.offset) / pair.slope
-        if abs(one.rest[0] - rest) > SAME:
-            message = f"rest of the spring of joint {name}: {shown(one.rest[0], rest)}"
-            yield told("rest", name, message, abs(one.rest[0] - rest), one.rest[0], rest)
+    if link_a.stiffness and link_b.stiffness and not (a.springs or b.springs):
+        rest = (link_b.rest[0] - pair.offset) / pair.slope
+        if abs(link_a.rest[0] - rest) > SAME:
+            message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
+            yield told("rest", name, message, abs(link_a.rest[0] - rest), link_a.rest[0], rest)
 
 
 def _axis(b: Side, row: Aligned) -> Array:
@@ -148,13 +148,13 @@ def _vector(values: Array) -> str:
 
 
 def _gravity(a: Side, b: Side) -> Iterator[Property]:
-    one, other = np.array(a.facts.gravity), np.array(b.facts.gravity)
-    if one.shape != other.shape or not one.size:
+    gravity_a, gravity_b = np.array(a.facts.gravity), np.array(b.facts.gravity)
+    if gravity_a.shape != gravity_b.shape or not gravity_a.size:
         return
-    apart = float(np.linalg.norm(one - other))
-    large = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)))
+    apart = float(np.linalg.norm(gravity_a - gravity_b))
+    large = max(float(np.linalg.norm(gravity_a)), float(np.linalg.norm(gravity_b)))
     if apart > SAME * large:
-        here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (one, other))
+        here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (gravity_a, gravity_b))
         yield told("gravity", "", f"gravity: {here} in A, {there} in B", apart / large)
 
 
@@ -172,9 +172,9 @@ def _ranges(
             miss = np.where(here == there, 0.0, np.abs(here - there))
         if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
             told_a, told_b = _range(here, there)
-            said = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
+            message = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
-            yield told("range", pair.a, said, 0.0, moves=False, relative=share)
+            yield told("range", pair.a, message, 0.0, moves=False, relative=share)
 
 
 def _share(miss: Array, sizes: Array) -> float:
@@ -187,11 +187,11 @@ def _share(miss: Array, sizes: Array) -> float:
 def _range(here: Array, there: Array) -> tuple[str, str]:
     """Format both ranges with enough digits to show their difference."""
     if np.isinf(here).any() or np.isinf(there).any():
-        one, other = (
+        text_a, text_b = (
             "endless" if np.isinf(both).all() else f"{both[0]:.7g} to {both[1]:.7g}"
             for both in (here + 0.0, there + 0.0)
         )
-        return one, other
+        return text_a, text_b
     (low, its_low), (high, its_high) = (
         apart(float(x) + 0.0, float(y) + 0.0, 0.0) if x != y else (f"{x + 0.0:.7g}",) * 2
         for x, y in zip(here, there, strict=True)
@@ -203,17 +203,17 @@ def _tendons(a: Side, b: Side) -> Iterator[Property]:
     """Yield differences of springs, dampers and armatures along tendons, paired by name."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
-    one, other = (
+    tendons_a, tendons_b = (
         {pull.name: pull for pull in own.facts.compiled.pulls if pull.control < 0}
         for own in (a, b)
         if own.facts.compiled is not None
     )
-    for name in dict.fromkeys([*one, *other]):
-        if name not in one or name not in other:
-            label = "A" if name in one else "B"
+    for name in dict.fromkeys([*tendons_a, *tendons_b]):
+        if name not in tendons_a or name not in tendons_b:
+            label = "A" if name in tendons_a else "B"
             yield told("tendon", name, f"tendon {name} pulls in {label} alone", 0.0)
             continue
-        here, there = one[name], other[name]
+        here, there = tendons_a[name], tendons_b[name]
         for what, x, y in (
             ("stiffness", here.stiffness, there.stiffness),
             ("damping", here.damping, there.damping),
@@ -248,11 +248,13 @@ def _left_out(a: Side, b: Side) -> Iterator[Property]:
     """Yield differences of the numbers of omissions; only files of one format count alike."""
     if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
         return
-    one, other = (_counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None)
-    for what in dict.fromkeys([*one, *other]):
-        if one.get(what, 0) != other.get(what, 0):
-            said = f"{what}: {one.get(what, 0)} in A, {other.get(what, 0)} in B"
-            yield told("left out", "", said, 0.0, moves=False)
+    counts_a, counts_b = (
+        _counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None
+    )
+    for what in dict.fromkeys([*counts_a, *counts_b]):
+        if counts_a.get(what, 0) != counts_b.get(what, 0):
+            message = f"{what}: {counts_a.get(what, 0)} in A, {counts_b.get(what, 0)} in B"
+            yield told("left out", "", message, 0.0, moves=False)
 
 
 def _counts(left_out: Sequence[Omission]) -> dict[str, int]:

@@ -61,6 +61,6 @@ def told(
 
 def shown(here: float, there: float) -> str:
     """Format two numbers with enough digits to show their difference."""
-    one, other = apart(here, there, 0.0)
+    text_a, text_b = apart(here, there, 0.0)
     share = f" ({percent((there - here) / here)})" if here and there else ""
-    return f"{one} in A, {other} in B{share}"
+    return f"{text_a} in A, {text_b} in B{share}"

@@ -35,17 +35,17 @@ def start_range(
     """
     limits, strangers = source.limits.copy(), []
     for pair in pairs_of(match, source.coordinates):
-        own, its = (pair.a, pair.b) if match.source == "A" else (pair.b, pair.a)
+        source_name, target_name = (pair.a, pair.b) if match.source == "A" else (pair.b, pair.a)
         slope, offset = pair.slope, pair.offset
         if match.source == "B":
             slope, offset = 1 / slope, -offset / slope
-        i, j = source.coordinates.index(own), target.coordinates.index(its)
+        i, j = source.coordinates.index(source_name), target.coordinates.index(target_name)
         other = np.sort((target.limits[j] - offset) / slope)
         both = np.array([max(limits[i, 0], other[0]), min(limits[i, 1], other[1])])
         if both[0] < both[1]:
             limits[i] = both
         else:
-            strangers.append(own)
+            strangers.append(source_name)
     return *_drawn(replace(source, home=_upright(source)), limits), tuple(strangers), limits
 
 
@@ -74,10 +74,10 @@ def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
     low = np.where(np.isfinite(low), low, np.minimum(source.home, high) - half)
     high = np.where(np.isfinite(high), high, np.maximum(source.home, low) + half)
     near = np.clip(source.home, low, high)
-    reach = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
-    off = OFF * (reach[:, 1] - reach[:, 0])
-    inside = (reach[:, 0] + off <= source.home) & (source.home <= reach[:, 1] - off)
-    return np.where(inside, source.home, reach.mean(axis=1)), reach
+    sampled = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
+    off = OFF * (sampled[:, 1] - sampled[:, 0])
+    inside = (sampled[:, 0] + off <= source.home) & (source.home <= sampled[:, 1] - off)
+    return np.where(inside, source.home, sampled.mean(axis=1)), sampled
 
 
 def told(strangers: Sequence[str], label: str) -> tuple[str, ...]:

@@ -28,15 +28,15 @@ from physics_crosscheck.harness.records.comparison import (
 from physics_crosscheck.harness.records.outcome import Outcome
 
 
-def comparison_record(found: Findings, created: datetime.datetime) -> Comparison:
+def comparison_record(findings: Findings, created: datetime.datetime) -> Comparison:
     """Build the record of a comparison."""
-    options, judged, recorded = found.options, found.judgement, found.recorded
+    options, judged, recorded = findings.options, findings.judgement, findings.recorded
     return Comparison(
         created=_spelled(created),
         resolution=options.resolution,
         models=tuple(
             _model(candidate, facts)
-            for candidate, facts in zip((options.a, options.b), found.facts, strict=True)
+            for candidate, facts in zip((options.a, options.b), findings.facts, strict=True)
         ),
         outcome=judged.outcome,
         strict=options.strict,
@@ -46,29 +46,29 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
             discrepancy=number(judged.discrepancy),
             uncertainty=number(judged.uncertainty),
             component=judged.component,
-            joints=tuple(found.match.names),
+            joints=tuple(findings.match.names),
             by_component=numbers(_by_component(judged)),
-            map=tuple(found.match.pairing),
-            left_out=tuple(found.match.left_out),
-            states_of=found.match.source,
+            map=tuple(findings.match.pairing),
+            left_out=tuple(findings.match.left_out),
+            states_of=findings.match.source,
             runs=ComparedRuns(
                 count=len(recorded.runs.z),
                 length=recorded.runs.length,
                 driven=int(recorded.driven.sum()),
                 lost=recorded.lost,
             ),
-            turned=found.turned,
-            left_when_turned=number(found.left) if found.turned else None,
-            properties=tuple(_property(one) for one in found.properties),
-            explained=None if found.explained is None else number(found.explained.share),
-            off=_off(found),
-            terms=tuple(_term(term) for term in found.terms),
-            differences=tuple(_difference(trial) for trial in found.trials),
-            untried=found.untried,
-            untested=found.untested,
-            impossible=found.impossible,
-            notes=found.notes,
-            seconds=found.seconds,
+            turned=findings.turned,
+            left_when_turned=number(findings.left) if findings.turned else None,
+            properties=tuple(_property(one) for one in findings.properties),
+            explained=None if findings.explained is None else number(findings.explained.share),
+            off=_off(findings),
+            terms=tuple(_term(term) for term in findings.terms),
+            differences=tuple(_difference(trial) for trial in findings.trials),
+            untried=findings.untried,
+            untested=findings.untested,
+            impossible=findings.impossible,
+            notes=findings.notes,
+            seconds=findings.seconds,
         ),
     )
 
@@ -113,25 +113,25 @@ def _model(candidate: Candidate, facts: Facts | None) -> ComparedModel:
     )
 
 
-def _off(found: Findings) -> tuple[float | None, ...] | None:
+def _off(findings: Findings) -> tuple[float | None, ...] | None:
     """Return the deviations from the equations, of A and of B."""
-    if found.explained is None:
+    if findings.explained is None:
         return None
-    off = found.explained.off
-    return tuple(numbers(off if found.match.source == "A" else off[::-1]))
+    off = findings.explained.off
+    return tuple(numbers(off if findings.match.source == "A" else off[::-1]))
 
 
-def _property(one: Property) -> ComparedProperty:
+def _property(difference: Property) -> ComparedProperty:
     return ComparedProperty(
-        kind=one.kind,
-        about=one.about,
-        message=one.message,
-        a=number(one.a) if one.a is not None else None,
-        b=number(one.b) if one.b is not None else None,
-        where_a=one.where_a,
-        where_b=one.where_b,
-        moves=one.moves,
-        relative=number(one.relative),
+        kind=difference.kind,
+        about=difference.about,
+        message=difference.message,
+        a=number(difference.a) if difference.a is not None else None,
+        b=number(difference.b) if difference.b is not None else None,
+        where_a=difference.where_a,
+        where_b=difference.where_b,
+        moves=difference.moves,
+        relative=number(difference.relative),
     )
 
 

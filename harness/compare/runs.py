@@ -47,26 +47,27 @@ def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Ex
     Raises:
         BlownUpError: if no run is finite.
     """
-    own, batch = own_states(runs.z.shape[1], match), _batch(runs, match)
-    found = extrapolate(model, own, batch, resolution=resolution)
-    if found.limit.order_confirmed or not found.limit.converges:
-        return found
+    coordinates, batch = own_states(runs.z.shape[1], match), _batch(runs, match)
+    extrapolated = extrapolate(model, coordinates, batch, resolution=resolution)
+    if extrapolated.limit.order_confirmed or not extrapolated.limit.converges:
+        return extrapolated
     claimed = model.exponents(batch.varying)[0]
-    confirmed = _mostly_confirmed(found, batch.states, claimed)
-    return replace(found, limit=replace(found.limit, order_confirmed=confirmed))
+    confirmed = _mostly_confirmed(extrapolated, batch.states, claimed)
+    return replace(extrapolated, limit=replace(extrapolated.limit, order_confirmed=confirmed))
 
 
-def _mostly_confirmed(found: Extrapolated, starts: Array, claimed: int) -> bool:
+def _mostly_confirmed(extrapolated: Extrapolated, starts: Array, claimed: int) -> bool:
     """Return whether at least half of the runs have the claimed order, judged one by one.
 
     Judged together, a few runs in which a drag changes sign would decide. Their loss of accuracy is
     part of their own uncertainty.
     """
-    scale = movement(found.limit.value, starts)
-    rounding = float(np.max(np.abs(found.limit.value) / scale))
-    known = np.flatnonzero(np.isfinite(found.limit.uncertainty).all(axis=1))
+    scale = movement(extrapolated.limit.value, starts)
+    rounding = float(np.max(np.abs(extrapolated.limit.value) / scale))
+    finite = np.flatnonzero(np.isfinite(extrapolated.limit.uncertainty).all(axis=1))
     confirmed = [
-        observed_order(found.raw[:, [k]] / scale, found.rungs, claimed, rounding)[1] for k in known
+        observed_order(extrapolated.raw[:, [k]] / scale, extrapolated.rungs, claimed, rounding)[1]
+        for k in finite
     ]
     return 2 * sum(confirmed) >= len(confirmed)
 

@@ -42,45 +42,47 @@ class Said:
         return any(one.moves for one in self.properties)
 
 
-def said(execute: Execute, made: Prepared, home: Array) -> Said:
+def said(execute: Execute, prepared: Prepared, home: Array) -> Said:
     """Compare both files at one position.
 
     Args:
         execute: runs the engines, which compute frames.
-        made: both models.
+        prepared: both models.
         home: positions of the source, (nz,).
 
     Raises:
         FailureError: if an engine fails.
     """
-    own = made.facts[0 if made.match.source == "A" else 1]
-    pairs = pairs_of(made.match, own.coordinates)
-    z = home, made.match.value(home[None])[0]
-    z = z if made.match.source == "A" else z[::-1]
-    sides = _sides(made, z)
+    source_facts = prepared.facts[0 if prepared.match.source == "A" else 1]
+    pairs = pairs_of(prepared.match, source_facts.coordinates)
+    z = home, prepared.match.value(home[None])[0]
+    z = z if prepared.match.source == "A" else z[::-1]
+    sides = _sides(prepared, z)
     if sides is None:
-        return Said(sides=None, properties=_frames(execute, made, z, 1.0), turned=())
-    found = properties(*sides, pairs)
-    turned = tuple(p.a if made.match.source == "B" else p.b for p in pairs if p.a in found.turned)
-    if found.turned:
-        of_a = dict(zip(made.facts[0].coordinates, z[0].tolist(), strict=True))
+        return Said(sides=None, properties=_frames(execute, prepared, z, 1.0), turned=())
+    differences = properties(*sides, pairs)
+    turned = tuple(
+        p.a if prepared.match.source == "B" else p.b for p in pairs if p.a in differences.turned
+    )
+    if differences.turned:
+        of_a = dict(zip(prepared.facts[0].coordinates, z[0].tolist(), strict=True))
         # Compare again in corresponding positions.
-        pairs = tuple(_turned(p) if p.a in found.turned else p for p in pairs)
-        z = z[0], _posed(z[1], made.facts, pairs, of_a)
-        again = _sides(made, z)
+        pairs = tuple(_turned(p) if p.a in differences.turned else p for p in pairs)
+        z = z[0], _posed(z[1], prepared.facts, pairs, of_a)
+        again = _sides(prepared, z)
         assert again is not None
-        found = properties(*again, pairs)
+        differences = properties(*again, pairs)
     size = max(one.placed.size for one in sides)
-    moving = [one for one in found.found if one.moves]
-    rest = [one for one in found.found if not one.moves]
-    every = (*moving, *_frames(execute, made, z, size), *rest)
+    moving = [one for one in differences.found if one.moves]
+    rest = [one for one in differences.found if not one.moves]
+    every = (*moving, *_frames(execute, prepared, z, size), *rest)
     return Said(sides=sides, properties=every, turned=turned)
 
 
-def _sides(made: Prepared, z: tuple[Array, Array]) -> tuple[Side, Side] | None:
-    one = side(made.a, made.facts[0], made.still[0], z[0])
-    other = side(made.b, made.facts[1], made.still[1], z[1])
-    return None if one is None or other is None else (one, other)
+def _sides(prepared: Prepared, z: tuple[Array, Array]) -> tuple[Side, Side] | None:
+    side_a = side(prepared.a, prepared.facts[0], prepared.still[0], z[0])
+    side_b = side(prepared.b, prepared.facts[1], prepared.still[1], z[1])
+    return None if side_a is None or side_b is None else (side_a, side_b)
 
 
 def _turned(pair: Pair) -> Pair:
@@ -91,20 +93,20 @@ def _posed(
     z: Array, facts: tuple[Facts, Facts], pairs: tuple[Pair, ...], of_a: Mapping[str, float]
 ) -> Array:
     """Return B's positions for given positions of A."""
-    found = np.array(z)
+    posed = np.array(z)
     for pair in pairs:
-        found[facts[1].coordinates.index(pair.b)] = pair.slope * of_a[pair.a] + pair.offset
-    return found
+        posed[facts[1].coordinates.index(pair.b)] = pair.slope * of_a[pair.a] + pair.offset
+    return posed
 
 
 def _frames(
-    execute: Execute, made: Prepared, z: tuple[Array, Array], size: float
+    execute: Execute, prepared: Prepared, z: tuple[Array, Array], size: float
 ) -> tuple[Property, ...]:
-    places = shared_frames(*made.facts)
-    if not places[0] or made.a == made.b:
+    places = shared_frames(*prepared.facts)
+    if not places[0] or prepared.a == prepared.b:
         return ()
-    one, other = (
+    frames_a, frames_b = (
         ask(execute, candidate, frames, FramesTask(candidate, its, at))
-        for candidate, its, at in zip((made.a, made.b), places, z, strict=True)
+        for candidate, its, at in zip((prepared.a, prepared.b), places, z, strict=True)
     )
-    return frame_properties(places[0], one, other, size)
+    return frame_properties(places[0], frames_a, frames_b, size)

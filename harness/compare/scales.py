@@ -59,10 +59,12 @@ def inverse_mass(accelerations: Accelerations, z: Array, w: Array, sizes: Array)
     n = len(sizes)
     pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
     states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
-    found = accelerations.measure(states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1)))
+    measured = accelerations.measure(
+        states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1))
+    )
     value, error = (
         one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
-        for one in (found.value, found.uncertainty)
+        for one in (measured.value, measured.uncertainty)
     )
     response, errors = value[:, 0] - value[:, 1], error[:, 0] + error[:, 1]
     held = np.diagonal(np.abs(response) <= 10 * errors, axis1=1, axis2=2)
@@ -140,16 +142,16 @@ def _eased(
     that moves by a millionth of the others.
     """
     pushes = np.ones(len(speed))
-    found: list[tuple[float, Accelerations, Array, Array]] = []
+    candidates: list[tuple[float, Accelerations, Array, Array]] = []
     for quicker in QUICKER:
         accelerations = Accelerations(
             model=model, coordinates=identity(len(speed)), speed=speed, fastest=quicker * plain
         )
         ease, error = _ease(accelerations, here, pushes)
-        found.append((float(np.max(error)), accelerations, ease, error))
+        candidates.append((float(np.max(error)), accelerations, ease, error))
         if np.max(error) <= HELD * np.max(ease):
             break
-    _, accelerations, ease, error = min(found, key=lambda one: one[0])
+    _, accelerations, ease, error = min(candidates, key=lambda one: one[0])
     if (ease > 0).any():
         least = HELD * float(np.min(ease[ease > 0]))
         pushes = np.where(ease > 0, 1.0, np.maximum(1.0, np.nan_to_num(error) / least))
@@ -161,8 +163,8 @@ def _ease(
     accelerations: Accelerations, here: tuple[Array, Array], pushes: Array
 ) -> tuple[Array, Array]:
     """Return each joint's acceleration per unit of force on it, and its uncertainty, (nz,)."""
-    found = inverse_mass(accelerations, *here, pushes)
-    return np.diagonal(found.value[0]), np.diagonal(found.uncertainty[0])
+    response = inverse_mass(accelerations, *here, pushes)
+    return np.diagonal(response.value[0]), np.diagonal(response.uncertainty[0])
 
 
 def _rates(accelerations: Accelerations, start: Array, tangent: Array, plain: float) -> Array:
@@ -178,12 +180,12 @@ def _rates(accelerations: Accelerations, start: Array, tangent: Array, plain: fl
             np.hstack([start + none, going + moves * plain]),
         ]
     )
-    found = accelerations.measure(
+    measured = accelerations.measure(
         states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
     ).value.reshape(2, 2, r, len(start))
-    if not np.isfinite(found).all():
+    if not np.isfinite(measured).all():
         return np.array([plain])
-    slopes = (found[:, 0] - found[:, 1]) / (2 * step)
+    slopes = (measured[:, 0] - measured[:, 1]) / (2 * step)
     back = np.linalg.pinv(tangent)
     stiffness, damping = (back @ slopes[0].T), (back @ slopes[1].T) / plain
     matrix = np.block([[np.zeros((r, r)), np.eye(r)], [stiffness, damping]])

@@ -93,27 +93,27 @@ class Pair:
     offset: float
 
 
-def pairs_of(match: Match, own: tuple[str, ...]) -> tuple[Pair, ...]:
+def pairs_of(match: Match, source_names: tuple[str, ...]) -> tuple[Pair, ...]:
     """Return pairs of joints of A and B that a match relates by lines.
 
     Args:
         match: of coordinates.
-        own: names of the source's coordinates.
+        source_names: names of the source's coordinates.
     """
     if not match.constant:
         return ()
-    zero = np.zeros((1, len(own)))
+    zero = np.zeros((1, len(source_names)))
     slopes, offsets = match.slopes(zero)[0], match.value(zero)[0]
-    found = []
+    pairs = []
     for name, row, offset in zip(match.names, slopes, offsets, strict=True):
         (places,) = np.nonzero(row)
         if len(places) != 1:
             continue
-        source, slope = own[places[0]], float(row[places[0]])
+        source, slope = source_names[places[0]], float(row[places[0]])
         if match.source == "A":
-            found.append(Pair(a=source, b=name, slope=slope, offset=float(offset)))
+            pairs.append(Pair(a=source, b=name, slope=slope, offset=float(offset)))
         else:
-            found.append(
+            pairs.append(
                 Pair(a=name, b=source, slope=1 / slope, offset=-float(offset) / slope + 0.0)
             )
-    return tuple(found)
+    return tuple(pairs)

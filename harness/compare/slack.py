@@ -40,29 +40,29 @@ def taut_starts(
         reach: sampling range, (nz, 2).
         limits: of the joints of both, infinite where there is no limit, (nz, 2).
     """
-    found = dict.fromkeys(
+    starts = dict.fromkeys(
         tuple(start.tolist())
         for spring in (*_springs(source), *_springs_of_target(source, target, match))
         for side in (-1.0, 1.0)
         for start in _taut(spring, side, home, reach, limits)
     )
-    return np.array(list(found)).reshape(len(found), len(home))
+    return np.array(list(starts)).reshape(len(starts), len(home))
 
 
-def _springs(own: Facts) -> Iterator[_Spring]:
+def _springs(model_facts: Facts) -> Iterator[_Spring]:
     """Yield springs with play along joints of one model, in its own positions."""
-    if own.compiled is None:
+    if model_facts.compiled is None:
         return
-    joints = [joint.name for body in own.compiled.bodies for joint in body.joints]
+    joints = [joint.name for body in model_facts.compiled.bodies for joint in body.joints]
     names = [name or f"joint_{i}" for i, name in enumerate(joints)]
-    for pull in own.compiled.pulls:
-        if not (any(pull.stiffness) and pull.joints and pull.rest[0] < pull.rest[1]):
+    for force in model_facts.compiled.pulls:
+        if not (any(force.stiffness) and force.joints and force.rest[0] < force.rest[1]):
             continue
-        slope = np.zeros(len(own.coordinates))
-        for joint, share in pull.joints:
-            if names[joint] in own.coordinates:
-                slope[own.coordinates.index(names[joint])] += share
-        yield _Spring(slope=slope, offset=0.0, rest=pull.rest)
+        slope = np.zeros(len(model_facts.coordinates))
+        for joint, share in force.joints:
+            if names[joint] in model_facts.coordinates:
+                slope[model_facts.coordinates.index(names[joint])] += share
+        yield _Spring(slope=slope, offset=0.0, rest=force.rest)
 
 
 def _springs_of_target(source: Facts, target: Facts, match: Match) -> Iterator[_Spring]:
@@ -71,22 +71,25 @@ def _springs_of_target(source: Facts, target: Facts, match: Match) -> Iterator[_
     for spring in _springs(target):
         slope, offset = np.zeros(len(source.coordinates)), 0.0
         for pair in pairs:
-            own, its = (pair.a, pair.b) if match.source == "A" else (pair.b, pair.a)
+            source_name, target_name = (pair.a, pair.b) if match.source == "A" else (pair.b, pair.a)
             by, shift = pair.slope, pair.offset
             if match.source == "B":
                 by, shift = 1 / by, -shift / by
-            share = spring.slope[target.coordinates.index(its)]
-            slope[source.coordinates.index(own)] += share * by
+            share = spring.slope[target.coordinates.index(target_name)]
+            slope[source.coordinates.index(source_name)] += share * by
             offset += share * shift
         yield _Spring(slope=slope, offset=offset, rest=spring.rest)
 
 
 def _taut(
-    spring: _Spring, side: float, home: Array, reach: Array, limits: Array
+    spring: _Spring, direction: float, home: Array, reach: Array, limits: Array
 ) -> Sequence[Array]:
     """Return a position beyond one end of the play, if the joints' range permits it."""
-    slope, end = side * spring.slope, max(side * spring.rest[0], side * spring.rest[1])
-    now = float(slope @ home) + side * spring.offset
+    slope, end = (
+        direction * spring.slope,
+        max(direction * spring.rest[0], direction * spring.rest[1]),
+    )
+    now = float(slope @ home) + direction * spring.offset
     free = np.logical_and(slope != 0, np.isinf(limits).all(axis=1))
     if free.any():
         # Joints without limits move as far as necessary.
@@ -95,9 +98,9 @@ def _taut(
     else:
         corner = np.where(slope > 0, reach[:, 1], reach[:, 0])
         way = np.where(slope != 0, corner - home, 0.0)
-        most = now + float(slope @ way)
-        far = end + BEYOND * (most - end)
-        if most <= end:
+        furthest = now + float(slope @ way)
+        far = end + BEYOND * (furthest - end)
+        if furthest <= end:
             return []
     size = float(slope @ way)
     return [home + way * (far - now) / size] if size > 0 else []

@@ -60,42 +60,45 @@ def terms(a: Mechanics, b: Mechanics, frame: Frame) -> tuple[Term, ...]:
     constraint = tuple(_constraint(a, b))
     if constraint:
         return constraint
-    found = _Pair(a, b, frame)
-    every = [*found.inertia(), *found.resistance()]
+    comparison = _Pair(a, b, frame)
+    every = [*comparison.inertia(), *comparison.resistance()]
     if any(term.kind == "friction" for term in every):
         pass  # at rest it balances any force, so that springs are unknown
     elif a.unweighted is not None and b.unweighted is not None:
-        every += found.springs(a.unweighted, b.unweighted, "spring")
-        every += found.pointwise(
+        every += comparison.springs(a.unweighted, b.unweighted, "spring")
+        every += comparison.pointwise(
             _less(a.rest, a.unweighted), _less(b.rest, b.unweighted), "gravity"
         )
     else:
-        every += found.springs(a.rest, b.rest, "force")
+        every += comparison.springs(a.rest, b.rest, "force")
     # Round to six digits, so that last digits do not change the order of like legs.
     return tuple(sorted(every, key=lambda term: -float(f"{term.effect:.5e}")))
 
 
 def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
-    one, other = max(a.rank), max(b.rank)
-    if one != other:
-        more, less = ("A", "B") if one > other else ("B", "A")
+    rank_a, rank_b = max(a.rank), max(b.rank)
+    if rank_a != rank_b:
+        more, less = ("A", "B") if rank_a > rank_b else ("B", "A")
+        joints = counted(max(rank_a, rank_b), "joint")
         yield Term(
             kind="constraint",
             about=(),
-            message=f"no joint of {less} moves under a force; {counted(max(one, other), 'joint')}"
+            message=f"no joint of {less} moves under a force; {joints}"
             f" of {more} can. A motor or a constraint holds them, or they have no inertia"
-            if min(one, other) == 0
-            else f"{counted(max(one, other), 'joint')} can move independently in {more},"
-            f" {min(one, other)} in {less}. {less} has a constraint that {more} lacks",
-            a=one,
-            b=other,
+            if min(rank_a, rank_b) == 0
+            else f"{joints} can move independently in {more},"
+            f" {min(rank_a, rank_b)} in {less}. {less} has a constraint that {more} lacks",
+            a=rank_a,
+            b=rank_b,
             uncertainty=0.0,
             effect=1.0,
         )
 
 
-def _less(one: Estimate, other: Estimate) -> Estimate:
-    return Estimate(value=one.value - other.value, uncertainty=one.uncertainty + other.uncertainty)
+def _less(total: Estimate, part: Estimate) -> Estimate:
+    return Estimate(
+        value=total.value - part.value, uncertainty=total.uncertainty + part.uncertainty
+    )
 
 
 class _Pair:
@@ -110,14 +113,18 @@ class _Pair:
         """Yield differing entries of the mass matrix."""
         a, b, frame = self.a.mass, self.b.mass, self.frame
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
-        for i, one in enumerate(frame.names):
-            for j, other in enumerate(frame.names[: i + 1]):
+        for i, name_i in enumerate(frame.names):
+            for j, name_j in enumerate(frame.names[: i + 1]):
                 state = _worst(a.value[:, i, j] - b.value[:, i, j], error[:, i, j])
                 if state is None:
                     continue
                 here, there = float(a.value[state, i, j]), float(b.value[state, i, j])
-                about = (one,) if i == j else (other, one)
-                name = f"inertia of {one}" if i == j else f"inertial coupling of {other} and {one}"
+                about = (name_i,) if i == j else (name_j, name_i)
+                name = (
+                    f"inertia of {name_i}"
+                    if i == j
+                    else f"inertial coupling of {name_j} and {name_i}"
+                )
                 varies = float(np.ptp(a.value[:, i, j])) > 10 * float(np.max(error[:, i, j]))
                 effect = abs(here - there) * frame.unit[j] * frame.typical**2 / self.forces[i]
                 yield self._term(
@@ -136,38 +143,42 @@ class _Pair:
         a, b, frame = self.a.odd, self.b.odd, self.frame
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
         differing = np.abs(a.value - b.value) > error
-        for i, one in enumerate(frame.names):
-            for j, other in enumerate(frame.names):
+        for i, name_i in enumerate(frame.names):
+            for j, name_j in enumerate(frame.names):
                 # At the higher speed, for which the value is reported.
                 base = _worst((a.value - b.value)[:, 1, j, i], error[:, 1, j, i])
                 if base is None:
                     continue
                 slow, fast = ((a.value - b.value)[base, k, j, i] for k in range(len(SPEEDS)))
                 ratio = SPEEDS[1] / SPEEDS[0]
-                bent = (
+                nonlinear = (
                     abs(fast - ratio * slow) > error[base, 1, j, i] + ratio * error[base, 0, j, i]
                 )
                 symmetric = differing[..., i, j].any()
-                if j < i and symmetric and not bent:
+                if j < i and symmetric and not nonlinear:
                     continue  # already reported as (j, i)
                 speed = SPEEDS[1] * frame.unit[j] * frame.typical
                 here, there = (float(-m.value[base, 1, j, i]) for m in (a, b))
                 doubt = float(error[base, 1, j, i])
                 effect = abs(here - there) / self.forces[i]
-                if bent:
+                if nonlinear:
                     dry = abs(fast - slow) <= error[base, :, j, i].sum()
                     name = (
-                        f"friction on {one}"
+                        f"friction on {name_i}"
                         if dry
-                        else (f"force on {one} that depends on the velocity, not linearly")
+                        else (f"force on {name_i} that depends on the velocity, not linearly")
                     )
-                    told = ", whatever its speed" if dry else f" at {other}_dot = {speed:.3g}"
+                    suffix = ", whatever its speed" if dry else f" at {name_j}_dot = {speed:.3g}"
                     yield self._term(
-                        "friction", (one,), name, here, there, doubt, effect, None, told
+                        "friction", (name_i,), name, here, there, doubt, effect, None, suffix
                     )
                 else:
-                    about = (one,) if i == j else (one, other)
-                    name = f"damping of {one}" if i == j else f"damping between {one} and {other}"
+                    about = (name_i,) if i == j else (name_i, name_j)
+                    name = (
+                        f"damping of {name_i}"
+                        if i == j
+                        else f"damping between {name_i} and {name_j}"
+                    )
                     varies = np.ptp(a.value[:, 1, j, i]) > 10 * np.max(error[:, 1, j, i])
                     yield self._term(
                         "damping",
@@ -191,47 +202,53 @@ class _Pair:
             yield from self.pointwise(a, b, kind)
             return
         fits = [back @ m.value for m in (a, b)]
-        left = [np.abs(m.value - design @ fit) for m, fit in zip((a, b), fits, strict=True)]
+        residuals = [np.abs(m.value - design @ fit) for m, fit in zip((a, b), fits, strict=True)]
         linear = np.all(
-            [(one <= 3 * error + 1e-9 * np.abs(a.value)).all(axis=0) for one in left], 0
+            [(one <= 3 * error + 1e-9 * np.abs(a.value)).all(axis=0) for one in residuals], 0
         )
         doubt = np.abs(back) @ error
-        for i, one in enumerate(frame.names):
+        for i, name_i in enumerate(frame.names):
             if not linear[i] or count <= r + 1:
                 yield from self.pointwise(a, b, kind, only=i)
                 continue
-            for j, other in enumerate(frame.names):
+            for j, name_j in enumerate(frame.names):
                 here, there = (-float(fit[j, i]) / frame.unit[j] for fit in fits)
                 limit = float(doubt[j, i]) / frame.unit[j]
-                told = j < i and abs(fits[0][i, j] - fits[1][i, j]) > doubt[i, j]
-                if abs(here - there) > limit and not told:
+                reported = j < i and abs(fits[0][i, j] - fits[1][i, j]) > doubt[i, j]
+                if abs(here - there) > limit and not reported:
                     name = (
-                        f"stiffness of {one}" if i == j else f"stiffness between {one} and {other}"
+                        f"stiffness of {name_i}"
+                        if i == j
+                        else f"stiffness between {name_i} and {name_j}"
                     )
                     effect = abs(here - there) * frame.unit[j] / self.forces[i]
-                    about = (one,) if i == j else (one, other)
+                    about = (name_i,) if i == j else (name_i, name_j)
                     yield self._term("stiffness", about, name, here, there, limit, effect, None)
             here, there = (float(fit[r, i]) for fit in fits)
             if abs(here - there) > doubt[r, i]:
-                name = f"{kind} force on {one} with every joint at zero"
+                name = f"{kind} force on {name_i} with every joint at zero"
                 effect = abs(here - there) / self.forces[i]
-                yield self._term(kind, (one,), name, here, there, float(doubt[r, i]), effect, None)
+                yield self._term(
+                    kind, (name_i,), name, here, there, float(doubt[r, i]), effect, None
+                )
 
     def pointwise(
         self, a: Estimate, b: Estimate, kind: str, only: int | None = None
     ) -> Iterator[Term]:
         """Yield differing forces, at the state with the largest difference."""
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
-        for i, one in enumerate(self.frame.names):
+        for i, name_i in enumerate(self.frame.names):
             if only is not None and i != only:
                 continue
             state = _worst(a.value[:, i] - b.value[:, i], error[:, i])
             if state is None:
                 continue
             here, there = float(a.value[state, i]), float(b.value[state, i])
-            name = f"{'force at rest' if kind == 'force' else kind + ' force'} on {one}"
+            name = f"{'force at rest' if kind == 'force' else kind + ' force'} on {name_i}"
             effect = abs(here - there) / self.forces[i]
-            yield self._term(kind, (one,), name, here, there, float(error[state, i]), effect, state)
+            yield self._term(
+                kind, (name_i,), name, here, there, float(error[state, i]), effect, state
+            )
 
     def _term(
         self,
@@ -243,7 +260,7 @@ class _Pair:
         doubt: float,
         effect: float,
         state: int | None,
-        told: str = "",
+        suffix: str = "",
     ) -> Term:
         shown = apart(here, there, doubt)
         message = f"{name}: {shown[0]} in A, {shown[1]} in B{_share(here, there, doubt)}"
@@ -253,7 +270,7 @@ class _Pair:
         return Term(
             kind=kind,
             about=about,
-            message=message + told,
+            message=message + suffix,
             a=here,
             b=there,
             uncertainty=doubt,

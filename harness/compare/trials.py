@@ -74,7 +74,7 @@ def tried(task: TrialTask) -> Array:
             model = _loaded(task, _edited(task.candidate, task.edits, Path(folder)))
             if len(model.coordinates) != task.joints:
                 raise EngineError("it changes which joints there are")
-            found = quick(model, task.runs, task.match)
+            ends = quick(model, task.runs, task.match)
         except CompareError:
             raise
         except (RuntimeError, ValueError) as error:
@@ -82,8 +82,8 @@ def tried(task: TrialTask) -> Array:
             raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
     if task.match is not None:
         n = task.runs.z.shape[1]
-        found = np.hstack(task.match.over(found[:, :n], found[:, n:]))
-    return unwrapped(found, task.near, task.periodic)
+        ends = np.hstack(task.match.over(ends[:, :n], ends[:, n:]))
+    return unwrapped(ends, task.near, task.periodic)
 
 
 def _loaded(task: TrialTask, edited: Candidate) -> Model:
@@ -106,9 +106,9 @@ def _loaded(task: TrialTask, edited: Candidate) -> Model:
 
 def _completed(task: TrialTask) -> dict[str, object]:
     """Return B's settings, or A's of equal length, since its actuators keep their order."""
-    own = task.candidate.sidecar.spec(task.candidate.engine).settings
+    settings = task.candidate.sidecar.spec(task.candidate.engine).settings
     return {
-        key: mine if isinstance(mine := own.get(key), list) and len(mine) == len(its) else its
+        key: mine if isinstance(mine := settings.get(key), list) and len(mine) == len(its) else its
         for key, its in task.other.items()
     }
 
@@ -143,18 +143,18 @@ def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candid
 
 
 def attribute_difference(
-    edits: tuple[Edit, ...], found: Array, a: Array, b: Array, scale: Array, floor: float
+    edits: tuple[Edit, ...], edited: Array, a: Array, b: Array, scale: Array, floor: float
 ) -> Trial:
     """Return the effect of edits: end states of A edited, of A and of B, (K, 2m) each.
 
     Below `floor`, relative to `scale`, nothing is certain.
     """
-    moved = float(np.max(np.abs(found - a) / scale))
-    before, after = (np.abs(one - b) / scale for one in (a, found))
+    moved = float(np.max(np.abs(edited - a) / scale))
+    before, after = (np.abs(one - b) / scale for one in (a, edited))
     size = float(np.sqrt(np.mean(before**2)))
     if moved <= floor:
         return Trial(edits, 0.0, 0.0)
     if float(np.max(after)) <= floor:
         return Trial(edits, moved, 1.0)
-    left = float(np.sqrt(np.mean(after**2)))
-    return Trial(edits, moved, 1.0 - left / size if size > 0 else 0.0)
+    remaining = float(np.sqrt(np.mean(after**2)))
+    return Trial(edits, moved, 1.0 - remaining / size if size > 0 else 0.0)

@@ -86,6 +86,6 @@ class Behaviour:
         return all(one.shape == two.shape and _alike(one, two, resolution) for one, two in pairs)
 
 
-def _alike(one: Array, other: Array, resolution: float) -> bool:
-    size = float(np.max(np.abs(other), initial=0.0))
-    return bool(np.all(np.abs(one - other) <= resolution * size))
+def _alike(values: Array, reference: Array, resolution: float) -> bool:
+    size = float(np.max(np.abs(reference), initial=0.0))
+    return bool(np.all(np.abs(values - reference) <= resolution * size))

@@ -62,7 +62,7 @@ def correct_motion(
 
 def causes(fit: Fit) -> tuple[Cause, ...]:
     """Return the causes of a fit, with the fitted values."""
-    found = zip(fit.hypotheses, fit.estimates, fit.standard_errors, strict=True)
+    rows = zip(fit.hypotheses, fit.estimates, fit.standard_errors, strict=True)
     return tuple(
         Cause(
             kind=hypothesis.id.kind,
@@ -72,7 +72,7 @@ def causes(fit: Fit) -> tuple[Cause, ...]:
             standard_error=number(error),
             locations=hypothesis.where,
         )
-        for hypothesis, estimate, error in found
+        for hypothesis, estimate, error in rows
     )
 
 
@@ -94,7 +94,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
 
     limit = BEYOND * np.maximum(motion.amplitude, 1e-12)
     times = np.linspace(0.0, motion.duration, SAMPLES)
-    found = []
+    parts = []
     for span in motion.spans:
         stop = span.start + span.length * span.count
         last = span is motion.spans[-1]
@@ -122,11 +122,11 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
             events=gone,
         )
         states = done.y.T
-        found.append(states[np.isin(done.t, inside)])
+        parts.append(states[np.isin(done.t, inside)])
         if done.status != 0:
             break
         state = states[-1]
-    states = np.concatenate(found)
+    states = np.concatenate(parts)
     return times[: len(states)], states
 
 
@@ -143,7 +143,7 @@ def _scenarios(
     after: Array,
 ) -> tuple[CorrectedScenario, ...]:
     starts = np.cumsum([0, *(sample.end.size for sample in samples)])
-    found = []
+    scenarios = []
     for name, (t, states) in motions.items():
         times, defects = [], []
         for i, sample in enumerate(samples):
@@ -153,7 +153,7 @@ def _scenarios(
                 shape = sample.end.shape
                 defects.append(np.stack([d[part].reshape(shape) for d in (before, after)]))
         both = np.concatenate(defects, axis=1)
-        found.append(
+        scenarios.append(
             CorrectedScenario(
                 scenario=name,
                 t=_short(t, 6),
@@ -163,7 +163,7 @@ def _scenarios(
                 after=_rows(both[1], 3),
             )
         )
-    return tuple(found)
+    return tuple(scenarios)
 
 
 def _rows(states: Array, digits: int) -> Rows:

@@ -54,36 +54,36 @@ def count_numbers(task: AuditTask) -> Coverage:
     z, w = coordinates.to_engine(_some(task.states))
     frames = _frames(task.system, task.sidecar)
     probe = Probe(z, w, model.step, engine, frames, task.resolution)
-    found, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
-    idle = {**_STEP, **engine.non_physical}
-    reasons = [reason_of(one.path, idle) for one in found]
+    numbers, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
+    purposes = {**_STEP, **engine.non_physical}
+    reasons = [reason_of(one.path, purposes) for one in numbers]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         base = probe.of(model)
         _ = base.posed  # before some engines unload this model
-        trials = Trials(task.sidecar, found, probe, base, Path(folder))
-        chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in found]
+        trials = Trials(task.sidecar, numbers, probe, base, Path(folder))
+        chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([i for i in tried if reasons[i]])
         # Nudge bound numbers one by one: most have an effect, so that groups of them save no time.
         for i in tried:
-            if not reasons[i] and _place(found[i]) in bound:
+            if not reasons[i] and _place(numbers[i]) in bound:
                 trials.nudge([i])
-        trials.nudge([i for i in tried if not reasons[i] and _place(found[i]) not in bound])
-        trials.flip([i for i, one in enumerate(found) if _DIRECTION.fullmatch(one.path)])
-    said = {**dict.fromkeys(range(len(found)), Say.UNTRIED), **trials.said}
-    said |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
+        trials.nudge([i for i in tried if not reasons[i] and _place(numbers[i]) not in bound])
+        trials.flip([i for i, one in enumerate(numbers) if _DIRECTION.fullmatch(one.path)])
+    effects = {**dict.fromkeys(range(len(numbers)), Say.UNTRIED), **trials.said}
+    effects |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
     return summarized(
         [
             CountedNumber(
                 path=one.path,
                 address="",
                 line=f"{one.location.file.name}:{one.location.line}",
-                say=said[i],
+                say=effects[i],
                 bound=_place(one) in bound,
             )
-            for i, one in enumerate(found)
+            for i, one in enumerate(numbers)
         ],
-        idle,
+        purposes,
     )
 
 
@@ -107,14 +107,14 @@ def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
     Of the sidecar, return only settings and springs.
     """
     others = tuple(f"settings.{name}." for name in sidecar.engine_settings if name != engine)
-    own = (
+    sidecar_numbers = (
         one
         for one in literals(Path(f"{sidecar.model}.toml"))
         if _MODEL.fullmatch(one.path) and not one.path.startswith(others)
     )
     folder = sidecar.model.parent
     parts = [one for one in parts_of(sidecar.model) if one.is_relative_to(folder)]
-    return (*(one for file in parts for one in literals(file)), *own)
+    return (*(one for file in parts for one in literals(file)), *sidecar_numbers)
 
 
 def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
@@ -149,27 +149,27 @@ class CountedNumber:
     bound: bool = False
 
 
-def reason_of(path: str, idle: Mapping[str, str]) -> str:
+def reason_of(path: str, purposes: Mapping[str, str]) -> str:
     """Return the purpose of numbers that need not affect motions, or "" if unknown."""
-    return next((why for kind, why in idle.items() if re.fullmatch(kind, path)), "")
+    return next((why for kind, why in purposes.items() if re.fullmatch(kind, path)), "")
 
 
-def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Coverage:
+def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) -> Coverage:
     """Count each number once, by the check that tests it, or by the reason that none does."""
     counts = {"motion": 0, "audit": 0, "frames": 0}
     untested: dict[str, list[CountedNumber]] = {}
-    for one in found:
-        if one.say is Say.MOTION:
+    for number in numbers:
+        if number.say is Say.MOTION:
             counts["motion"] += 1
-        elif one.bound:
+        elif number.bound:
             counts["audit"] += 1
-        elif one.say is Say.FRAMES:
+        elif number.say is Say.FRAMES:
             counts["frames"] += 1
         else:
-            why = reason_of(one.path, idle) if one.say in (Say.NONE, Say.CHOICE) else ""
-            untested.setdefault(why or one.say.value, []).append(one)
+            why = reason_of(number.path, purposes) if number.say in (Say.NONE, Say.CHOICE) else ""
+            untested.setdefault(why or number.say.value, []).append(number)
     return Coverage(
-        numbers=len(found),
+        numbers=len(numbers),
         motion=counts["motion"],
         audit=counts["audit"],
         frames=counts["frames"],
@@ -180,12 +180,12 @@ def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Cover
     )
 
 
-def _examples(why: str, them: Sequence[CountedNumber]) -> tuple[str, ...]:
+def _examples(why: str, numbers: Sequence[CountedNumber]) -> tuple[str, ...]:
     """Return examples of untested numbers: element and attribute, a name, or a line.
 
     Return all addresses if the reason is not the purpose of such numbers.
     """
-    if them[0].address and why in _NAMED:
-        return tuple(one.address for one in them)
-    names = (one.path.rpartition("/")[2] or one.line for one in them)
+    if numbers[0].address and why in _NAMED:
+        return tuple(one.address for one in numbers)
+    names = (one.path.rpartition("/")[2] or one.line for one in numbers)
     return tuple(dict.fromkeys(names))[:SHOWN]

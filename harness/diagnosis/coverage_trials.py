@@ -76,8 +76,8 @@ class Trials:
     def _halve(self, group: Sequence[int], words: Callable[[int], Sequence[str]]) -> None:
         if not group or time.process_time() > self._end:
             return
-        say = self._tried({i: words(i)[0] for i in group})
-        if say is Say.NONE:
+        effect = self._tried({i: words(i)[0] for i in group})
+        if effect is Say.NONE:
             self.said.update(dict.fromkeys(group, Say.NONE))
         elif len(group) > 1:
             half = len(group) // 2
@@ -85,10 +85,10 @@ class Trials:
             self._halve(group[half:], words)
         else:
             for other in words(group[0])[1:]:
-                if say is not Say.REFUSED:
+                if effect is not Say.REFUSED:
                     break
-                say = self._tried({group[0]: other})
-            self.said[group[0]] = say
+                effect = self._tried({group[0]: other})
+            self.said[group[0]] = effect
 
     def _tried(self, words: Mapping[int, str]) -> Say:
         """Return the effect of some numbers with new text."""

@@ -46,7 +46,7 @@ The uncertainty is a bound. Errors of its size would be part of no cause's effec
 fit would leave as much.
 """
 
-SETTLED = 1e-6
+NEGLIGIBLE = 1e-6
 """Largest remaining share, or the uncertainty, at which no second cause is sought."""
 
 APART = 10.0
@@ -55,7 +55,7 @@ APART = 10.0
 The uncertainty is a bound: the best fit would leave errors of that size too.
 """
 
-UNSEEN, FELT = 1e-9, 1e-3
+MIN_EFFECT, MIN_SWITCH_EFFECT = 1e-9, 1e-3
 """Smallest effects: of a change by a number's own size; of a switch, as a share of the
 discrepancy."""
 
@@ -94,35 +94,35 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
     whole = _resolved(problem, uncertainty)
     defect, slopes = whole.defect({}), whole.slopes({})
     hypotheses, floor = whole.hypotheses, whole.floor
-    accepted, settled = max(NAMED, 2 * floor), max(SETTLED, 3 * floor)
+    accepted, negligible = max(NAMED, 2 * floor), max(NEGLIGIBLE, 3 * floor)
     certain = accepted < 1
     accepted = accepted if certain else DOUBTFUL
     lengths = np.linalg.norm(slopes, axis=1)
     # A switch applies its whole change, however small: an engine's rounding may be the only cause.
-    small = min(UNSEEN, FELT * float(np.linalg.norm(defect)))
-    least = [small if hypothesis.switch else UNSEEN for hypothesis in hypotheses]
+    small = min(MIN_EFFECT, MIN_SWITCH_EFFECT * float(np.linalg.norm(defect)))
+    least = [small if hypothesis.switch else MIN_EFFECT for hypothesis in hypotheses]
     seen = [i for i, h in enumerate(hypotheses) if lengths[i] * h.size > least[i]]
-    left = {i: left_linear(defect, [hypotheses[i]], slopes[[i]]) for i in seen}
-    order = sorted(seen, key=lambda i: left[i])
+    remaining = {i: left_linear(defect, [hypotheses[i]], slopes[[i]]) for i in seen}
+    order = sorted(seen, key=lambda i: remaining[i])
     # Report hypotheses with the same effect as a good one, even if their linear fit is worse.
     alike = [
         i for i in order[refined:] if any(_alike(whole, slopes, i, j) for j in order[:refined])
     ]
     # Also report switches that leave as little, which is no coincidence.
-    told = [i for i in order[refined:] if hypotheses[i].switch and left[i] <= accepted]
-    chosen = (*order[:refined], *alike, *told)
-    tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in chosen]
-    found = refine_each(whole, tries, settled)
-    if not found:
+    switches = [i for i in order[refined:] if hypotheses[i].switch and remaining[i] <= accepted]
+    chosen = (*order[:refined], *alike, *switches)
+    tries = [Try(remaining[i], {i: _start(hypotheses[i])}, slopes) for i in chosen]
+    fits = refine_each(whole, tries, negligible)
+    if not fits:
         return Ranking((), False, floor)
-    single = _ranked(whole, found, slopes, settled)
+    single = _ranked(whole, fits, slopes, negligible)
     best = min(fit.remaining for fit in single)
-    alone = best <= accepted
-    if alone and best <= settled:
+    is_single = best <= accepted
+    if is_single and best <= negligible:
         return Ranking(tuple(single), True, floor)
     first = min(single, key=lambda fit: fit.remaining)
-    double = pairs(whole, slopes, seen, first, settled)
-    if alone:
+    double = pairs(whole, slopes, seen, first, negligible)
+    if is_single:
         # A second, smaller fault may explain the discrepancy that the first one leaves.
         better = bool(double) and double[0].remaining < best / 100
         return Ranking((*double, *single) if better else tuple(single), True, floor)
@@ -160,21 +160,21 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
     return not switches and cosine(slopes[i], slopes[j]) > 1 - ALIKE
 
 
-def _ranked(problem: Resolved, found: list[Fit], slopes: Array, settled: float) -> list[Fit]:
+def _ranked(problem: Resolved, fits: list[Fit], slopes: Array, negligible: float) -> list[Fit]:
     """Sort fits, best first; among indistinguishable causes the most specific comes first."""
-    best = min(fit.remaining for fit in found)
-    enough = max(SETTLED, 3 * best, min(settled, APART * best))
+    best = min(fit.remaining for fit in fits)
+    tie_limit = max(NEGLIGIBLE, 3 * best, min(negligible, APART * best))
 
     def reading(fit: Fit) -> tuple[float, int, float]:
-        level = enough if fit.remaining <= enough else fit.remaining
+        level = tie_limit if fit.remaining <= tie_limit else fit.remaining
         return level, fit.hypotheses[0].rank, fit.remaining
 
     def tied(fit: Fit, other: Fit) -> bool:
-        if fit.remaining <= enough and other.remaining <= enough:
+        if fit.remaining <= tie_limit and other.remaining <= tie_limit:
             return True
         return _alike(problem, slopes, fit.members[0], other.members[0])
 
-    rows = sorted(found, key=reading)
+    rows = sorted(fits, key=reading)
     return [
         replace(fit, tied_with=tuple(o.causes[0] for o in rows if o is not fit and tied(fit, o)))
         for fit in rows

@@ -153,13 +153,13 @@ def left_linear(defect: Array, hypotheses: Sequence[Hypothesis], rows: Array) ->
     Rows of zeros are left out: a number may have no effect once it is repaired.
     """
     switches = np.array([hypothesis.switch for hypothesis in hypotheses])
-    left = defect - rows[switches].sum(axis=0)
+    remainder = defect - rows[switches].sum(axis=0)
     free = rows[~switches & rows.any(axis=1)]
     if len(free):
         scale = np.linalg.norm(free, axis=1, keepdims=True)
-        fit, *_ = np.linalg.lstsq((free / scale).T, left, rcond=1e-10)
-        left = left - (free / scale).T @ fit
-    return float(np.linalg.norm(left) / np.linalg.norm(defect))
+        fit, *_ = np.linalg.lstsq((free / scale).T, remainder, rcond=1e-10)
+        remainder = remainder - (free / scale).T @ fit
+    return float(np.linalg.norm(remainder) / np.linalg.norm(defect))
 
 
 def cosine(a: Array, b: Array) -> float:
@@ -190,32 +190,32 @@ def refine(
     def residual(values: Array) -> Array:
         return problem.defect(dict(zip(members, values.tolist(), strict=True)))
 
-    left, last = residual(faults), np.zeros(len(members))
+    defect, last = residual(faults), np.zeros(len(members))
     for _ in range(iterations):
-        step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
+        step, *_ = np.linalg.lstsq(jacobian, defect, rcond=1e-12)
         double = np.linalg.norm(2 * step - last) < HALVED * np.linalg.norm(last)
         share, last = 2.0 if double else 1.0, step
-        before = float(np.linalg.norm(left))
-        tried, left = _descended(residual, faults, left, step * scales, share)
-        stalled = np.linalg.norm(left) > (1 - STALLED) * before
+        before = float(np.linalg.norm(defect))
+        tried, defect = _descended(residual, faults, defect, step * scales, share)
+        stalled = np.linalg.norm(defect) > (1 - STALLED) * before
         moved = np.max(np.abs(tried - faults) / scales)
         faults = tried
-        small = np.linalg.norm(left) <= np.linalg.norm(problem.uncertainty)
+        small = np.linalg.norm(defect) <= np.linalg.norm(problem.uncertainty)
         if moved < 1e-12 or stalled or small or iterations == 1 or not free:
             break
         # Faults may be large: evaluate the slopes at the new values.
-        at = dict(zip(members, faults.tolist(), strict=True))
-        jacobian[:, movable] = (problem.slopes(at, free) * scales[movable, None]).T
-    return _fit(problem, members, faults, jacobian, left)
+        repaired = dict(zip(members, faults.tolist(), strict=True))
+        jacobian[:, movable] = (problem.slopes(repaired, free) * scales[movable, None]).T
+    return _fit(problem, members, faults, jacobian, defect)
 
 
 def _fit(
-    problem: Resolved, members: Sequence[int], faults: Array, jacobian: Array, left: Array
+    problem: Resolved, members: Sequence[int], faults: Array, jacobian: Array, defect: Array
 ) -> Fit:
     """Build a fit from faults and the defect they leave, (n,); slopes in units of sizes, (n, m)."""
     hypotheses = [problem.hypotheses[i] for i in members]
     scales = np.array([hypothesis.size for hypothesis in hypotheses])
-    variance = float(np.sum(left**2)) / max(len(left) - len(hypotheses), 1)
+    variance = float(np.sum(defect**2)) / max(len(defect) - len(hypotheses), 1)
     variance += float(np.mean(problem.uncertainty**2))
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * scales
@@ -228,35 +228,35 @@ def _fit(
             for hypothesis, fault in zip(hypotheses, faults, strict=True)
         ),
         standard_errors=tuple(float(error) for error in errors),
-        remaining=problem.left(left),
+        remaining=problem.left(defect),
     )
 
 
-def _linear(problem: Resolved, one: Try) -> Fit:
+def _linear(problem: Resolved, start: Try) -> Fit:
     """Return the linear fit around zero faults, without running a model."""
-    members = list(one.start)
+    members = list(start.start)
     hypotheses = [problem.hypotheses[i] for i in members]
     scales = np.array([hypothesis.size for hypothesis in hypotheses])
     movable = np.array([not hypothesis.switch for hypothesis in hypotheses])
-    rows = one.slopes[members] * scales[:, None]
-    left = problem.defect({}) - rows[~movable].sum(axis=0)
+    rows = start.slopes[members] * scales[:, None]
+    defect = problem.defect({}) - rows[~movable].sum(axis=0)
     jacobian = (rows * movable[:, None]).T
-    step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
+    step, *_ = np.linalg.lstsq(jacobian, defect, rcond=1e-12)
     faults = np.where(movable, step * scales, 1.0)
-    return _fit(problem, members, faults, jacobian, left - jacobian @ step)
+    return _fit(problem, members, faults, jacobian, defect - jacobian @ step)
 
 
 def _descended(
-    residual: Callable[[Array], Array], faults: Array, left: Array, step: Array, share: float
+    residual: Callable[[Array], Array], faults: Array, defect: Array, step: Array, share: float
 ) -> tuple[Array, Array]:
     """Return faults after some steps, or a part of them if it leaves less, and their defect."""
     for _ in range(5):
         candidate = faults + share * step
         tried = residual(candidate)
-        if np.linalg.norm(tried) < np.linalg.norm(left):
+        if np.linalg.norm(tried) < np.linalg.norm(defect):
             return candidate, tried
         share /= 4
-    return faults, left
+    return faults, defect
 
 
 @dataclass(frozen=True)
@@ -274,19 +274,19 @@ class Try:
     slopes: Array
 
 
-def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list[Fit]:
+def refine_each(problem: Resolved, tries: Sequence[Try], negligible: float) -> list[Fit]:
     """Fit each start, the most promising first.
 
-    Once a fit leaves at most `settled`, starts with a far worse linear fit keep that fit.
+    Once a fit leaves at most `negligible`, starts with a far worse linear fit keep that fit.
     """
-    enough = np.inf
-    found = []
-    for one in sorted(tries, key=lambda one: one.left):
-        if one.left > enough and not any(one.start.values()):
-            found.append(_linear(problem, one))
+    limit = np.inf
+    fits = []
+    for start in sorted(tries, key=lambda one: one.left):
+        if start.left > limit and not any(start.start.values()):
+            fits.append(_linear(problem, start))
             continue
-        fit = refine(problem, one.start, one.slopes, ITERATIONS if one.left <= enough else 1)
-        if fit.remaining <= settled:
-            enough = min(enough, max(BEHIND * one.left, FAR))
-        found.append(fit)
-    return found
+        fit = refine(problem, start.start, start.slopes, ITERATIONS if start.left <= limit else 1)
+        if fit.remaining <= negligible:
+            limit = min(limit, max(BEHIND * start.left, FAR))
+        fits.append(fit)
+    return fits

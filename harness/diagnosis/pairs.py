@@ -40,7 +40,7 @@ SHORTLISTED = 40
 
 
 def pairs(
-    problem: Resolved, slopes: Array, seen: Sequence[int], first: Fit, settled: float
+    problem: Resolved, slopes: Array, seen: Sequence[int], first: Fit, negligible: float
 ) -> list[Fit]:
     """Return the pairs that leave least, best first, and the best with its ties.
 
@@ -52,7 +52,7 @@ def pairs(
         slopes: at zero faults, (H, n).
         seen: hypotheses that have an effect.
         first: the best single fit.
-        settled: negligible share of the discrepancy.
+        negligible: negligible share of the discrepancy.
     """
     chosen, after, near = _around_nothing(problem, slopes, seen), slopes, list(seen)
     if first.remaining <= HALF:
@@ -60,36 +60,39 @@ def pairs(
         near = [i for i in seen if np.any(after[i])]
         chosen += _around(problem, first, after, near)
     tries = {frozenset(one.start): one for one in chosen}
-    found = refine_each(problem, list(tries.values()), settled)
-    if not found:
+    fits = refine_each(problem, list(tries.values()), negligible)
+    if not fits:
         return []
-    best = min(found, key=lambda f: f.remaining)
+    best = min(fits, key=lambda f: f.remaining)
     if best.remaining <= HALF and not set(first.members) <= set(best.members):
         after = _slopes_at(problem, best, seen)
         near = [i for i in seen if np.any(after[i])]
-    enough = max(settled, 3 * best.remaining)
+    tie_limit = max(negligible, 3 * best.remaining)
 
     def reading(fit: Fit) -> tuple[float, int, float]:
-        level = enough if fit.remaining <= enough else fit.remaining
+        level = tie_limit if fit.remaining <= tie_limit else fit.remaining
         return level, sum(hypothesis.rank for hypothesis in fit.hypotheses), fit.remaining
 
-    ranked = sorted(found, key=reading)
-    told = best.remaining <= HALF
-    alike = _stand_ins(problem.hypotheses, ranked[0], after, near) if told else ()
+    ranked = sorted(fits, key=reading)
+    is_good = best.remaining <= HALF
+    alike = _stand_ins(problem.hypotheses, ranked[0], after, near) if is_good else ()
     tied = dict.fromkeys(alike)
     for other in ranked[1:]:
-        if other.remaining <= enough:
+        if other.remaining <= tie_limit:
             tied |= dict.fromkeys(other.causes)
-    own = set(ranked[0].causes)
-    return [replace(ranked[0], tied_with=tuple(t for t in tied if t not in own)), *ranked[1:]]
+    best_causes = set(ranked[0].causes)
+    return [
+        replace(ranked[0], tied_with=tuple(t for t in tied if t not in best_causes)),
+        *ranked[1:],
+    ]
 
 
 def _slopes_at(problem: Resolved, fit: Fit, seen: Sequence[int]) -> Array:
     """Return slopes after repair of a fit, (H, n), zero for hypotheses without effect."""
     rows = problem.slopes(fit.repair, seen)
-    found = np.zeros((len(problem.hypotheses), rows.shape[1]))
-    found[list(seen)] = rows
-    return found
+    slopes = np.zeros((len(problem.hypotheses), rows.shape[1]))
+    slopes[list(seen)] = rows
+    return slopes
 
 
 def classes(
@@ -103,28 +106,28 @@ def classes(
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     switch = np.array([hypotheses[i].switch for i in order])
     alike = (np.abs(rows @ rows.T) > 1 - ALIKE) & (switch[:, None] == switch)
-    found: dict[int, list[int]] = {}
+    members: dict[int, list[int]] = {}
     first: list[int] = []
     for place, i in enumerate(order):
         same = [k for k in first if alike[place, k]]
         if same:
-            found[order[same[0]]].append(i)
+            members[order[same[0]]].append(i)
         else:
-            found[i] = []
+            members[i] = []
             first.append(place)
-    return found
+    return members
 
 
 def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> list[Try]:
     """Return starts with the pairs whose linear fit leaves least of the discrepancy."""
     defect, chosen = problem.defect({}), list(classes(problem.hypotheses, slopes, seen))
     switches = np.array([problem.hypotheses[i].switch for i in chosen], dtype=bool)
-    left = _left_by_pairs(defect, slopes[chosen], switches)
+    remaining = _left_by_pairs(defect, slopes[chosen], switches)
     tries = []
-    for place in np.argsort(left, axis=None)[:SHORTLISTED].tolist():
-        one, other = divmod(place, len(chosen))
-        if np.isfinite(left[one, other]):
-            i, j = chosen[one], chosen[other]
+    for place in np.argsort(remaining, axis=None)[:SHORTLISTED].tolist():
+        row, column = divmod(place, len(chosen))
+        if np.isfinite(remaining[row, column]):
+            i, j = chosen[row], chosen[column]
             both = [problem.hypotheses[i], problem.hypotheses[j]]
             exact = left_linear(defect, both, slopes[[i, j]])
             tries.append(Try(exact, {i: 0.0, j: 0.0}, slopes))
@@ -141,19 +144,19 @@ def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> A
     along, cosines = units @ defect, units @ units.T
     whole, size, flat = float(defect @ defect), sizes[:, 0], 1 - cosines**2
     with np.errstate(all="ignore"):
-        taken = along[:, None] ** 2 + along**2 - 2 * cosines * along[:, None] * along
-        left = whole - taken / flat
+        removed = along[:, None] ** 2 + along**2 - 2 * cosines * along[:, None] * along
+        remaining = whole - removed / flat
         # A switch removes its whole row; a free hypothesis with it, what it can of the rest.
         off = whole - 2 * size * along + size**2
         rest = along - size[:, None] * cosines
-        beside = off[:, None] - rest**2
+        free_remainder = off[:, None] - rest**2
         both = off[:, None] + off - whole + 2 * size[:, None] * size * cosines
-    left = np.where(switches[:, None] & ~switches, beside, left)
-    left = np.where(~switches[:, None] & switches, beside.T, left)
-    left = np.where(switches[:, None] & switches, both, left)
-    told = np.triu(np.abs(cosines) <= 1 - PARALLEL, 1)
-    found: Array = np.where(told & np.isfinite(left), left, np.inf)
-    return found
+    remaining = np.where(switches[:, None] & ~switches, free_remainder, remaining)
+    remaining = np.where(~switches[:, None] & switches, free_remainder.T, remaining)
+    remaining = np.where(switches[:, None] & switches, both, remaining)
+    is_pair = np.triu(np.abs(cosines) <= 1 - PARALLEL, 1)
+    valid: Array = np.where(is_pair & np.isfinite(remaining), remaining, np.inf)
+    return valid
 
 
 def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) -> list[Try]:
@@ -166,8 +169,8 @@ def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) ->
             continue
         free = [k for k in (i, j) if k == j or not problem.hypotheses[k].switch]
         fitted = [problem.hypotheses[k] for k in free]
-        left = left_linear(defect, fitted, after[free]) * first.remaining
-        tries.append(Try(left, {**first.repair, j: 0.0}, after))
+        remaining = left_linear(defect, fitted, after[free]) * first.remaining
+        tries.append(Try(remaining, {**first.repair, j: 0.0}, after))
     return sorted(tries, key=lambda one: one.left)[:FITTED]
 
 
@@ -184,7 +187,7 @@ def _stand_ins(
         if i in best.members or hypotheses[i].switch:
             continue
         row = after[i] / np.linalg.norm(after[i])
-        beside = row - basis @ (basis.T @ row)
+        rejection = row - basis @ (basis.T @ row)
         # 1 - cosine of the angle to the plane is half the square of its sine.
-        if float(beside @ beside) / 2 < ALIKE:
+        if float(rejection @ rejection) / 2 < ALIKE:
             yield hypotheses[i].id

@@ -36,7 +36,7 @@ def count_robot(task: RobotTask) -> Coverage:
     problem = problem_of(task, numbers, own=False)
     says = {i: _say(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
     choices, fixed = _choices(task), _fixed(task)
-    found = [
+    counted = [
         CountedNumber(
             path=one.path,
             address=one.address,
@@ -45,7 +45,7 @@ def count_robot(task: RobotTask) -> Coverage:
         )
         for i, one in enumerate(numbers.numerals)
     ]
-    return summarized(found, engines()[task.engine].non_physical)
+    return summarized(counted, engines()[task.engine].non_physical)
 
 
 def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
@@ -59,13 +59,13 @@ def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
     return Say.FAINT if moved else Say.NONE
 
 
-def _otherwise(one: Number, say: Say, choices: str, fixed: Collection[str]) -> Say:
+def _otherwise(number: Number, effect: Say, choices: str, fixed: Collection[str]) -> Say:
     """Return a reason for no effect from the number's place in the file, or its effect."""
-    if say is Say.NONE and choices and re.fullmatch(choices, one.path):
+    if effect is Say.NONE and choices and re.fullmatch(choices, number.path):
         return Say.CHOICE
-    if say is Say.NONE and _INERTIAL.fullmatch(one.path) and _owner(one.element) in fixed:
+    if effect is Say.NONE and _INERTIAL.fullmatch(number.path) and _owner(number.element) in fixed:
         return Say.FIXED
-    return say
+    return effect
 
 
 def _choices(task: RobotTask) -> str:

@@ -26,7 +26,7 @@ from physics_crosscheck.reference.solving.samples import Samples
 TRIES = 4
 """Maximum number of runs with an estimated law, each more accurate than the previous one."""
 
-TOLD = 0.1
+MAX_UNEXPLAINED = 0.1
 """Share of the followers' deviations above which they do not follow these leaders."""
 
 
@@ -59,10 +59,9 @@ class Following:
             return None
         coupled = Coupled(tree)
         rows, n = [i for i in range(tree.nv) if i not in coupled.kept], len(coupled.kept)
-        own = (coupled if like is None else Coupled(like)).matrix[rows]
-        moved = np.abs(np.concatenate([
-            (some.end - some.start)[:, half] @ own.T for half in (slice(0, n), slice(n, None))
-        ], axis=1))  # fmt: skip
+        multipliers = (coupled if like is None else Coupled(like)).matrix[rows]
+        change = some.end - some.start
+        moved = np.abs(np.hstack([change[:, :n] @ multipliers.T, change[:, n:] @ multipliers.T]))
         return Following(
             coupled=coupled, rows=rows, end=some.end, scale=filled(np.max(moved, axis=0))
         )
@@ -94,8 +93,8 @@ class FollowersRun:
     def apart(self, check: RobotTask) -> tuple[Array, Array]:
         """Return engine - reference of followers, scaled, and its uncertainty, (B, 2k) each."""
         following = Following.of(check.tree, check.samples)
-        found = self.way.found.residual
-        if following is None or found is None:
+        residual = self.way.found.residual
+        if following is None or residual is None:
             none = np.zeros((len(self.way.samples.start), 0))
             return none, none
         rows = following.rows
@@ -105,9 +104,11 @@ class FollowersRun:
             (self.followers.offset - check.followers.offset)[rows],
             self.way.found.limit.value,
         )
-        value = found.limit.value[:, places] + off
+        value = residual.limit.value[:, places] + off
         uncertainty = np.where(
-            np.isfinite(found.limit.uncertainty), found.limit.uncertainty, np.max(np.abs(value))
+            np.isfinite(residual.limit.uncertainty),
+            residual.limit.uncertainty,
+            np.max(np.abs(value)),
         )
         scale = following.scale
         return value / scale, np.maximum(uncertainty[:, places] / scale, EPSILON)
@@ -123,17 +124,17 @@ def run_followers(check: RobotTask, *, again: bool = True) -> FollowersRun:
     Raises:
         EngineError, BlownUpError: with the file.
     """
-    found = FollowersRun(way=follow_robot(check, RUNGS_USED), followers=check.followers)
+    best = FollowersRun(way=follow_robot(check, RUNGS_USED), followers=check.followers)
     for _ in range(TRIES if again else 0):
-        seeming = _seeming(replace(check, followers=found.followers), found.way)
+        seeming = _seeming(replace(check, followers=best.followers), best.way)
         if seeming is None:
             break
         way = follow_robot(replace(check, followers=seeming), RUNGS_USED)
         other = FollowersRun(way=way, followers=seeming)
-        if not _off(other.way) < _off(found.way) / 2:
+        if not _off(other.way) < _off(best.way) / 2:
             break
-        found = other
-    return found
+        best = other
+    return best
 
 
 def _between(matrix: Array, offset: Array, states: Array) -> Array:
@@ -145,48 +146,50 @@ def _between(matrix: Array, offset: Array, states: Array) -> Array:
 
 def _places(followers: Followers, way: Followed, rows: list[int]) -> list[int]:
     """Return indices of positions, then rates, among the engine's."""
-    own = list(way.model.coordinates)
-    found = [own.index(followers.names[row]) for row in rows]
-    return [*found, *(len(own) + place for place in found)]
+    coordinates = list(way.model.coordinates)
+    places = [coordinates.index(followers.names[row]) for row in rows]
+    return [*places, *(len(coordinates) + place for place in places)]
 
 
 def _off(way: Followed) -> float:
-    found = way.found.residual
-    return 0.0 if found is None else float(np.max(np.abs(found.limit.value) / found.scale))
+    residual = way.found.residual
+    return 0.0 if residual is None else float(np.max(np.abs(residual.limit.value) / residual.scale))
 
 
 def _seeming(check: RobotTask, way: Followed) -> Followers | None:
     """Estimate the engine's law of followers; None if it equals the present one or is unknown."""
-    found = way.found.residual
+    residual = way.found.residual
     following = Following.of(check.tree, check.samples)
-    if found is None or following is None:
+    if residual is None or following is None:
         return None
-    known = np.maximum(found.limit.uncertainty, EPSILON * found.scale)
-    if not np.any(np.abs(found.limit.value) > known):
+    uncertainty = np.maximum(residual.limit.uncertainty, EPSILON * residual.scale)
+    if not np.any(np.abs(residual.limit.value) > uncertainty):
         return None
     matrix, offset = check.followers.matrix.copy(), check.followers.offset.copy()
     for row in following.rows:
         both = _places(check.followers, way, [row])
-        told = _law(matrix[row], way, found.limit.value[:, both], known[:, both])
-        if told is None:
+        correction = _law(matrix[row], way, residual.limit.value[:, both], uncertainty[:, both])
+        if correction is None:
             return None
-        matrix[row] += told[0]
-        offset[row] += told[1]
+        matrix[row] += correction[0]
+        offset[row] += correction[1]
     return replace(check.followers, matrix=matrix, offset=offset)
 
 
-def _law(own: Array, way: Followed, off: Array, known: Array) -> tuple[Array, float] | None:
+def _law(
+    multipliers: Array, way: Followed, off: Array, uncertainty: Array
+) -> tuple[Array, float] | None:
     """Estimate the deviation of a follower's multipliers and offset, from its ends, (B, 2).
 
-    Some engines enforce positions, some only rates. `known` is the uncertainty of the ends.
+    Some engines enforce positions, some only rates. `uncertainty` is the uncertainty of the ends.
     """
-    n, leaders = len(own), np.flatnonzero(own)
+    n, leaders = len(multipliers), np.flatnonzero(multipliers)
     place, rate = off.T
-    ends, by = way.found.limit.value, np.zeros(len(own))
+    ends, by = way.found.limit.value, np.zeros(len(multipliers))
     if len(leaders):
         by[leaders] = np.linalg.lstsq(ends[:, n:][:, leaders], rate, rcond=None)[0]
-    left = np.linalg.norm(rate - ends[:, n:] @ by)
-    if left > max(TOLD * np.linalg.norm(rate), np.linalg.norm(known[:, 1])):
+    remainder = np.linalg.norm(rate - ends[:, n:] @ by)
+    if remainder > max(MAX_UNEXPLAINED * np.linalg.norm(rate), np.linalg.norm(uncertainty[:, 1])):
         return None
     held = place - ends[:, :n] @ by
     loose = place - (ends - way.samples.start)[:, :n] @ by
@@ -198,5 +201,5 @@ def _law(own: Array, way: Followed, off: Array, known: Array) -> tuple[Array, fl
 
 def scaled(some: Samples, following: Following | None) -> Array:
     """Return the scale of a defect: of all coordinates, then of followers, (2n + 2k,)."""
-    own = scale_of(some)
-    return own if following is None else np.concatenate([own, following.scale])
+    scale = scale_of(some)
+    return scale if following is None else np.concatenate([scale, following.scale])

@@ -27,7 +27,7 @@ NOTHING = 1e-13
 BEND = 1e-2
 """Relative change of a number whose slope is negligible."""
 
-FLAT, BENT = 1e-4, 30.0
+NEGLIGIBLE_SLOPE, MIN_CHORD_RATIO = 1e-4, 30.0
 """Limits of negligible slopes: effect of a change by the number's size, and ratio of chords.
 
 A longer chord that is steeper by this ratio indicates curvature.
@@ -161,11 +161,11 @@ class RobotProblem:
         The chord then points in the direction of the curvature.
         """
         near = self._chord(flow, faults, index, NUDGE)
-        if near is None or np.max(np.abs(near)) * self.hypotheses[index].size >= FLAT:
+        if near is None or np.max(np.abs(near)) * self.hypotheses[index].size >= NEGLIGIBLE_SLOPE:
             return near
         far = self._chord(flow, faults, index, BEND)
-        bends = far is not None and np.max(np.abs(far)) > BENT * np.max(np.abs(near))
-        return far if bends else near
+        is_curved = far is not None and np.max(np.abs(far)) > MIN_CHORD_RATIO * np.max(np.abs(near))
+        return far if is_curved else near
 
     def _chord(self, flow: Flow, faults: Faults, index: int, share: float) -> Array | None:
         """Return the slope over a share of the size, downwards if no tree exists upwards.
@@ -186,18 +186,18 @@ class RobotProblem:
         return None
 
     def _defect(self, values: Mapping[int, float]) -> Array:
-        found = self.apart.ravel()
+        nominal = self.apart.ravel()
         if not values:
-            return found
+            return nominal
         flow = self._flow(values)
         if flow is None:
-            return np.full_like(found, REFUSED)
+            return np.full_like(nominal, REFUSED)
         return self._left(flow)
 
     def _left(self, flow: Flow) -> Array:
         by = self._ends(flow.tree, flow.apart(self.flow))
-        left: Array = self.apart.ravel() - self.way * by.ravel()
-        return left
+        remaining: Array = self.apart.ravel() - self.way * by.ravel()
+        return remaining
 
     def _ends(self, tree: Tree, by: Array) -> Array:
         """Return the scaled change of ends and followers, for a tree and its change of ends."""
@@ -225,8 +225,8 @@ class RobotProblem:
                 self._flows[key] = None if tree is None else self._near(values).for_tree(tree)
             except ReferenceError:
                 self._flows[key] = None
-            if (found := self._flows[key]) is not None:
-                self._last[tuple(values)] = found
+            if (flow := self._flows[key]) is not None:
+                self._last[tuple(values)] = flow
         return self._flows[key]
 
     def _near(self, values: Mapping[int, float]) -> Flow:
@@ -235,9 +235,9 @@ class RobotProblem:
 
     def _tree(self, values: Mapping[int, float]) -> Tree | None:
         with np.errstate(all="ignore"):
-            found = self.numbers.tree(values)
-        own = self.flow.tree
-        if found is None or found.dof != own.dof:
+            tree = self.numbers.tree(values)
+        nominal = self.flow.tree
+        if tree is None or tree.dof != nominal.dof:
             return None
-        same = [one.kind for one in found.links] == [one.kind for one in own.links]
-        return found if same else None
+        same = [one.kind for one in tree.links] == [one.kind for one in nominal.links]
+        return tree if same else None

@@ -28,13 +28,13 @@ def suspicions(numbers: Numbers, *, own: bool) -> Iterator[Suspicion]:
         own: whether the file is right, and the engine may read it differently.
     """
     for i in numbers.relevant_numbers:
-        one = numbers.numerals[i]
+        number = numbers.numerals[i]
         hypothesis = Hypothesis(
-            id=CauseId(kind="taken" if own else "literal", subject=(one.address,)),
-            value=one.value,
-            size=one.scale,
+            id=CauseId(kind="taken" if own else "literal", subject=(number.address,)),
+            value=number.value,
+            size=number.scale,
             rank=rank("literal"),
-            where=(_line(one),),
+            where=(_line(number),),
             correction=1.0 if own else -1.0,
         )
         yield Suspicion(hypothesis=hypothesis, units={i: hypothesis.correction})
@@ -47,9 +47,9 @@ def _dropped(numbers: Numbers) -> Iterator[Suspicion]:
     numerals = numbers.numerals
     groups: dict[tuple[int, ...], str] = {}
     for name, group in _groups(numbers):
-        told = tuple(i for i in group if numerals[i].value)
-        if len(told) > 1:  # a single number is a hypothesis already
-            groups.setdefault(told, name)
+        nonzero = tuple(i for i in group if numerals[i].value)
+        if len(nonzero) > 1:  # a single number is a hypothesis already
+            groups.setdefault(nonzero, name)
     for chosen, name in groups.items():
         elements = tuple(dict.fromkeys(numerals[i].address.split("@")[0] for i in chosen))
         several = (f"{name} of {len(elements)} elements",)
@@ -78,13 +78,13 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
     massless: list[int] = []
     products: list[int] = []
     for i in numbers.relevant_numbers:
-        one = numbers.numerals[i]
-        kinds.setdefault("/".join(one.path.split("/")[-2:]), []).append(i)
-        if _MOMENTS.fullmatch(one.path):
-            links.setdefault(id(one.element), []).append(i)
-            if _mass(one) == 0.0:
+        number = numbers.numerals[i]
+        kinds.setdefault("/".join(number.path.split("/")[-2:]), []).append(i)
+        if _MOMENTS.fullmatch(number.path):
+            links.setdefault(id(number.element), []).append(i)
+            if _mass(number) == 0.0:
                 massless.append(i)
-        if _PRODUCTS.fullmatch(one.path):
+        if _PRODUCTS.fullmatch(number.path):
             products.append(i)
     for group in links.values():
         yield "moments", group
@@ -94,15 +94,15 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
         yield kind.rpartition("@")[2] or kind, group
 
 
-def _mass(one: Number) -> float | None:
+def _mass(number: Number) -> float | None:
     """Return the mass stated with moments of inertia."""
-    inertial = one.element.parent
-    told = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
+    inertial = number.element.parent
+    masses = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
     try:
-        return float(told[0].attributes["value"]) if told else None
+        return float(masses[0].attributes["value"]) if masses else None
     except (KeyError, ValueError):
         return None
 
 
-def _line(one: Number) -> SourceLine:
-    return SourceLine(file=one.file.name, line=one.line, span=one.span, text=one.text)
+def _line(number: Number) -> SourceLine:
+    return SourceLine(file=number.file.name, line=number.line, span=number.span, text=number.text)

@@ -38,7 +38,7 @@ STATES = 24
 FITTED = 16
 """Single numbers to fit: some numbers of a robot have zero slope at their right value."""
 
-MANY, ENOUGH, FEW = 16, 12, 8
+LARGE_ROBOT_DOF, LARGE_ROBOT_STATES, LARGE_ROBOT_FITS = 16, 12, 8
 """Degrees of freedom of a large robot; its number of states; its number of fits.
 
 Each fit takes longer there, and each state carries more information.
@@ -67,10 +67,10 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     """
     began = time.perf_counter()
     run = _some_of(task.task)
-    if found := _undone(task.task, run) or _taken(task, run):
+    if explanations := _undone(task.task, run) or _taken(task, run):
         return Diagnosis(
             explained=True,
-            explanations=found,
+            explanations=explanations,
             floor=number(0.0),
             seconds=time.perf_counter() - began,
         )
@@ -86,13 +86,13 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     )
 
 
-def _told(fit: Fit, undone: Sequence[str], check: RobotTask) -> Explanation:
+def _told(fit: Fit, behaviours: Sequence[str], check: RobotTask) -> Explanation:
     """Build the record of a fit, with the engine's behaviours that were switched off."""
-    found = explanation(fit)
+    record = explanation(fit)
     return Explanation(
-        causes=(*found.causes, *_own(undone, check)),
-        remaining=found.remaining,
-        tied_with=found.tied_with,
+        causes=(*record.causes, *_own(behaviours, check)),
+        remaining=record.remaining,
+        tied_with=record.tied_with,
     )
 
 
@@ -109,14 +109,18 @@ def _undone(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
     apart, _ = _apart(run, check)
     size = float(np.linalg.norm(apart))
     for tried in _remedies(run):
-        found = []
+        explanations = []
         for causes, settings in tried:
-            left, uncertainty = _apart(_some_of(_under(check, settings), again=False), check)
-            if np.all(np.abs(left).ravel() <= uncertainty):
-                told = _own(causes, check)
-                found.append(Explanation(causes=told, remaining=float(np.linalg.norm(left)) / size))
-        if found:
-            return tuple(found)
+            remaining, uncertainty = _apart(_some_of(_under(check, settings), again=False), check)
+            if np.all(np.abs(remaining).ravel() <= uncertainty):
+                own_causes = _own(causes, check)
+                explanations.append(
+                    Explanation(
+                        causes=own_causes, remaining=float(np.linalg.norm(remaining)) / size
+                    )
+                )
+        if explanations:
+            return tuple(explanations)
     return ()
 
 
@@ -126,10 +130,14 @@ _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
 
 def _remedies(run: FollowersRun) -> tuple[list[_Remedy], ...]:
     """Return each remedy alone; then all together, if there are several."""
-    remedies = run.way.model.corrective_settings
-    alone: list[_Remedy] = [((cause,), settings) for cause, settings in remedies.items()]
-    every = {key: value for settings in remedies.values() for key, value in settings.items()}
-    return (alone, [(tuple(remedies), every)]) if len(remedies) > 1 else (alone,)
+    settings_by_cause = run.way.model.corrective_settings
+    singles: list[_Remedy] = [((cause,), settings) for cause, settings in settings_by_cause.items()]
+    every = {
+        key: value for settings in settings_by_cause.values() for key, value in settings.items()
+    }
+    return (
+        (singles, [(tuple(settings_by_cause), every)]) if len(settings_by_cause) > 1 else (singles,)
+    )
 
 
 def _under(check: RobotTask, settings: Mapping[str, object]) -> RobotTask:
@@ -147,13 +155,13 @@ def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ..
     # The equations of another tree are less accurate than the engine's limits.
     uncertainty = np.maximum(uncertainty, check.resolution)
     size = float(np.linalg.norm(apart))
-    found = []
+    explanations = []
     for cause, tree in numbers.engine_variants():
-        left = problem.left_by(tree)
-        if np.all(np.abs(left) <= uncertainty):
-            remaining = float(np.linalg.norm(left)) / size
-            found.append(Explanation(causes=_own((cause,), check), remaining=remaining))
-    return tuple(found)
+        defect = problem.left_by(tree)
+        if np.all(np.abs(defect) <= uncertainty):
+            remaining = float(np.linalg.norm(defect)) / size
+            explanations.append(Explanation(causes=_own((cause,), check), remaining=remaining))
+    return tuple(explanations)
 
 
 def _own(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
@@ -187,15 +195,15 @@ def ranked(
         known: effects of the numbers, if known from another discrepancy of the same equations.
     """
     run = run or _some_of(task.task)
-    found, problem = _ranked(task, run, known)
-    if not found.fits or _single(found):
-        return found
+    ranking, problem = _ranked(task, run, known)
+    if not ranking.fits or _single(ranking):
+        return ranking
     for causes, settings in (one for tried in _remedies(run) for one in tried):
         other = replace(task, task=_under(task.task, settings))
-        beside, _ = _ranked(other, _some_of(other.task), problem)
-        if _single(beside):
-            return replace(beside, undone=causes)
-    return found
+        corrected, _ = _ranked(other, _some_of(other.task), problem)
+        if _single(corrected):
+            return replace(corrected, undone=causes)
+    return ranking
 
 
 def _single(ranking: Ranking) -> bool:
@@ -211,7 +219,7 @@ def _ranked(
     else:
         apart, uncertainty = _apart(run, task.task)
         problem = known.beside(apart)
-    fits = FEW if problem.flow.tree.dof > MANY else FITTED
+    fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else FITTED
     return diagnose(problem, uncertainty, fits), problem
 
 
@@ -236,7 +244,7 @@ def robot_problem(
 
 def some_of(drawn: Samples) -> Samples:
     """Return the samples of a diagnosis."""
-    count = ENOUGH if drawn.forces.shape[1] > MANY else STATES
+    count = LARGE_ROBOT_STATES if drawn.forces.shape[1] > LARGE_ROBOT_DOF else STATES
     return replace(
         drawn, start=drawn.start[:count], forces=drawn.forces[:count], end=drawn.end[:count]
     )
@@ -280,12 +288,12 @@ def _apart(run: FollowersRun, check: RobotTask) -> tuple[Array, Array]:
     limit, samples = way.found.limit, way.samples
     apart = (limit.value - samples.end) / way.scale
     largest = np.max(np.abs(apart))
-    known = np.where(np.isfinite(limit.uncertainty), limit.uncertainty / way.scale, largest)
-    uncertainty = np.maximum(known + samples.bound / way.scale, EPSILON)
+    uncertain = np.where(np.isfinite(limit.uncertainty), limit.uncertainty / way.scale, largest)
+    uncertainty = np.maximum(uncertain + samples.bound / way.scale, EPSILON)
     order = [way.names.index(name) for name in check.names]
     both = [*order, *(len(order) + i for i in order)]
-    off, beside = run.apart(replace(check, samples=some_of(check.samples)))
+    off, off_uncertainty = run.apart(replace(check, samples=some_of(check.samples)))
     return (
         np.concatenate([apart[:, both], off], axis=1),
-        np.concatenate([uncertainty[:, both], beside], axis=1).ravel(),
+        np.concatenate([uncertainty[:, both], off_uncertainty], axis=1).ravel(),
     )

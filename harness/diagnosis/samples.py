@@ -85,9 +85,9 @@ def engine_ends(
     """
     values, uncertainties = [], []
     for batch, scale in _batches(samples):
-        found = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
-        values.append((found.value / scale).ravel())
-        uncertainties.append((found.uncertainty / scale).ravel())
+        limit = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
+        values.append((limit.value / scale).ravel())
+        uncertainties.append((limit.uncertainty / scale).ravel())
     return np.concatenate(values), np.concatenate(uncertainties)
 
 
@@ -101,12 +101,12 @@ def freedoms(
     """
     names, free = tuple(model.coordinates), set[int]()
     for batch, _ in _batches(samples):
-        found = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).residual
-        if found is None:
+        residual = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).residual
+        if residual is None:
             return ()
-        limit = found.limit
-        known = np.maximum(limit.uncertainty, EPSILON * found.scale)
-        columns = np.flatnonzero((np.abs(limit.value) > known).any(axis=0))
+        limit = residual.limit
+        uncertainty = np.maximum(limit.uncertainty, EPSILON * residual.scale)
+        columns = np.flatnonzero((np.abs(limit.value) > uncertainty).any(axis=0))
         free |= {int(column) % len(names) for column in columns}
     return tuple(names[i] for i in sorted(free))
 
@@ -129,20 +129,20 @@ def quick_ends(
 def _batches(samples: Sequence[Sample]) -> Iterator[tuple[Batch, Array]]:
     """Yield the segments of each scenario together, in the order of the samples, and scale."""
     for name, group in groupby(samples, key=lambda sample: sample.scenario):
-        of = list(group)
-        t = np.concatenate([sample.t for sample in of])
-        lengths = np.concatenate([np.full(len(sample.t), sample.length) for sample in of])
+        members = list(group)
+        t = np.concatenate([sample.t for sample in members])
+        lengths = np.concatenate([np.full(len(sample.t), sample.length) for sample in members])
         batch = Batch(
-            states=np.concatenate([sample.start for sample in of]),
+            states=np.concatenate([sample.start for sample in members]),
             lengths=lengths,
-            inputs=over(of[0].inputs, t, lengths),
-            varying=of[0].varying,
-            scale=of[0].scale,
-            ends=np.concatenate([sample.end for sample in of]),
+            inputs=over(members[0].inputs, t, lengths),
+            varying=members[0].varying,
+            scale=members[0].scale,
+            ends=np.concatenate([sample.end for sample in members]),
             times=t,
             name=name,
         )
-        yield batch, of[0].scale
+        yield batch, members[0].scale
 
 
 def reference_ends(samples: Sequence[Sample]) -> Array:

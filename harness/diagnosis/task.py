@@ -102,8 +102,8 @@ def explanation(fit: Fit) -> Explanation:
 
 def ranked(task: DiagnosisTask) -> Ranking:
     """Rank all fits, without a corrected motion."""
-    with trial_model(task) as (found, uncertainty):
-        return diagnose(found, uncertainty)
+    with trial_model(task) as (trial, uncertainty):
+        return diagnose(trial, uncertainty)
 
 
 @contextmanager

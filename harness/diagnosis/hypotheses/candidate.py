@@ -107,11 +107,11 @@ def _switch(cause: CauseId, perturbation: Perturbation) -> Candidate:
 def _exchanges(variants: Variants) -> Iterator[Candidate]:
     """Yield pairs of constants of one unit with exchanged values."""
     constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
-    for (i, one), (j, other) in combinations(constants, 2):
-        if one.unit == other.unit and one.nominal != other.nominal:
-            apart = other.nominal - one.nominal
+    for (i, constant_a), (j, constant_b) in combinations(constants, 2):
+        if constant_a.unit == constant_b.unit and constant_a.nominal != constant_b.nominal:
+            apart = constant_b.nominal - constant_a.nominal
             yield _switch(
-                CauseId(kind="exchange", subject=(one.name, other.name)),
+                CauseId(kind="exchange", subject=(constant_a.name, constant_b.name)),
                 Perturbation(parameters={i: apart, j: -apart}),
             )
 
@@ -161,15 +161,15 @@ def _defaults(model: Model) -> Iterator[Candidate]:
 
 def literals(system: System, sidecar: Sidecar) -> Iterator[Candidate]:
     """Yield literals: bound ones alone, bound ones of one expression together, and unbound ones."""
-    found = tuple(_bound(system, sidecar))
-    for b in found:
+    bound = tuple(_bound(system, sidecar))
+    for b in bound:
         yield _literal("literal", (b,))
-    for expression in dict.fromkeys(b.expression for b in found):
-        alike = tuple(b for b in found if b.expression == expression)
+    for expression in dict.fromkeys(b.expression for b in bound):
+        alike = tuple(b for b in bound if b.expression == expression)
         # Copies of one number that share a mistake.
         if len(alike) > 1 and len({b.value for b in alike}) == 1:
             yield _literal("literals", alike)
-    yield from _unbound(sidecar, found)
+    yield from _unbound(sidecar, bound)
 
 
 def _literal(kind: CauseKind, moved: Sequence[Binding]) -> Candidate:
@@ -209,12 +209,12 @@ _MECHANICS = (
 
 def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate]:
     """Yield unbound nonzero numbers of the mechanism, which may be left over."""
-    taken = {(b.place.file, b.place.start) for b in bound}
+    bound_places = {(b.place.file, b.place.start) for b in bound}
     with suppress(LocationError):
         addresses = numbers(sidecar.model, _MECHANICS)
         for address, place in find(sidecar.model, addresses).items():
             looks = re.search(r"(^|/)(visual|collision)[/\[]", address)
-            if place.value and not looks and (place.file, place.start) not in taken:
+            if place.value and not looks and (place.file, place.start) not in bound_places:
                 hypothesis = Hypothesis(
                     id=CauseId(kind="unbound literal", subject=(address,)),
                     value=place.value,

@@ -124,8 +124,8 @@ class TrialModel:
             if len(indices) == 1:
                 return np.zeros((1, len(self.ends)))
             return np.concatenate([self._parameter_slopes(point, [index]) for index in indices])
-        ahead, behind = np.split(both, 2)
-        slopes: Array = (ahead - behind) / (2 * steps[:, None])
+        upper, lower = np.split(both, 2)
+        slopes: Array = (upper - lower) / (2 * steps[:, None])
         return slopes
 
     def point(self, faults: Faults) -> Array:
@@ -196,8 +196,13 @@ class TrialModel:
                 return None
             sidecar = with_literals(sidecar, moved, self.folder)
         if repair.gravity.any():
-            own = [*self.model.gravity, 0.0][:3]  # gravity of a planar engine has two components
-            settings = {**settings, "gravity": [float(g) for g in np.array(own) + repair.gravity]}
+            gravity = [*self.model.gravity, 0.0][
+                :3
+            ]  # gravity of a planar engine has two components
+            settings = {
+                **settings,
+                "gravity": [float(g) for g in np.array(gravity) + repair.gravity],
+            }
         if settings:
             sidecar = at(sidecar, self.engine.name, **settings)
         same = sidecar is self.sidecar
@@ -271,8 +276,8 @@ class _Repair:
 
 def at(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
     """Return a sidecar with other settings for one engine."""
-    own = {**sidecar.engine_settings.get(engine, {}), **settings}
-    return replace(sidecar, engine_settings={**sidecar.engine_settings, engine: own})
+    merged = {**sidecar.engine_settings.get(engine, {}), **settings}
+    return replace(sidecar, engine_settings={**sidecar.engine_settings, engine: merged})
 
 
 @contextmanager
