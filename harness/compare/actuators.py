@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.compare.property import Property, told
+from physics_crosscheck.harness.compare.property import Property, make_property
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
 from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
 
@@ -17,12 +17,12 @@ class ActuatorPairs:
     Attributes:
         pairs: (index in A, index in B), in the order of A.
         how: a phrase for each pair whose names differ.
-        alone: indices of the unpaired actuators, of A and of B.
+        unpaired: indices of the unpaired actuators, of A and of B.
     """
 
     pairs: tuple[tuple[int, int], ...]
     how: tuple[str, ...]
-    alone: tuple[tuple[int, ...], tuple[int, ...]]
+    unpaired: tuple[tuple[int, ...], tuple[int, ...]]
 
 
 def pair_actuators(
@@ -49,7 +49,7 @@ def pair_actuators(
             for i, (j, how) in sorted(pairs.items())
             if a[i].name != b[j].name
         ),
-        alone=(
+        unpaired=(
             tuple(i for i in range(len(a)) if i not in pairs),
             tuple(j for j in range(len(b)) if j not in paired_b),
         ),
@@ -135,11 +135,11 @@ def actuator_properties(
         acting: whether actuators act in the compared motions.
     """
     pairs = pair_actuators(a, b, joints)
-    for label, actuators, unpaired in zip("AB", (a, b), pairs.alone, strict=True):
+    for label, actuators, unpaired in zip("AB", (a, b), pairs.unpaired, strict=True):
         for actuator in (actuators[i] for i in unpaired):
             message = f"actuator {_name(actuator)}: in {label} alone"
             moves = acting and actuator.covered
-            yield told("actuators", actuator.on, message, 0.0, moves=moves)
+            yield make_property("actuators", actuator.on, message, 0.0, moves=moves)
     for i, j in pairs.pairs:
         yield from _differences(a[i], b[j], acting)
 
@@ -150,7 +150,7 @@ def _differences(
     for here, there in zip(actuator.kind, other.kind, strict=True):
         if here != there:
             message = f"actuator {_name(actuator)}: {here} in A, {there} in B"
-            yield told("actuator", actuator.on, message, 0.0, moves=acting)
+            yield make_property("actuator", actuator.on, message, 0.0, moves=acting)
     moves = acting and actuator.covered and other.covered
     for values_a, values_b, acts in (
         (actuator.numbers, other.numbers, moves),
@@ -163,7 +163,7 @@ def _differences(
                 message = (
                     f"{what} of actuator {_name(actuator)}: {values[0]} in A, {values[1]} in B"
                 )
-                yield told("actuator", actuator.on, message, 0.0, moves=acts)
+                yield make_property("actuator", actuator.on, message, 0.0, moves=acts)
 
 
 def _shown(values: Numbers | None) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.placed import Placed
+from physics_crosscheck.harness.compare.placed import PlacedTree
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
@@ -50,7 +50,9 @@ class Aligned:
     zero: float = 0.0
 
 
-def aligned(placed_a: Placed, placed_b: Placed, pairs: Sequence[LinkPair]) -> tuple[Aligned, ...]:
+def aligned(
+    placed_a: PlacedTree, placed_b: PlacedTree, pairs: Sequence[LinkPair]
+) -> tuple[Aligned, ...]:
     """Align B's links with those of A.
 
     Args:
@@ -66,8 +68,8 @@ def aligned(placed_a: Placed, placed_b: Placed, pairs: Sequence[LinkPair]) -> tu
 
 
 def _joint(
-    placed_a: Placed,
-    placed_b: Placed,
+    placed_a: PlacedTree,
+    placed_b: PlacedTree,
     pair: LinkPair,
     before: Place,
     pairs: Sequence[LinkPair],
@@ -103,8 +105,8 @@ def _joint(
 
 
 def _zero(
-    placed_a: Placed,
-    placed_b: Placed,
+    placed_a: PlacedTree,
+    placed_b: PlacedTree,
     pair: LinkPair,
     moved: Place,
     pairs: Sequence[LinkPair],
@@ -141,11 +143,11 @@ class _Carried:
     """The load of a pair of joints: body masses, and the axes of child joints."""
 
     def __init__(
-        self, placed_a: Placed, placed_b: Placed, pair: LinkPair, pairs: Sequence[LinkPair]
+        self, placed_a: PlacedTree, placed_b: PlacedTree, pair: LinkPair, pairs: Sequence[LinkPair]
     ) -> None:
         self.placed_a, self.placed_b = placed_a, placed_b
         self.size = max(placed_a.size, placed_b.size)
-        self.bodies = placed_a.lump(pair[0]), placed_b.lump(pair[1])
+        self.bodies = placed_a.body_inertia(pair[0]), placed_b.body_inertia(pair[1])
         self.children = [
             (a, b)
             for a, b in pairs
@@ -188,7 +190,7 @@ def _turned_about(point: Array, axis: Array, angle: float) -> Place:
 
 
 def paired_links(
-    placed_a: Placed, placed_b: Placed, names: Sequence[tuple[str, str]]
+    placed_a: PlacedTree, placed_b: PlacedTree, names: Sequence[tuple[str, str]]
 ) -> tuple[tuple[LinkPair, ...], tuple[tuple[str, str, str], ...]]:
     """Return index pairs of links by their joints' names, parents first, and mismatched pairs.
 

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate
 from physics_crosscheck.harness.compare.diff import Edit, edits
 from physics_crosscheck.harness.compare.excitation import Recorded
 from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
-from physics_crosscheck.harness.compare.judge import Followed
+from physics_crosscheck.harness.compare.judge import TargetEnds
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.trials import Trial, TrialTask, attribute_difference, tried
@@ -42,7 +42,7 @@ def attributed(
     models: tuple[Candidate, Candidate],
     recorded: Recorded,
     runs: Runs,
-    followed: Followed,
+    followed: TargetEnds,
     matched: Match,
     is_known: bool,
 ) -> Attribution:
@@ -73,14 +73,14 @@ def attributed(
     ]
     if not can:
         return tuple(rest), 0
-    bench = _Bench.of(execute, models, recorded, runs, followed, matched, len(can))
+    bench = _Bench.prepare(execute, models, recorded, runs, followed, matched, len(can))
     engine = engines()[models[0].engine]
     looks = [re.compile(pattern) for pattern in engine.non_physical]
     root = _root(models[0].sidecar.model)
-    ineffective = [edit for edit in can if _is_idle(edit, root, looks)]
+    ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
     idle_limit = 0 if is_known and len(others) + len(ineffective) > MOST_TRIED else MOST_TRIED
-    trials = bench.idle(ineffective, idle_limit)
+    trials = bench.try_ineffective(ineffective, idle_limit)
     single_limit = 0 if is_known and len(others) > MOST_TRIED else MOST_TRIED
     sets: list[tuple[Edit, ...]] = [(edit,) for edit in others[:single_limit]]
     untried = len(can) - len(trials) - len(sets)
@@ -102,7 +102,7 @@ def untested(trials: Iterable[Trial], a: Candidate) -> tuple[str, ...]:
     return tuple(
         f"{edit.label}: {edit.old} in A, {edit.new} in B"
         for edit in edits
-        if not _is_idle(edit, root, looks) and not edit.label.startswith(SETTINGS)
+        if not _is_ineffective(edit, root, looks) and not edit.label.startswith(SETTINGS)
     )
 
 
@@ -117,7 +117,7 @@ def _root(file: Path) -> str:
     return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
 
 
-def _is_idle(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
+def _is_ineffective(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
     """Return whether a difference probably affects no motion, such as a shape; it is tried anyway.
 
     A whole element counts like its numbers.
@@ -165,12 +165,12 @@ class _Bench:
     count: int
 
     @staticmethod
-    def of(
+    def prepare(
         execute: Execute,
         models: tuple[Candidate, Candidate],
         recorded: Recorded,
         runs: Runs,
-        followed: Followed,
+        followed: TargetEnds,
         matched: Match,
         count: int,
     ) -> _Bench:
@@ -224,7 +224,7 @@ class _Bench:
             for made, value in zip(sets, values, strict=True)
         ]
 
-    def idle(self, group: Sequence[Edit], limit: int) -> list[Trial]:
+    def try_ineffective(self, group: Sequence[Edit], limit: int) -> list[Trial]:
         """Try probably ineffective differences at once; try some singly if there is an effect.
 
         Args:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from physics_crosscheck.harness.compare.alignment import SAME, Aligned
-from physics_crosscheck.harness.compare.property import Property, shown, told
-from physics_crosscheck.harness.compare.side import Side
+from physics_crosscheck.harness.compare.property import Property, make_property, shown
+from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
@@ -18,9 +18,9 @@ ROUNDING = 1e-13
 """Rounding error of a tensor transformed between frames, in units of m r^2."""
 
 
-def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Property]:
+def body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Property]:
     """Yield the differences, in the world, of the bodies that a pair of joints carries."""
-    body_a, body_b = a.placed.lump(row.a), b.placed.lump(row.b).in_frame(row.moved)
+    body_a, body_b = a.placed.body_inertia(row.a), b.placed.body_inertia(row.b).in_frame(row.moved)
     parts = a.parts[row.a], b.parts[row.b]
     total = sum(link.mass for link in a.tree.links) or 1.0
     heavy = max(body_a.mass, body_b.mass)
@@ -43,8 +43,8 @@ def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Pro
 
 
 def _masses(
-    a: Side,
-    b: Side,
+    a: ModelSide,
+    b: ModelSide,
     parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     masses: tuple[float, float],
     effect: float,
@@ -59,8 +59,10 @@ def _masses(
         for x, y in pairs:
             message = f"link {_both(x.name, y.name)}: mass {shown(x.mass, y.mass)}"
             share = abs(x.mass - y.mass) / max(x.mass, y.mass)
-            difference = told("mass", x.name, message, effect, x.mass, y.mass, relative=share)
-            yield _at(a, b, x, y, difference)
+            difference = make_property(
+                "mass", x.name, message, effect, x.mass, y.mass, relative=share
+            )
+            yield _with_lines(a, b, x, y, difference)
         return
     message = f"mass {shown(*masses)}"
     share = abs(masses[0] - masses[1]) / max(masses)
@@ -77,8 +79,8 @@ def _namesakes(
 
 
 def _named(
-    a: Side,
-    b: Side,
+    a: ModelSide,
+    b: ModelSide,
     parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     kind: str,
     message: str,
@@ -99,8 +101,8 @@ def _named(
     here, there = values or (None, None)
     effect, share = sizes
     about, sentence = x.name if x else name, f"{subject}: {message}"
-    difference = told(kind, about, sentence, effect, here, there, relative=share)
-    yield _at(a, b, x, y, difference)
+    difference = make_property(kind, about, sentence, effect, here, there, relative=share)
+    yield _with_lines(a, b, x, y, difference)
 
 
 _NOBODY = LinkPart(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
@@ -123,7 +125,9 @@ def _both(x: str, y: str) -> str:
     return x if x == y else f"{x} / {y}"
 
 
-def _at(a: Side, b: Side, x: LinkPart | None, y: LinkPart | None, difference: Property) -> Property:
+def _with_lines(
+    a: ModelSide, b: ModelSide, x: LinkPart | None, y: LinkPart | None, difference: Property
+) -> Property:
     """Return a difference with its source lines."""
     where = [
         SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None

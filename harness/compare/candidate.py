@@ -68,7 +68,7 @@ class Candidate:
         """
         return engines()[self.engine].load(self.sidecar.spec(self.engine))
 
-    def at(self, **settings: object) -> Candidate:
+    def with_settings(self, **settings: object) -> Candidate:
         """Return a copy with other settings."""
         merged = {**self.sidecar.engine_settings.get(self.engine, {}), **settings}
         changed = {**self.sidecar.engine_settings, self.engine: merged}
@@ -96,7 +96,7 @@ def _switched(model: Candidate, wanted: Mapping[str, object]) -> Candidate:
     switches = engines()[model.engine].switches
     stated = model.sidecar.spec(model.engine).settings
     settings = {k: v for k, v in wanted.items() if k in switches and k not in stated}
-    return model.at(**settings) if settings else model
+    return model.with_settings(**settings) if settings else model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,7 @@ class Facts:
         integrator, step: of the engine.
         gravity: empty if the engine does not report it.
         home: positions in which the file draws the mechanism, (nz,).
-        reach: the engine's sampling range of positions, (nz, 2).
+        sampling_range: the engine's sampling range of positions, (nz, 2).
         limits: bounds of the positions, infinite where there is no limit, (nz, 2).
         places: frames with a pose in the engine, as `kind:name`.
         robot: the file as a tree of bodies; None for a format without a reader.
@@ -121,7 +121,7 @@ class Facts:
     step: float
     gravity: tuple[float, ...]
     home: Array
-    reach: Array
+    sampling_range: Array
     limits: Array
     places: tuple[str, ...]
     robot: Robot | None
@@ -150,7 +150,7 @@ def facts(candidate: Candidate) -> Facts:
         step=model.step,
         gravity=model.gravity,
         home=model.home,
-        reach=model.sampling_range,
+        sampling_range=model.sampling_range,
         limits=_limits(model, robot),
         places=tuple(model.places),
         robot=robot,
@@ -229,7 +229,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     if sidecar is None:
         bare, notes = _bare(path, adapter)
         model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
-        return model.at(floating=True) if floating and path.suffix == ".urdf" else model
+        return model.with_settings(floating=True) if floating and path.suffix == ".urdf" else model
     return Candidate(label, sidecar, name, caveats)
 
 

@@ -21,16 +21,22 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.excitation import Recorded, SourceTask, record
 from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
 from physics_crosscheck.harness.compare.explained import Explained, explained
-from physics_crosscheck.harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
+from physics_crosscheck.harness.compare.file_comparison import FileComparison, compare_files
+from physics_crosscheck.harness.compare.judge import (
+    Judgement,
+    TargetEnds,
+    TargetTask,
+    follow,
+    judge,
+)
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.mechanics import MechanicsTask, mechanics
-from physics_crosscheck.harness.compare.prepared import Prepared, prepare
+from physics_crosscheck.harness.compare.prepared import PreparedComparison, prepare
 from physics_crosscheck.harness.compare.property import Property
-from physics_crosscheck.harness.compare.ranges import start_range, told
+from physics_crosscheck.harness.compare.ranges import range_notes, start_range
 from physics_crosscheck.harness.compare.runs import Runs
-from physics_crosscheck.harness.compare.said import Said, said
 from physics_crosscheck.harness.compare.slack import taut_starts
-from physics_crosscheck.harness.compare.terms import Frame, Term, terms
+from physics_crosscheck.harness.compare.terms import Term, TermFrame, differing_terms
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
@@ -43,7 +49,7 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 TURNED = 1e-4
 """Minimum discrepancy at which joints of opposite direction are sought."""
 
-FEW = 1
+KNOWN_FILE_STATES = 1
 """States at which terms are measured where the files' bodies are known.
 
 Elsewhere a linear fit of the forces on all joints needs more.
@@ -78,7 +84,7 @@ class Findings:
     Attributes:
         facts: of A and B, as loaded.
         turned: joints of opposite direction in B; the terms exclude that effect.
-        left: the discrepancy that remains after turning these.
+        remaining: the discrepancy that remains after turning these.
         properties: differences between the files' contents.
         explained: the share of the discrepancy that follows from these; None if unknown.
         terms: worst first; empty if nothing differs or the properties explain it.
@@ -95,7 +101,7 @@ class Findings:
     recorded: Recorded
     judgement: Judgement
     turned: tuple[str, ...]
-    left: float
+    remaining: float
     properties: tuple[Property, ...]
     explained: Explained | None
     terms: tuple[Term, ...]
@@ -121,15 +127,15 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     is_a = matched.source == "A"
     source, target = (a, b) if is_a else (b, a)
     both = prepared.facts if is_a else prepared.facts[::-1]
-    home, reach, strangers, limits = start_range(*both, matched)
+    home, sampling_range, strangers, limits = start_range(*both, matched)
     task = SourceTask(
         candidate=source,
         match=matched,
         given=options.starts,
         resolution=options.resolution,
         home=home,
-        reach=reach,
-        taut=taut_starts(*both, matched, home, reach, limits),
+        sampling_range=sampling_range,
+        taut=taut_starts(*both, matched, home, sampling_range, limits),
     )
     recorded = ask(execute, source, record, task)
     if not len(recorded.runs.z):
@@ -148,9 +154,9 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
     ones = np.ones(len(matched.names))
     followed, judgement = trial.judged(ones)
-    read = said(execute, prepared, home)
-    turned, signs, left, final = _turned(trial, judgement, followed, read)
-    mends = bool(turned) and left <= options.resolution
+    read = compare_files(execute, prepared, home)
+    turned, signs, remaining, final = _turned(trial, judgement, followed, read)
+    mends = bool(turned) and remaining <= options.resolution
     share: Explained | None = None
     measured: tuple[Term, ...] = ()
     is_explained = False
@@ -160,8 +166,10 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
             share = explained(sides, matched, recorded, runs, final, signs)
         is_explained = read.moving and share is not None and share.share >= EXPLAINED
         if not is_explained:
-            count = len(recorded.independent) + 6 if share is None else FEW
-            measured = _terms(execute, (source, target), recorded, runs, matched, signs, count)
+            count = len(recorded.independent) + 6 if share is None else KNOWN_FILE_STATES
+            measured = _measure_terms(
+                execute, (source, target), recorded, runs, matched, signs, count
+            )
     trials, untried = attributed(execute, (a, b), recorded, runs, followed, matched, read.moving)
     return Findings(
         options=options,
@@ -170,7 +178,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         recorded=recorded,
         judgement=judgement,
         turned=turned,
-        left=left,
+        remaining=remaining,
         properties=read.properties,
         explained=share,
         terms=measured,
@@ -183,7 +191,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
 
 
-def _impossible(prepared: Prepared) -> tuple[str, ...]:
+def _impossible(prepared: PreparedComparison) -> tuple[str, ...]:
     """Return messages about impossible inertias of moving links."""
     robots = [own.robot for own in prepared.facts if own.robot is not None]
     messages = [
@@ -196,7 +204,11 @@ def _impossible(prepared: Prepared) -> tuple[str, ...]:
 
 
 def _untested(
-    prepared: Prepared, judgement: Judgement, read: Said, trials: tuple[Trial, ...], untried: int
+    prepared: PreparedComparison,
+    judgement: Judgement,
+    read: FileComparison,
+    trials: tuple[Trial, ...],
+    untried: int,
 ) -> tuple[str, ...]:
     """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
@@ -207,13 +219,15 @@ def _untested(
     return (*dict.fromkeys(messages), *prepared.uncompared)
 
 
-def _notes(prepared: Prepared, recorded: Recorded, strangers: tuple[str, ...]) -> tuple[str, ...]:
+def _notes(
+    prepared: PreparedComparison, recorded: Recorded, strangers: tuple[str, ...]
+) -> tuple[str, ...]:
     """Return assumptions and actions, without duplicates."""
     notes = (
         *prepared.a.notes,
         *prepared.b.notes,
         *prepared.notes,
-        *told(strangers, prepared.match.source),
+        *range_notes(strangers, prepared.match.source),
         *_lost(recorded, prepared.match),
     )
     return tuple(dict.fromkeys(notes))
@@ -241,15 +255,15 @@ class _Following:
     match: Match
     resolution: float
 
-    def judged(self, signs: Array) -> tuple[Followed, Judgement]:
+    def judged(self, signs: Array) -> tuple[TargetEnds, Judgement]:
         task = TargetTask(self.target, self.runs, self.resolution, signs)
         followed = ask(self.execute, self.target, follow, task)
         return followed, judge(self.recorded, followed, self.match, self.resolution)
 
 
 def _turned(
-    trial: _Following, judgement: Judgement, followed: Followed, read: Said
-) -> tuple[tuple[str, ...], Array, float, Followed]:
+    trial: _Following, judgement: Judgement, followed: TargetEnds, read: FileComparison
+) -> tuple[tuple[str, ...], Array, float, TargetEnds]:
     """Return reversed joints, all signs, the remaining discrepancy, and the target's runs then.
 
     Use the axes where both files have them. Otherwise reverse joints one after the other while that
@@ -272,14 +286,14 @@ def _turned(
 
 
 def _sought(
-    trial: _Following, remaining: float, followed: Followed
-) -> tuple[tuple[str, ...], Array, float, Followed]:
+    trial: _Following, remaining: float, followed: TargetEnds
+) -> tuple[tuple[str, ...], Array, float, TargetEnds]:
     names = trial.match.names
     signs = np.ones(len(names))
     turned: list[str] = []
     while len(turned) < len(names):
         sizes: dict[int, float] = {}
-        runs: dict[int, Followed] = {}
+        runs: dict[int, TargetEnds] = {}
         for i in range(len(names)):
             if signs[i] > 0:
                 guess = signs.copy()
@@ -300,7 +314,7 @@ def _sought(
     return tuple(turned), signs, remaining, followed
 
 
-def _terms(
+def _measure_terms(
     execute: Execute,
     models: tuple[Candidate, Candidate],
     recorded: Recorded,
@@ -351,10 +365,10 @@ def _terms(
     if matched.source == "B":
         measured_a, measured_b = measured_b, measured_a
     chosen = list(recorded.independent)
-    frame = Frame(
+    frame = TermFrame(
         [matched.names[i] for i in chosen],
         runs.z[picked][:, chosen],
         recorded.unit[chosen],
         recorded.typical,
     )
-    return terms(measured_a, measured_b, frame)
+    return differing_terms(measured_a, measured_b, frame)

@@ -246,14 +246,14 @@ class _Shape(ast.NodeVisitor):
         if signed and isinstance(inner, ast.Constant) and type(inner.value) in (int, float):
             assert isinstance(node, ast.expr)
             self.numbers.append(node)
-            self._say("number", node)
+            self._append("number", node)
             return
         plain = [repr(value) for _, value in ast.iter_fields(node) if not _holds_nodes(value)]
-        self._say(f"{type(node).__name__} {plain}", node)
+        self._append(f"{type(node).__name__} {plain}", node)
         super().generic_visit(node)
-        self._say("end", node)
+        self._append("end", node)
 
-    def _say(self, word: str, node: ast.AST) -> None:
+    def _append(self, word: str, node: ast.AST) -> None:
         self.text.append(word)
         self.lines.append(getattr(node, "lineno", self.lines[-1] if self.lines else 1))
 

@@ -59,7 +59,7 @@ class SourceTask:
     Attributes:
         given: initial states by coordinate (`x`, `x_dot`).
         home: initial positions, (nz,).
-        reach: sampling range of positions, (nz, 2).
+        sampling_range: sampling range of positions, (nz, 2).
         taut: further initial positions, (P, nz).
     """
 
@@ -68,7 +68,7 @@ class SourceTask:
     given: tuple[Mapping[str, float], ...]
     resolution: float
     home: Array
-    reach: Array
+    sampling_range: Array
     taut: Array
 
 
@@ -125,7 +125,7 @@ def record(task: SourceTask) -> Recorded:
     push[:, independent] = (wanted * scales.typical**2) @ mass
     push[np.logical_not(driven)] = 0.0
     chain = _chain(model, task, scales, Runs(length=0.0, z=z, w=w, push=push), links)
-    recorded = _gathered(task, chain, scales, unit, independent)
+    recorded = _build_record(task, chain, scales, unit, independent)
     _check_left_out(task, model, scales, recorded, names)
     return recorded
 
@@ -142,11 +142,11 @@ def _scales(
         CompareError: if no force moves a joint.
     """
     try:
-        scales = characteristic_scales(model, rng, task.home, task.reach)
+        scales = characteristic_scales(model, rng, task.home, task.sampling_range)
         drawn = model.home
         if scales.tangent.shape[1] == len(drawn) or np.array_equal(drawn, task.home):
             return task.home, scales
-        return drawn, characteristic_scales(model, rng, drawn, task.reach)
+        return drawn, characteristic_scales(model, rng, drawn, task.sampling_range)
     except CompareError as error:
         raise CompareError(f"{task.candidate.name}: {error}") from None
 
@@ -159,8 +159,8 @@ def _starts(
     rng: np.random.Generator,
 ) -> tuple[Array, Array, Array, int]:
     """Return initial states (B, nz), whether each is driven (B,), and the runs per chain."""
-    extent, n = task.reach, len(names)
-    given = [_one(start, names, state) for state in task.given]
+    extent, n = task.sampling_range, len(names)
+    given = [_initial_state(start, names, state) for state in task.given]
     still = np.zeros(n)
     if scales.tangent.shape[1] == n:
         middle, half = extent.mean(axis=1), 0.8 * scales.unit
@@ -179,7 +179,9 @@ def _starts(
     return z, w, driven, links
 
 
-def _one(start: Array, names: tuple[str, ...], state: Mapping[str, float]) -> tuple[Array, Array]:
+def _initial_state(
+    start: Array, names: tuple[str, ...], state: Mapping[str, float]
+) -> tuple[Array, Array]:
     z, w = start.copy(), np.zeros(len(start))
     for name, value in state.items():
         if name in names:
@@ -220,7 +222,7 @@ def _chain(
     for shorter in SHORTER:
         length = 2 * np.pi / scales.fastest * SHARE / shorter
         chain = _links(model, task, scales, replace(first, length=length), links)
-        worst = _most(chain, lambda limit: limit.uncertainty)
+        worst = _ninetieth_percentile(chain, lambda limit: limit.uncertainty)
         # Rounding dominates where half the length or less does not halve the uncertainty.
         before = np.inf if best is None else best[0]
         if best is None or worst < before:
@@ -229,16 +231,21 @@ def _chain(
             break
     assert best is not None
     worst, chain = best
-    if worst > ROOM * task.resolution and 2 * _most(chain, lambda limit: limit.rounding) > worst:
+    if (
+        worst > ROOM * task.resolution
+        and 2 * _ninetieth_percentile(chain, lambda limit: limit.rounding) > worst
+    ):
         # Over a longer run a position moves further, while its rounding error stays the same.
         length = chain[0][0].length * LONGER
         longer = _links(model, task, scales, replace(first, length=length), links)
-        if _most(longer, lambda limit: limit.uncertainty) < worst:
+        if _ninetieth_percentile(longer, lambda limit: limit.uncertainty) < worst:
             return longer
     return chain
 
 
-def _most(chain: Sequence[tuple[Runs, Limit]], quantity: Callable[[Limit], Array]) -> float:
+def _ninetieth_percentile(
+    chain: Sequence[tuple[Runs, Limit]], quantity: Callable[[Limit], Array]
+) -> float:
     """Return the 90th percentile over runs, relative to how far components move."""
     sizes = [np.max(_relative(runs, limit, quantity(limit)), axis=1) for runs, limit in chain]
     ordered = np.sort(np.concatenate(sizes))
@@ -270,7 +277,7 @@ def _relative(runs: Runs, limit: Limit, error: Array) -> Array:
     return relative
 
 
-def _gathered(
+def _build_record(
     task: SourceTask,
     chain: list[tuple[Runs, Limit]],
     scales: CharacteristicScales,

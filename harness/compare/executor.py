@@ -16,7 +16,7 @@ def in_workers(workers: Workers) -> Execute:
 
     def execute(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
         tasks = [workers.submit(_Guarded(function), argument) for argument in arguments]
-        return [_told(who, workers.outcome(task)) for task in tasks]
+        return [_name_failure(who, workers.outcome(task)) for task in tasks]
 
     return execute
 
@@ -28,11 +28,11 @@ def at_once(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> lis
         try:
             values.append(_Guarded(function)(argument))
         except (RuntimeError, ValueError) as error:
-            values.append(_told(who, Failure(str(error), "")))
+            values.append(_name_failure(who, Failure(str(error), "")))
     return values
 
 
-def _told(who: str, value: V | Failure) -> V | Failure:
+def _name_failure(who: str, value: V | Failure) -> V | Failure:
     """Prefix a failure with the model's name, unless the reason already names its file."""
     if not isinstance(value, Failure) or value.usage or who.rpartition(" [")[0] in value.reason:
         return value

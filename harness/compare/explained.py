@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.compare.excitation import Recorded
-from physics_crosscheck.harness.compare.judge import Followed
+from physics_crosscheck.harness.compare.judge import TargetEnds
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs
-from physics_crosscheck.harness.compare.side import Side
+from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
@@ -40,11 +40,11 @@ class Explained:
 
 
 def explained(
-    sides: tuple[Side, Side],
+    sides: tuple[ModelSide, ModelSide],
     match: Match,
     recorded: Recorded,
     target: Runs,
-    followed: Followed,
+    followed: TargetEnds,
     signs: Array,
 ) -> Explained | None:
     """Solve both files' equations over the runs.
@@ -70,7 +70,7 @@ def explained(
     if not len(finite):
         return None
     some = finite[even_indices(len(finite), SOME)]
-    source_runs, target = _of(recorded.runs, some), _of(target, some)
+    source_runs, target = _select(recorded.runs, some), _select(target, some)
     ends = recorded.end[some]
     slopes = match.slopes(source_runs.z[:1])[0]
     both = np.concatenate([signs, signs])
@@ -96,7 +96,7 @@ def explained(
     )
 
 
-def _reached(followed: Followed) -> tuple[NDArray[np.intp], Array]:
+def _reached(followed: TargetEnds) -> tuple[NDArray[np.intp], Array]:
     """Return which runs have known end states, and all end states, (K, 2m).
 
     Where few runs have a limit, as under holding motors, use the end states of the finest rung.
@@ -107,7 +107,7 @@ def _reached(followed: Followed) -> tuple[NDArray[np.intp], Array]:
     return np.flatnonzero(np.isfinite(followed.finest).all(axis=1)), followed.finest
 
 
-def _of(runs: Runs, some: NDArray[np.intp]) -> Runs:
+def _select(runs: Runs, some: NDArray[np.intp]) -> Runs:
     """Return some of the runs."""
     return replace(runs, z=runs.z[some], w=runs.w[some], push=runs.push[some])
 
@@ -116,7 +116,7 @@ def _size(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def _ends(model: Side, runs: Runs, push: Array) -> Array:
+def _ends(model: ModelSide, runs: Runs, push: Array) -> Array:
     """Return the end states of a file's equations, (K, 2nz), in the engine's order."""
     order, n = model.order, runs.z.shape[1]
     equations = Charted(model.tree, DOUBLES)

@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.alignment import SAME
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.compare.property import Property, told
+from physics_crosscheck.harness.compare.property import Property, make_property
 from physics_crosscheck.harness.engines.protocol import Array
 
 POSE_ACCURACY = 1e-9
@@ -75,7 +75,7 @@ def frame_properties(
         if parts:
             message = f"frame {name}: {' and '.join(parts)}"
             differences.append(
-                told(
+                make_property(
                     "frame",
                     name,
                     message,

@@ -37,7 +37,7 @@ class TargetTask:
 
 
 @dataclass(frozen=True)
-class Followed:
+class TargetEnds:
     """The target's end states, in the coordinates of the comparison; see `Limit`.
 
     Attributes:
@@ -57,7 +57,7 @@ class Followed:
         return bool(np.mean(finite) >= FEWEST)
 
 
-def follow(task: TargetTask) -> Followed:
+def follow(task: TargetTask) -> TargetEnds:
     """Run the target from the source's states.
 
     Raises:
@@ -67,7 +67,7 @@ def follow(task: TargetTask) -> Followed:
     runs = Runs(length=given.length, z=given.z * s, w=given.w * s, push=given.push * s)
     extrapolated, both = ends(model, runs, None, task.resolution), np.concatenate([s, s])
     extrapolated.limit.value[:] *= both
-    return Followed(extrapolated.limit, extrapolated.raw[-1] * both, model.exponents(False)[0])
+    return TargetEnds(extrapolated.limit, extrapolated.raw[-1] * both, model.exponents(False)[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ class Judgement:
     kind: CaseKind = ""
 
 
-def judge(recorded: Recorded, followed: Followed, match: Match, resolution: float) -> Judgement:
+def judge(recorded: Recorded, followed: TargetEnds, match: Match, resolution: float) -> Judgement:
     """Judge by the rule of verdicts, with the uncertainty of both models."""
     limit = followed.limit
     components = (*match.names, *(f"{name}_dot" for name in match.names))
@@ -185,7 +185,7 @@ def _in_source(hindered: UnresolvedReason, recorded: Recorded, source: str) -> s
 
 def _in_target(
     verdict: judgement.LimitVerdict,
-    followed: Followed,
+    followed: TargetEnds,
     models: tuple[str, str],
     components: tuple[str, ...],
     resolution: float,

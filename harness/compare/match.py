@@ -11,8 +11,7 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.compare.candidate import CompareError
-from physics_crosscheck.harness.compare.partners import Partners
-from physics_crosscheck.harness.compare.partners import partners as found_partners
+from physics_crosscheck.harness.compare.partners import JointPairs, pair_joints
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.reading import (
     MAX_SIDECAR_BYTES,
@@ -106,7 +105,7 @@ def match(
     b: Sequence[str],
     given: tuple[Mapping[str, str], Mapping[str, str]],
     readback: tuple[Mapping[str, str], Mapping[str, str]],
-    partners: Partners | None = None,
+    joint_pairs: JointPairs | None = None,
 ) -> Match:
     """Match coordinates by the user's map, the readback of a sidecar, or partners.
 
@@ -115,18 +114,18 @@ def match(
     Args:
         given: what `declared` returns.
         readback: [readback] of both sidecars.
-        partners: of the remaining coordinates; None: by name.
+        joint_pairs: of the remaining coordinates; None: by name.
 
     Raises:
         CompareError: for coordinates without a match, with the remedy.
     """
-    if partners is None:
-        partners = found_partners(a, b, spoken_for(a, b, given, readback), None)
+    if joint_pairs is None:
+        joint_pairs = pair_joints(a, b, spoken_for(a, b, given, readback), None)
     ways = []
-    of_a = {its: name for name, its in partners.pairs.items()}
+    of_a = {its: name for name, its in joint_pairs.pairs.items()}
     for source, names, others, own_readback, partner in (
         ("A", a, b, readback[0], of_a),
-        ("B", b, a, readback[1], partners.pairs),
+        ("B", b, a, readback[1], joint_pairs.pairs),
     ):
         z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
         expressions = _given(source, names, others, given, z) if any(given) else {}
@@ -143,7 +142,7 @@ def match(
         missing = [name for name in others if name not in expressions]
         if not missing:
             plain = {name for name in partner if expressions[name] == z[partner[name]]}
-            return _compiled(source, names, others, expressions, z, partners.told, plain)
+            return _compiled(source, names, others, expressions, z, joint_pairs.notes, plain)
         ways.append(missing)
     raise CompareError(_unmatched(a, b, ways[0], ways[1]))
 
@@ -162,11 +161,11 @@ def _given(
     # Use expressions of the source's coordinates directly; invert the others.
     direct, turned = (backward, forward) if source == "A" else (forward, backward)
     for name, text in direct.items():
-        _known(name, others, label[1])
+        _check_name(name, others, label[1])
         expressions[name] = _read(text, z, label[0])
     c = {name: sp.Symbol(f"c{i}_", real=True) for i, name in enumerate(others)}
     for name, text in turned.items():
-        _known(name, names, label[0])
+        _check_name(name, names, label[0])
         expression = _read(text, c, label[1])
         free = list(expression.free_symbols)
         slope = expression.diff(free[0]) if len(free) == 1 else sp.Integer(0)
@@ -201,7 +200,7 @@ def _used(texts: Mapping[str, str], names: Sequence[str], label: str) -> set[str
     return {name for name, symbol in z.items() if symbol in used}
 
 
-def _known(name: str, names: Sequence[str], label: str) -> None:
+def _check_name(name: str, names: Sequence[str], label: str) -> None:
     if name not in names:
         raise CompareError(f"the map names {name!r}; the joints of {label} are {', '.join(names)}")
 

@@ -97,7 +97,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
 def _unweighted(task: MechanicsTask, lens: _Lens) -> Estimate | None:
     """Return forces at rest without gravity, for engines whose gravity can be set."""
     try:
-        model = task.candidate.at(gravity=[0.0, 0.0, 0.0]).load()
+        model = task.candidate.with_settings(gravity=[0.0, 0.0, 0.0]).load()
     except EngineError:
         return None
     return lens.forces(model, task.z, np.zeros_like(task.w), range(len(task.z)))
@@ -132,7 +132,7 @@ class _Lens:
         for k, matrix in enumerate(reduced):
             if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e12:
                 mass[k] = np.linalg.inv(matrix)
-                mass_error[k] = _known(np.abs(mass[k]) @ error[k] @ np.abs(mass[k]))
+                mass_error[k] = _nan_to_inf(np.abs(mass[k]) @ error[k] @ np.abs(mass[k]))
         self.mass = Estimate(value=mass, uncertainty=mass_error)
 
     def _accelerations(self, model: Model, by: float = 1.0) -> Accelerations:
@@ -153,7 +153,7 @@ class _Lens:
         best, next_best = np.take_along_axis(value, order, axis=0)
         with np.errstate(invalid="ignore"):
             doubt = np.take_along_axis(error, order, axis=0)[0] + np.abs(best - next_best)
-        return Estimate(value=best, uncertainty=_known(doubt))
+        return Estimate(value=best, uncertainty=_nan_to_inf(doubt))
 
     def forces(self, model: Model, z: Array, w: Array, indices: Sequence[int]) -> Estimate:
         """Return mass times acceleration (B, r), with the mass of the states numbered `indices`."""
@@ -175,7 +175,7 @@ class _Lens:
             value = np.einsum("bij,bj->bi", mass, seen)
             doubt = np.einsum("bij,bj->bi", np.abs(mass), seen_error)
             doubt += np.einsum("bij,bj->bi", error, np.abs(seen))
-        return Estimate(value=value, uncertainty=_known(doubt))
+        return Estimate(value=value, uncertainty=_nan_to_inf(doubt))
 
     def odd(self, model: Model) -> Estimate:
         """Return `Mechanics.odd`; the curvature of the coordinates is even and cancels."""
@@ -202,6 +202,6 @@ class _Lens:
         )
 
 
-def _known(uncertainty: Array) -> Array:
+def _nan_to_inf(uncertainty: Array) -> Array:
     """Replace NaN, from infinities times zeros, by infinity."""
     return np.where(np.isnan(uncertainty), np.inf, uncertainty)

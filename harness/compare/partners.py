@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.placed import Placed
+from physics_crosscheck.harness.compare.placed import PlacedTree
 
 NEAR = 0.05
 """Maximum distance of paired axes: in radians, and in units of the mechanism's size."""
@@ -26,26 +26,26 @@ FAINT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Partners:
+class JointPairs:
     """Pairs of corresponding joints.
 
     Attributes:
         pairs: names of A's coordinates -> names of B's.
-        told: a phrase for each pair whose names differ.
-        alone: names without a partner, of A and of B.
+        notes: a phrase for each pair whose names differ.
+        unpaired: names without a partner, of A and of B.
     """
 
     pairs: Mapping[str, str]
-    told: tuple[str, ...]
-    alone: tuple[tuple[str, ...], tuple[str, ...]]
+    notes: tuple[str, ...]
+    unpaired: tuple[tuple[str, ...], tuple[str, ...]]
 
 
-def partners(
+def pair_joints(
     a: Sequence[str],
     b: Sequence[str],
     spoken_for: tuple[set[str], set[str]],
-    placed: tuple[Placed, Placed] | None,
-) -> Partners:
+    placed: tuple[PlacedTree, PlacedTree] | None,
+) -> JointPairs:
     """Pair coordinates.
 
     Args:
@@ -70,15 +70,17 @@ def partners(
         tuple(name for name in unpaired_a if name not in pairs),
         tuple(name for name in unpaired_b if name not in pairs.values()),
     )
-    return Partners(pairs=pairs, told=tuple(phrases), alone=unpaired)
+    return JointPairs(pairs=pairs, notes=tuple(phrases), unpaired=unpaired)
 
 
-def _whole(placed: Placed, names: Sequence[str]) -> list[str]:
+def _whole(placed: PlacedTree, names: Sequence[str]) -> list[str]:
     """Return joints whose coordinates are all in `names`."""
     return [joint for joint in placed.index if set(placed.coordinates(joint)) <= set(names)]
 
 
-def joints_of(pairs: Mapping[str, str], placed_a: Placed, placed_b: Placed) -> dict[str, str]:
+def joints_of(
+    pairs: Mapping[str, str], placed_a: PlacedTree, placed_b: PlacedTree
+) -> dict[str, str]:
     """Return joint pairs whose coordinates are paired in order."""
     owners = {name: joint for joint in placed_b.index for name in placed_b.coordinates(joint)}
     joints: dict[str, str] = {}
@@ -96,7 +98,7 @@ def _unnamed(
     joints_a: Sequence[str],
     joints_b: Sequence[str],
     pairs: Mapping[str, str],
-    placed: tuple[Placed, Placed],
+    placed: tuple[PlacedTree, PlacedTree],
 ) -> tuple[dict[str, str], str]:
     """Return pairs of joints whose names do not correspond, and the criterion.
 
@@ -117,8 +119,8 @@ def _in_order(
     joints_a: Sequence[str],
     joints_b: Sequence[str],
     pairs: Mapping[str, str],
-    placed_a: Placed,
-    placed_b: Placed,
+    placed_a: PlacedTree,
+    placed_b: PlacedTree,
 ) -> dict[str, str]:
     """Pair joints of one kind whose parents are paired, in order."""
     paired, free = dict(pairs), [name for name in joints_b if name in placed_b.index]
@@ -138,7 +140,7 @@ def _in_order(
     return new
 
 
-def _apart(pairs: Mapping[str, str], placed_a: Placed, placed_b: Placed) -> float:
+def _apart(pairs: Mapping[str, str], placed_a: PlacedTree, placed_b: PlacedTree) -> float:
     """Return the summed distance of partners' axes and bodies.
 
     Bodies are needed since legs on both sides turn about one line.
@@ -153,7 +155,7 @@ def _apart(pairs: Mapping[str, str], placed_a: Placed, placed_b: Placed) -> floa
 
 
 def _nearest(
-    joints_a: Sequence[str], joints_b: Sequence[str], placed_a: Placed, placed_b: Placed
+    joints_a: Sequence[str], joints_b: Sequence[str], placed_a: PlacedTree, placed_b: PlacedTree
 ) -> dict[str, str]:
     """Pair joints whose axes are close to each other in the world."""
     from scipy.optimize import linear_sum_assignment  # slow import: half a second per worker
@@ -174,7 +176,7 @@ def _nearest(
     return {joints_a[i]: joints_b[j] for i, j in near}
 
 
-def _distance(placed_a: Placed, x: str, placed_b: Placed, y: str, size: float) -> float:
+def _distance(placed_a: PlacedTree, x: str, placed_b: PlacedTree, y: str, size: float) -> float:
     """Return the distance of two axes: the angle in rad, plus the distance of hinges in sizes."""
     if placed_a.kind(x) != placed_b.kind(y):
         return UNLIKE
@@ -187,7 +189,7 @@ def _distance(placed_a: Placed, x: str, placed_b: Placed, y: str, size: float) -
     return angle + float(np.linalg.norm(between - u * (u @ between))) / size
 
 
-def _faintly(placed_a: Placed, x: str, placed_b: Placed, y: str, size: float) -> float:
+def _faintly(placed_a: PlacedTree, x: str, placed_b: PlacedTree, y: str, size: float) -> float:
     i, j = placed_a.index[x], placed_b.index[y]
     apart = float(np.linalg.norm(placed_a.centers[i] - placed_b.centers[j])) / size
     return apart + abs(i - j) / max(len(placed_a.index), len(placed_b.index))

@@ -26,7 +26,7 @@ from physics_crosscheck.reference.mechanism.tree import (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Placed:
+class PlacedTree:
     """The links of a tree at one position, in the world.
 
     Attributes:
@@ -60,13 +60,13 @@ class Placed:
         parent = self.tree.links[self.index[name]].parent
         return "" if parent == WORLD else self.tree.links[parent].name
 
-    def lump(self, i: int) -> SpatialInertia:
+    def body_inertia(self, i: int) -> SpatialInertia:
         """Return a link as a rigid body in the world."""
         link = self.tree.links[i]
         return SpatialInertia(link.mass, link.center, link.inertia).in_frame(self.frames[i])
 
 
-def placed(tree: Tree, q: Array) -> Placed:
+def placed(tree: Tree, q: Array) -> PlacedTree:
     """Place a tree at positions q, (nq,)."""
     poses = Recursion(tree).poses(q)
     frames = tuple(Place(np.asarray(p.rotation), np.asarray(p.origin)) for p in poses)
@@ -77,7 +77,7 @@ def placed(tree: Tree, q: Array) -> Placed:
     centers = np.array([frame.transform(link.center) for link, frame in rows]).reshape(n, 3)
     points = np.concatenate([anchors, centers])
     size = float(np.max(np.ptp(points, axis=0), initial=0.0)) if n else 0.0
-    return Placed(
+    return PlacedTree(
         tree=tree,
         frames=frames,
         index={link.name: i for i, link in enumerate(tree.links)},

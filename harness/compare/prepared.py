@@ -16,8 +16,8 @@ from physics_crosscheck.harness.compare.candidate import (
 )
 from physics_crosscheck.harness.compare.execute import Execute, ask
 from physics_crosscheck.harness.compare.match import Match, match, spoken_for
-from physics_crosscheck.harness.compare.partners import Partners, partners
-from physics_crosscheck.harness.compare.placed import Placed, placed, positions, tree_of
+from physics_crosscheck.harness.compare.partners import JointPairs, pair_joints
+from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positions, tree_of
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
@@ -27,7 +27,7 @@ Maps = tuple[Mapping[str, str], Mapping[str, str]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
+class PreparedComparison:
     """Input of a comparison.
 
     Attributes:
@@ -50,7 +50,7 @@ class Prepared:
 
 def prepare(
     execute: Execute, a: Candidate, b: Candidate, joints: Maps, include_constraints: bool
-) -> Prepared:
+) -> PreparedComparison:
     """Load two models and pair their joints.
 
     Raises:
@@ -63,12 +63,12 @@ def prepare(
     readback = a.sidecar.readback, b.sidecar.readback
     names = facts_a.coordinates, facts_b.coordinates
     given = spoken_for(*names, joints, readback)
-    joint_pairs = partners(*names, given, _drawn(facts_a, facts_b))
+    joint_pairs = pair_joints(*names, given, _drawn(facts_a, facts_b))
     notes = [*_left_out(a, b, facts_a, facts_b, include_constraints), *floated]
     unlike = [] if include_constraints else list(_uncompared(a, b, facts_a, facts_b))
     still: list[Mapping[str, float]] = []
     for candidate, model_facts, unpaired in zip(
-        (a, b), (facts_a, facts_b), joint_pairs.alone, strict=True
+        (a, b), (facts_a, facts_b), joint_pairs.unpaired, strict=True
     ):
         held = _held(candidate, model_facts, unpaired) if joint_pairs.pairs else {}
         still.append(held)
@@ -78,10 +78,10 @@ def prepare(
             for name, at in held.items()
         ]
     if still[0]:
-        a = a.at(held=list(still[0]))
+        a = a.with_settings(held=list(still[0]))
         facts_a = ask(execute, a, facts, a)
     if still[1]:
-        b = b.at(held=list(still[1]))
+        b = b.with_settings(held=list(still[1]))
         facts_b = ask(execute, b, facts, b)
     if not include_constraints:
         a, facts_a, b, facts_b, more = _actuated(
@@ -94,7 +94,7 @@ def prepare(
         notes += more
         unlike += [note for note in more if note.startswith(NOT_COMPARED)]
     matched = _matched(facts_a, facts_b, joints, readback, joint_pairs, still)
-    return Prepared(
+    return PreparedComparison(
         a=a,
         b=b,
         facts=(facts_a, facts_b),
@@ -114,7 +114,7 @@ def _loaded(
     for candidate in sorted(models, key=_may_float):
         if _may_float(candidate) and any(_floats(own) for _, own in loaded.values()):
             (other,) = loaded
-            candidate = candidate.at(floating=True)
+            candidate = candidate.with_settings(floating=True)
             notes.append(f"the root link of {candidate.label} moves freely, as that of {other}")
         loaded[candidate.label] = candidate, ask(execute, candidate, facts, candidate)
     return loaded[models[0].label], loaded[models[1].label], notes
@@ -161,12 +161,12 @@ def _actuated(
         settings: dict[str, object] = {"controls": list(values.controls)}
         if values.states and move:
             settings["activations"] = list(values.states)
-        acting = candidate.at(**settings)
+        acting = candidate.with_settings(**settings)
         acting_models.append((acting, ask(execute, acting, facts, acting)))
     notes = list(pairs.how)
     if pairs.pairs:
         notes.append(f"actuators ({len(pairs.pairs)}), each held at a control within its range")
-    for candidate, model_facts, unpaired in zip(models, both_facts, pairs.alone, strict=True):
+    for candidate, model_facts, unpaired in zip(models, both_facts, pairs.unpaired, strict=True):
         count = sum(model_facts.actuators[i].covered for i in unpaired)
         if count:
             who = f"actuators of {candidate.label} without a partner ({count})"
@@ -188,7 +188,7 @@ def _without_actuators(
         if model_facts.actuators:
             count = len(model_facts.actuators)
             notes.append(f"{NOT_COMPARED}: actuators ({count}) of {candidate.label}, {why}")
-            off = candidate.at(actuators=False)
+            off = candidate.with_settings(actuators=False)
             models_off.append((off, ask(execute, off, facts, off)))
         else:
             models_off.append((candidate, model_facts))
@@ -202,7 +202,7 @@ def _is_stated(candidate: Candidate, model_facts: Facts) -> bool:
     return bool(model_facts.actuators) and bool(switched)
 
 
-def _joints(joint_pairs: Partners, joints: Maps) -> dict[str, str]:
+def _joints(joint_pairs: JointPairs, joints: Maps) -> dict[str, str]:
     """Return joints of A with their partners in B, by pairing and by the user's map.
 
     A free joint represents its coordinates.
@@ -217,19 +217,19 @@ def _matched(
     facts_b: Facts,
     joints: Maps,
     readback: Maps,
-    joint_pairs: Partners,
+    joint_pairs: JointPairs,
     still: Sequence[Mapping[str, float]],
 ) -> Match:
     try:
         return match(facts_a.coordinates, facts_b.coordinates, joints, readback, joint_pairs)
     except CompareError as error:
-        if any(joint_pairs.alone) and not any(still):
+        if any(joint_pairs.unpaired) and not any(still):
             message = f"{error}; none was found by name, order or geometry, and none can be held"
             raise CompareError(message) from None
         raise
 
 
-def _drawn(facts_a: Facts, facts_b: Facts) -> tuple[Placed, Placed] | None:
+def _drawn(facts_a: Facts, facts_b: Facts) -> tuple[PlacedTree, PlacedTree] | None:
     """Return both files' joints as drawn; None if one is not a tree of hinges and slides."""
     sides = []
     for model_facts in (facts_a, facts_b):
@@ -284,7 +284,7 @@ def _left_out(
     """Return notes about contacts and other omissions."""
     if include_constraints:
         return ("contacts, joint limits, dry friction and couplings of the files are included",)
-    texts = [_told(*pair) for pair in ((a, facts_a), (b, facts_b))]
+    texts = [_format_omissions(*pair) for pair in ((a, facts_a), (b, facts_b))]
     if a.sidecar.model.resolve() == b.sidecar.model.resolve() or texts[0] == texts[1]:
         return (f"{NOT_COMPARED}: {texts[0]}",) if texts[0] else ()
     return tuple(
@@ -294,7 +294,7 @@ def _left_out(
     )
 
 
-def _told(candidate: Candidate, model_facts: Facts) -> str:
+def _format_omissions(candidate: Candidate, model_facts: Facts) -> str:
     """Format omissions, such as: contact geometry (12), dry friction (7)."""
     return ", ".join(map(_counted, _parts(candidate, model_facts)))
 

@@ -16,9 +16,9 @@ from physics_crosscheck.harness.compare.alignment import SAME, Aligned, aligned,
 from physics_crosscheck.harness.compare.bodies import body_properties
 from physics_crosscheck.harness.compare.candidate import FOLLOWERS
 from physics_crosscheck.harness.compare.partners import joints_of
-from physics_crosscheck.harness.compare.placed import Placed
-from physics_crosscheck.harness.compare.property import Property, shown, told
-from physics_crosscheck.harness.compare.side import Pair, Side
+from physics_crosscheck.harness.compare.placed import PlacedTree
+from physics_crosscheck.harness.compare.property import Property, make_property, shown
+from physics_crosscheck.harness.compare.side import JointPair, ModelSide
 from physics_crosscheck.harness.compare.terms import apart
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import Omission
@@ -29,15 +29,15 @@ class Properties:
     """Differences between the contents of two files.
 
     Attributes:
-        found: those that affect motions first, the largest first.
+        differences: those that affect motions first, the largest first.
         turned: joints whose axis direction in B contradicts the pairing.
     """
 
-    found: tuple[Property, ...]
+    differences: tuple[Property, ...]
     turned: tuple[str, ...]
 
 
-def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
+def properties(a: ModelSide, b: ModelSide, pairs: Sequence[JointPair]) -> Properties:
     """Compare two files."""
     by_name = _joint_pairs(a.placed, b.placed, pairs)
     names = [(pair.a, pair.b) for pair in by_name.values()]
@@ -45,7 +45,7 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
     rows = aligned(a.placed, b.placed, links)
     size = max(a.placed.size, b.placed.size)
     differences = [
-        told("kind", name, f"joint {name}: {here} in A, {there} in B", 1.0)
+        make_property("kind", name, f"joint {name}: {here} in A, {there} in B", 1.0)
         for name, here, there in odd
     ]
     turned = []
@@ -61,7 +61,7 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
     rest = [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
     rest += _left_out(a, b)
     every = sorted((*differences, *rest), key=lambda one: not one.moves)
-    return Properties(found=tuple(every), turned=tuple(turned))
+    return Properties(differences=tuple(every), turned=tuple(turned))
 
 
 ALONG_JOINTS = ("armature", "damping", "stiffness", "rest")
@@ -71,21 +71,25 @@ Files often leave them out.
 """
 
 
-def _joint_pairs(placed_a: Placed, placed_b: Placed, pairs: Sequence[Pair]) -> dict[str, Pair]:
+def _joint_pairs(
+    placed_a: PlacedTree, placed_b: PlacedTree, pairs: Sequence[JointPair]
+) -> dict[str, JointPair]:
     """Return pairs of joints, from pairs of coordinates, by the names of A's.
 
     Coordinates of a ball and a free joint are paired in order, unchanged.
     """
     straight = {pair.a: pair.b for pair in pairs if (pair.slope, pair.offset) == (1.0, 0.0)}
     by_name = {
-        name: Pair(a=name, b=its, slope=1.0, offset=0.0)
+        name: JointPair(a=name, b=its, slope=1.0, offset=0.0)
         for name, its in joints_of(straight, placed_a, placed_b).items()
     }
     single = (pair for pair in pairs if pair.a in placed_a.index and pair.b in placed_b.index)
     return by_name | {pair.a: pair for pair in single}
 
 
-def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
+def _joint(
+    a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
+) -> Iterator[Property]:
     """Yield differences of a joint's geometry and forces."""
     if a.tree.links[row.a].kind in ("hinge", "slide"):
         yield from _geometry(a, b, row, pair, size)
@@ -93,7 +97,9 @@ def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[
         yield from _forces(a, b, row, pair)
 
 
-def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
+def _geometry(
+    a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
+) -> Iterator[Property]:
     """Yield differences of axis, position and zero."""
     link = a.tree.links[row.a]
     name = link.name
@@ -101,20 +107,20 @@ def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterat
         vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
         message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
         message += f", {row.angle:.3g} rad apart"
-        yield told("axis", name, message, row.angle, relative=row.angle)
+        yield make_property("axis", name, message, row.angle, relative=row.angle)
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
-        yield told("anchor", name, message, row.apart / size, relative=row.apart / size)
+        yield make_property("anchor", name, message, row.apart / size, relative=row.apart / size)
     if abs(row.zero) > SAME * (1.0 if link.kind == "hinge" else size):
         unit = "rad" if link.kind == "hinge" else "m"
         sign = -1.0 if row.opposite else 1.0
         shift = f"{row.zero - sign * pair.offset:+.15g}"
         remedy = f"--joints={pair.a}={'-' if row.opposite else ''}{pair.b}{shift}"
         message = f"zero of joint {name}: {abs(row.zero):.9g} {unit} from that of A ({remedy})"
-        yield told("zero", name, message, abs(row.zero))
+        yield make_property("zero", name, message, abs(row.zero))
 
 
-def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
+def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterator[Property]:
     """Yield differences of armature, damper and spring."""
     link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
     name = link_a.name
@@ -129,15 +135,17 @@ def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
         if abs(here - there) > SAME * largest:
             message = f"{what} of joint {name}: {shown(here, there)}"
             share = abs(here - there) / largest
-            yield told(what, name, message, share, here, there, relative=share)
+            yield make_property(what, name, message, share, here, there, relative=share)
     if link_a.stiffness and link_b.stiffness and not (a.springs or b.springs):
         rest = (link_b.rest[0] - pair.offset) / pair.slope
         if abs(link_a.rest[0] - rest) > SAME:
             message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
-            yield told("rest", name, message, abs(link_a.rest[0] - rest), link_a.rest[0], rest)
+            yield make_property(
+                "rest", name, message, abs(link_a.rest[0] - rest), link_a.rest[0], rest
+            )
 
 
-def _axis(b: Side, row: Aligned) -> Array:
+def _axis(b: ModelSide, row: Aligned) -> Array:
     """Return B's axis, with the direction of A's."""
     axis: Array = b.placed.axes[row.b] * (-1.0 if row.opposite else 1.0)
     return axis
@@ -147,7 +155,7 @@ def _vector(values: Array) -> str:
     return f"({', '.join(f'{x:.4g}' for x in values + 0.0)})"
 
 
-def _gravity(a: Side, b: Side) -> Iterator[Property]:
+def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Property]:
     gravity_a, gravity_b = np.array(a.facts.gravity), np.array(b.facts.gravity)
     if gravity_a.shape != gravity_b.shape or not gravity_a.size:
         return
@@ -155,11 +163,11 @@ def _gravity(a: Side, b: Side) -> Iterator[Property]:
     large = max(float(np.linalg.norm(gravity_a)), float(np.linalg.norm(gravity_b)))
     if apart > SAME * large:
         here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (gravity_a, gravity_b))
-        yield told("gravity", "", f"gravity: {here} in A, {there} in B", apart / large)
+        yield make_property("gravity", "", f"gravity: {here} in A, {there} in B", apart / large)
 
 
 def _ranges(
-    a: Side, b: Side, rows: Sequence[Aligned], by_name: dict[str, Pair]
+    a: ModelSide, b: ModelSide, rows: Sequence[Aligned], by_name: dict[str, JointPair]
 ) -> Iterator[Property]:
     """Yield differences of position limits, those of B in A's coordinates."""
     for row in rows:
@@ -174,7 +182,7 @@ def _ranges(
             told_a, told_b = _range(here, there)
             message = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
-            yield told("range", pair.a, message, 0.0, moves=False, relative=share)
+            yield make_property("range", pair.a, message, 0.0, moves=False, relative=share)
 
 
 def _share(miss: Array, sizes: Array) -> float:
@@ -199,7 +207,7 @@ def _range(here: Array, there: Array) -> tuple[str, str]:
     return f"{low} to {high}", f"{its_low} to {its_high}"
 
 
-def _tendons(a: Side, b: Side) -> Iterator[Property]:
+def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Property]:
     """Yield differences of springs, dampers and armatures along tendons, paired by name."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
@@ -211,7 +219,7 @@ def _tendons(a: Side, b: Side) -> Iterator[Property]:
     for name in dict.fromkeys([*tendons_a, *tendons_b]):
         if name not in tendons_a or name not in tendons_b:
             label = "A" if name in tendons_a else "B"
-            yield told("tendon", name, f"tendon {name} pulls in {label} alone", 0.0)
+            yield make_property("tendon", name, f"tendon {name} pulls in {label} alone", 0.0)
             continue
         here, there = tendons_a[name], tendons_b[name]
         for what, x, y in (
@@ -222,14 +230,14 @@ def _tendons(a: Side, b: Side) -> Iterator[Property]:
         ):
             if x != y:
                 message = f"{what} of tendon {name}: {_row(x)} in A, {_row(y)} in B"
-                yield told("tendon", name, message, 0.0)
+                yield make_property("tendon", name, message, 0.0)
 
 
 def _row(values: Sequence[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values) or "none"
 
 
-def _actuators(a: Side, b: Side, names: dict[str, str]) -> Iterator[Property]:
+def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Property]:
     """Yield differences of actuators, if both formats have some."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
@@ -244,7 +252,7 @@ COUNTED = (
 """Start of omissions whose counts are compared."""
 
 
-def _left_out(a: Side, b: Side) -> Iterator[Property]:
+def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Property]:
     """Yield differences of the numbers of omissions; only files of one format count alike."""
     if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
         return
@@ -254,7 +262,7 @@ def _left_out(a: Side, b: Side) -> Iterator[Property]:
     for what in dict.fromkeys([*counts_a, *counts_b]):
         if counts_a.get(what, 0) != counts_b.get(what, 0):
             message = f"{what}: {counts_a.get(what, 0)} in A, {counts_b.get(what, 0)} in B"
-            yield told("left out", "", message, 0.0, moves=False)
+            yield make_property("left out", "", message, 0.0, moves=False)
 
 
 def _counts(left_out: Sequence[Omission]) -> dict[str, int]:

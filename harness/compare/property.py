@@ -35,7 +35,7 @@ class Property:
     relative: float = 1.0
 
 
-def told(
+def make_property(
     kind: str,
     about: str,
     message: str,

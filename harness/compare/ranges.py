@@ -69,7 +69,7 @@ def _upright(source: Facts) -> Array:
 def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
     """Return what `reference.solving.samples.within` does, with ranges of the engine."""
     low, high = limits.T
-    half = (source.reach[:, 1] - source.reach[:, 0]) / 2
+    half = (source.sampling_range[:, 1] - source.sampling_range[:, 0]) / 2
     half = np.where(np.isinf(limits).all(axis=1), half, np.minimum(half, FAR))
     low = np.where(np.isfinite(low), low, np.minimum(source.home, high) - half)
     high = np.where(np.isfinite(high), high, np.maximum(source.home, low) + half)
@@ -80,7 +80,7 @@ def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
     return np.where(inside, source.home, sampled.mean(axis=1)), sampled
 
 
-def told(strangers: Sequence[str], label: str) -> tuple[str, ...]:
+def range_notes(strangers: Sequence[str], label: str) -> tuple[str, ...]:
     """Return a note about joints whose ranges do not overlap."""
     if not strangers:
         return ()

@@ -58,7 +58,7 @@ def comparison_record(findings: Findings, created: datetime.datetime) -> Compari
                 lost=recorded.lost,
             ),
             turned=findings.turned,
-            left_when_turned=number(findings.left) if findings.turned else None,
+            left_when_turned=number(findings.remaining) if findings.turned else None,
             properties=tuple(_property(one) for one in findings.properties),
             explained=None if findings.explained is None else number(findings.explained.share),
             off=_off(findings),

@@ -10,7 +10,7 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.placed import Placed, held, placed, positions, tree_of
+from physics_crosscheck.harness.compare.placed import PlacedTree, held, placed, positions, tree_of
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
@@ -18,7 +18,7 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Side:
+class ModelSide:
     """Contents of a file, and the placement of its bodies at the common position.
 
     Attributes:
@@ -35,7 +35,7 @@ class Side:
     file: Path
     facts: Facts
     tree: Tree
-    placed: Placed
+    placed: PlacedTree
     parts: tuple[tuple[LinkPart, ...], ...]
     springs: bool
 
@@ -50,7 +50,9 @@ class Side:
         return [self.facts.coordinates.index(name) for name in names_of(self.tree)]
 
 
-def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Array) -> Side | None:
+def model_side(
+    candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Array
+) -> ModelSide | None:
     """Return a file at a position, or None if it is not a tree with the engine's coordinates.
 
     Args:
@@ -72,7 +74,7 @@ def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Arra
     for part in robot.parts:
         if part.body != WORLD and now[part.body] != WORLD:
             parts[now[part.body]].append(part)
-    return Side(
+    return ModelSide(
         label=candidate.label,
         file=candidate.sidecar.model,
         facts=facts,
@@ -84,7 +86,7 @@ def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Arra
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair:
+class JointPair:
     """Two joints related by a line: B's position is slope * A's + offset."""
 
     a: str
@@ -93,7 +95,7 @@ class Pair:
     offset: float
 
 
-def pairs_of(match: Match, source_names: tuple[str, ...]) -> tuple[Pair, ...]:
+def pairs_of(match: Match, source_names: tuple[str, ...]) -> tuple[JointPair, ...]:
     """Return pairs of joints of A and B that a match relates by lines.
 
     Args:
@@ -111,9 +113,9 @@ def pairs_of(match: Match, source_names: tuple[str, ...]) -> tuple[Pair, ...]:
             continue
         source, slope = source_names[places[0]], float(row[places[0]])
         if match.source == "A":
-            pairs.append(Pair(a=source, b=name, slope=slope, offset=float(offset)))
+            pairs.append(JointPair(a=source, b=name, slope=slope, offset=float(offset)))
         else:
             pairs.append(
-                Pair(a=name, b=source, slope=1 / slope, offset=-float(offset) / slope + 0.0)
+                JointPair(a=name, b=source, slope=1 / slope, offset=-float(offset) / slope + 0.0)
             )
     return tuple(pairs)

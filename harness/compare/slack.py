@@ -29,7 +29,7 @@ class _Spring:
 
 
 def taut_starts(
-    source: Facts, target: Facts, match: Match, home: Array, reach: Array, limits: Array
+    source: Facts, target: Facts, match: Match, home: Array, sampling_range: Array, limits: Array
 ) -> Array:
     """Return positions (P, nz) of the source at which springs of either file pull.
 
@@ -37,14 +37,14 @@ def taut_starts(
         source, target: both models.
         match: of their coordinates.
         home: base position, (nz,).
-        reach: sampling range, (nz, 2).
+        sampling_range: sampling range, (nz, 2).
         limits: of the joints of both, infinite where there is no limit, (nz, 2).
     """
     starts = dict.fromkeys(
         tuple(start.tolist())
         for spring in (*_springs(source), *_springs_of_target(source, target, match))
         for side in (-1.0, 1.0)
-        for start in _taut(spring, side, home, reach, limits)
+        for start in _taut(spring, side, home, sampling_range, limits)
     )
     return np.array(list(starts)).reshape(len(starts), len(home))
 
@@ -82,7 +82,7 @@ def _springs_of_target(source: Facts, target: Facts, match: Match) -> Iterator[_
 
 
 def _taut(
-    spring: _Spring, direction: float, home: Array, reach: Array, limits: Array
+    spring: _Spring, direction: float, home: Array, sampling_range: Array, limits: Array
 ) -> Sequence[Array]:
     """Return a position beyond one end of the play, if the joints' range permits it."""
     slope, end = (
@@ -93,10 +93,12 @@ def _taut(
     free = np.logical_and(slope != 0, np.isinf(limits).all(axis=1))
     if free.any():
         # Joints without limits move as far as necessary.
-        way = np.where(free, np.sign(slope) * (reach[:, 1] - reach[:, 0]) / 2, 0.0)
+        way = np.where(
+            free, np.sign(slope) * (sampling_range[:, 1] - sampling_range[:, 0]) / 2, 0.0
+        )
         far = max(end, now) + BEYOND * float(slope @ way)
     else:
-        corner = np.where(slope > 0, reach[:, 1], reach[:, 0])
+        corner = np.where(slope > 0, sampling_range[:, 1], sampling_range[:, 0])
         way = np.where(slope != 0, corner - home, 0.0)
         furthest = now + float(slope @ way)
         far = end + BEYOND * (furthest - end)

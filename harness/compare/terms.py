@@ -39,7 +39,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Frame:
+class TermFrame:
     """Joints and states at which terms are measured.
 
     Attributes:
@@ -55,7 +55,7 @@ class Frame:
     typical: float
 
 
-def terms(a: Mechanics, b: Mechanics, frame: Frame) -> tuple[Term, ...]:
+def differing_terms(a: Mechanics, b: Mechanics, frame: TermFrame) -> tuple[Term, ...]:
     """Return the terms that differ by more than their uncertainty, worst first."""
     constraint = tuple(_constraint(a, b))
     if constraint:
@@ -104,7 +104,7 @@ def _less(total: Estimate, part: Estimate) -> Estimate:
 class _Pair:
     """Measurements of two models."""
 
-    def __init__(self, a: Mechanics, b: Mechanics, frame: Frame) -> None:
+    def __init__(self, a: Mechanics, b: Mechanics, frame: TermFrame) -> None:
         self.a, self.b, self.frame = a, b, frame
         inertia = np.max(np.abs(np.diagonal(a.mass.value, axis1=1, axis2=2)), axis=0, initial=0.0)
         self.forces = np.maximum(np.nan_to_num(inertia), 1e-300) * frame.unit * frame.typical**2

@@ -92,9 +92,11 @@ def _loaded(task: TrialTask, edited: Candidate) -> Model:
     Raises:
         EngineError: if it cannot be loaded, or its number of actuators is neither A's nor B's.
     """
-    as_b = edited.at(**task.other) if task.other else edited
+    as_b = edited.with_settings(**task.other) if task.other else edited
     try:
-        return (edited.at(**_completed(task)) if task.whole and task.other else edited).load()
+        return (
+            edited.with_settings(**_completed(task)) if task.whole and task.other else edited
+        ).load()
     except EngineError as error:
         if not UNLIKE_ACTUATORS.search(str(error)):
             raise

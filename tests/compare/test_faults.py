@@ -180,7 +180,7 @@ def test_a_joint_that_turns_the_other_way_is_named(
     found = compared(a, b, engine_b="mujoco")
     assert found.judgement.outcome is Outcome.DIFFERS
     assert found.turned == (joint,)
-    assert found.left < 1e-9
+    assert found.remaining < 1e-9
     assert not found.terms
     mapped = compared(a, b, engine_b="mujoco", joints=f"{joint}=-{joint}")
     assert mapped.judgement.outcome is Outcome.AGREES

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import Findings
 from physics_crosscheck.harness.compare.excitation import Recorded
 from physics_crosscheck.harness.compare.executor import at_once
-from physics_crosscheck.harness.compare.judge import Followed, judge
+from physics_crosscheck.harness.compare.judge import TargetEnds, judge
 from physics_crosscheck.harness.compare.match import match
 from physics_crosscheck.harness.compare.prepared import prepare
 from physics_crosscheck.harness.compare.runs import Runs
@@ -509,12 +509,12 @@ def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() 
         rounding=np.zeros((2, 2)), epsilon=2.2e-16,
     )  # fmt: skip
     pair = match(("x",), ("x",), ({}, {}), ({}, {}))
-    found = judge(recorded, Followed(limit, limit.value, 1), pair, 1e-9)
+    found = judge(recorded, TargetEnds(limit, limit.value, 1), pair, 1e-9)
     assert found.component == "x"
     assert found.discrepancy == pytest.approx(0.3)
     assert found.discrepancy > found.uncertainty
     near = replace(limit, value=ends + np.array([[0.3, 1e-13], [0.0, 0.0]]))
-    assert judge(recorded, Followed(near, near.value, 1), pair, 1e-9).certain.tolist() == [
+    assert judge(recorded, TargetEnds(near, near.value, 1), pair, 1e-9).certain.tolist() == [
         True, False,
     ]  # fmt: skip
 

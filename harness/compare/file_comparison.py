@@ -15,15 +15,15 @@ from physics_crosscheck.harness.compare.frames import (
     frames,
     shared_frames,
 )
-from physics_crosscheck.harness.compare.prepared import Prepared
+from physics_crosscheck.harness.compare.prepared import PreparedComparison
 from physics_crosscheck.harness.compare.properties import properties
 from physics_crosscheck.harness.compare.property import Property
-from physics_crosscheck.harness.compare.side import Pair, Side, pairs_of, side
+from physics_crosscheck.harness.compare.side import JointPair, ModelSide, model_side, pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class Said:
+class FileComparison:
     """Comparison of two files.
 
     Attributes:
@@ -32,7 +32,7 @@ class Said:
         turned: reversed joints of the comparison.
     """
 
-    sides: tuple[Side, Side] | None
+    sides: tuple[ModelSide, ModelSide] | None
     properties: tuple[Property, ...]
     turned: tuple[str, ...]
 
@@ -42,7 +42,7 @@ class Said:
         return any(one.moves for one in self.properties)
 
 
-def said(execute: Execute, prepared: Prepared, home: Array) -> Said:
+def compare_files(execute: Execute, prepared: PreparedComparison, home: Array) -> FileComparison:
     """Compare both files at one position.
 
     Args:
@@ -59,7 +59,7 @@ def said(execute: Execute, prepared: Prepared, home: Array) -> Said:
     z = z if prepared.match.source == "A" else z[::-1]
     sides = _sides(prepared, z)
     if sides is None:
-        return Said(sides=None, properties=_frames(execute, prepared, z, 1.0), turned=())
+        return FileComparison(sides=None, properties=_frames(execute, prepared, z, 1.0), turned=())
     differences = properties(*sides, pairs)
     turned = tuple(
         p.a if prepared.match.source == "B" else p.b for p in pairs if p.a in differences.turned
@@ -73,24 +73,26 @@ def said(execute: Execute, prepared: Prepared, home: Array) -> Said:
         assert again is not None
         differences = properties(*again, pairs)
     size = max(one.placed.size for one in sides)
-    moving = [one for one in differences.found if one.moves]
-    rest = [one for one in differences.found if not one.moves]
+    moving = [one for one in differences.differences if one.moves]
+    rest = [one for one in differences.differences if not one.moves]
     every = (*moving, *_frames(execute, prepared, z, size), *rest)
-    return Said(sides=sides, properties=every, turned=turned)
+    return FileComparison(sides=sides, properties=every, turned=turned)
 
 
-def _sides(prepared: Prepared, z: tuple[Array, Array]) -> tuple[Side, Side] | None:
-    side_a = side(prepared.a, prepared.facts[0], prepared.still[0], z[0])
-    side_b = side(prepared.b, prepared.facts[1], prepared.still[1], z[1])
+def _sides(
+    prepared: PreparedComparison, z: tuple[Array, Array]
+) -> tuple[ModelSide, ModelSide] | None:
+    side_a = model_side(prepared.a, prepared.facts[0], prepared.still[0], z[0])
+    side_b = model_side(prepared.b, prepared.facts[1], prepared.still[1], z[1])
     return None if side_a is None or side_b is None else (side_a, side_b)
 
 
-def _turned(pair: Pair) -> Pair:
+def _turned(pair: JointPair) -> JointPair:
     return replace(pair, slope=-pair.slope, offset=-pair.offset)
 
 
 def _posed(
-    z: Array, facts: tuple[Facts, Facts], pairs: tuple[Pair, ...], of_a: Mapping[str, float]
+    z: Array, facts: tuple[Facts, Facts], pairs: tuple[JointPair, ...], of_a: Mapping[str, float]
 ) -> Array:
     """Return B's positions for given positions of A."""
     posed = np.array(z)
@@ -100,7 +102,7 @@ def _posed(
 
 
 def _frames(
-    execute: Execute, prepared: Prepared, z: tuple[Array, Array], size: float
+    execute: Execute, prepared: PreparedComparison, z: tuple[Array, Array], size: float
 ) -> tuple[Property, ...]:
     places = shared_frames(*prepared.facts)
     if not places[0] or prepared.a == prepared.b:
