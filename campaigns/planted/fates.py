@@ -132,7 +132,7 @@ class Ground:
         assert tree is not None  # it was prepared
         prepared = replace(prepared, samples=some, settings={**prepared.settings, **settings})
         task = prepared.task(engine, RESOLUTION)
-        problem = problem_of(task, numbers, own=True) if known and not edited else None
+        problem = problem_of(task, numbers, is_reference=True) if known and not edited else None
         if problem is not None:
             problem.slopes({})
         return Ground(
@@ -215,7 +215,9 @@ def _fate(
     if verdict.outcome is not Outcome.DIFFERS:
         return Fate.MISSED, f"{verdict.outcome} {verdict.reason}"
     edited = ground.known is None
-    ranking = ranked(RobotDiagnosisTask(task=task, own=not edited), known=ground.known)
+    ranking = ranked(
+        RobotDiagnosisTask(task=task, is_reference=not edited), known_problem=ground.known
+    )
     aim = one.value if edited else value, abs(value - one.value)
     if not ranking.fits:
         return Fate.CAUGHT, "nothing fits"

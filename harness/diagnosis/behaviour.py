@@ -30,7 +30,7 @@ class Probe:
     w: Array
     h: float
     engine: Engine
-    said: SidecarFrames
+    frames: SidecarFrames
     resolution: float
 
     def loaded(self, sidecar: Sidecar) -> Model | None:
@@ -41,17 +41,17 @@ class Probe:
             return None
         return model if len(model.coordinates) == self.z.shape[1] else None
 
-    def of(self, model: Model) -> Behaviour:
+    def evaluate(self, model: Model) -> Behaviour:
         """Evaluate a model; its poses are evaluated on demand, while it is still loaded."""
         q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
         return Behaviour(
             moved=(q[:, 0] - self.z) / self.h,
             pushed=(v[:, 0] - self.w) / self.h,
-            look=partial(self._look, model),
+            evaluate_poses=partial(self._evaluate_poses, model),
         )
 
-    def _look(self, model: Model) -> tuple[Array, Array]:
-        places = [target.place for target in self.said.targets if target.place in model.places]
+    def _evaluate_poses(self, model: Model) -> tuple[Array, Array]:
+        places = [target.place for target in self.frames.targets if target.place in model.places]
         if not places:
             return np.zeros(0), np.zeros(0)
         return model.poses(places, self.z[:POSED])
@@ -63,17 +63,17 @@ class Behaviour:
 
     Attributes:
         moved, pushed: rates of change of positions and velocities over a step, (S, nz).
-        look: returns origins of the frames and their rotations.
+        evaluate_poses: returns origins of the frames and their rotations.
     """
 
     moved: Array
     pushed: Array
-    look: Callable[[], tuple[Array, Array]]
+    evaluate_poses: Callable[[], tuple[Array, Array]]
 
     @cached_property
     def posed(self) -> tuple[Array, Array]:
         """Origins of the frames, and their rotations."""
-        return self.look()
+        return self.evaluate_poses()
 
     def moves_as(self, other: Behaviour, resolution: float) -> bool:
         """Return whether the motions agree, within a share of the largest rate."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.audit_task import AuditTask
 from physics_crosscheck.harness.diagnosis.behaviour import Probe
-from physics_crosscheck.harness.diagnosis.coverage_trials import Say, Trials
+from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect, Trials
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
@@ -38,7 +38,10 @@ _DIRECTION = re.compile(r".*axis\w*(@.*)?")
 
 _STEP = {r"settings(\.\w+)?\.step": "time step"}
 
-_NAMED = tuple(say.value for say in (Say.NONE, Say.FAINT, Say.FIXED, Say.REFUSED))
+_NAMED = tuple(
+    say.value
+    for say in (NumberEffect.NONE, NumberEffect.FAINT, NumberEffect.FIXED, NumberEffect.REFUSED)
+)
 """Reasons for which each number with an address is listed."""
 
 
@@ -58,7 +61,7 @@ def count_numbers(task: AuditTask) -> Coverage:
     purposes = {**_STEP, **engine.non_physical}
     reasons = [reason_of(one.path, purposes) for one in numbers]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        base = probe.of(model)
+        base = probe.evaluate(model)
         _ = base.posed  # before some engines unload this model
         trials = Trials(task.sidecar, numbers, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
@@ -70,15 +73,15 @@ def count_numbers(task: AuditTask) -> Coverage:
                 trials.nudge([i])
         trials.nudge([i for i in tried if not reasons[i] and _place(numbers[i]) not in bound])
         trials.flip([i for i, one in enumerate(numbers) if _DIRECTION.fullmatch(one.path)])
-    effects = {**dict.fromkeys(range(len(numbers)), Say.UNTRIED), **trials.said}
-    effects |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
+    effects = {**dict.fromkeys(range(len(numbers)), NumberEffect.UNTRIED), **trials.effects}
+    effects |= {i: NumberEffect.CHOICE for i, choice in enumerate(chosen) if choice}
     return summarized(
         [
             CountedNumber(
                 path=one.path,
                 address="",
                 line=f"{one.location.file.name}:{one.location.line}",
-                say=effects[i],
+                effect=effects[i],
                 bound=_place(one) in bound,
             )
             for i, one in enumerate(numbers)
@@ -138,14 +141,14 @@ class CountedNumber:
         path: tags of its ancestors and its attribute.
         address: its address; empty if it has none.
         line: its place, such as `rod.xml:12`.
-        say: its effect.
+        effect: its effect.
         bound: whether it is compared with a formula.
     """
 
     path: str
     address: str
     line: str
-    say: Say
+    effect: NumberEffect
     bound: bool = False
 
 
@@ -159,15 +162,19 @@ def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) ->
     counts = {"motion": 0, "audit": 0, "frames": 0}
     untested: dict[str, list[CountedNumber]] = {}
     for number in numbers:
-        if number.say is Say.MOTION:
+        if number.effect is NumberEffect.MOTION:
             counts["motion"] += 1
         elif number.bound:
             counts["audit"] += 1
-        elif number.say is Say.FRAMES:
+        elif number.effect is NumberEffect.FRAMES:
             counts["frames"] += 1
         else:
-            why = reason_of(number.path, purposes) if number.say in (Say.NONE, Say.CHOICE) else ""
-            untested.setdefault(why or number.say.value, []).append(number)
+            why = (
+                reason_of(number.path, purposes)
+                if number.effect in (NumberEffect.NONE, NumberEffect.CHOICE)
+                else ""
+            )
+            untested.setdefault(why or number.effect.value, []).append(number)
     return Coverage(
         numbers=len(numbers),
         motion=counts["motion"],

@@ -23,7 +23,7 @@ _GOLDEN = 0.6180339887498949
 """Spreads the sizes of changes, so that two of them do not cancel."""
 
 
-class Say(Enum):
+class NumberEffect(Enum):
     """Effect of a number."""
 
     MOTION = "motion"
@@ -45,7 +45,7 @@ class Trials:
         folder: for the copies.
 
     Attributes:
-        said: effect of each tried number, by its index.
+        effects: effect of each tried number, by its index.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Trials:
         base: Behaviour,
         folder: Path,
     ) -> None:
-        self.said: dict[int, Say] = {}
+        self.effects: dict[int, NumberEffect] = {}
         self._sidecar, self._numbers, self._probe = sidecar, numbers, probe
         self._base, self._folder = base, folder
         parts = (one.location.file for one in numbers)
@@ -70,27 +70,27 @@ class Trials:
 
     def flip(self, group: Iterable[int]) -> None:
         """Change the signs of numbers whose nudge had no effect."""
-        quiet = [i for i in group if self.said.get(i) is Say.NONE]
+        quiet = [i for i in group if self.effects.get(i) is NumberEffect.NONE]
         self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
 
     def _halve(self, group: Sequence[int], words: Callable[[int], Sequence[str]]) -> None:
         if not group or time.process_time() > self._end:
             return
         effect = self._tried({i: words(i)[0] for i in group})
-        if effect is Say.NONE:
-            self.said.update(dict.fromkeys(group, Say.NONE))
+        if effect is NumberEffect.NONE:
+            self.effects.update(dict.fromkeys(group, NumberEffect.NONE))
         elif len(group) > 1:
             half = len(group) // 2
             self._halve(group[:half], words)
             self._halve(group[half:], words)
         else:
             for other in words(group[0])[1:]:
-                if effect is not Say.REFUSED:
+                if effect is not NumberEffect.REFUSED:
                     break
                 effect = self._tried({group[0]: other})
-            self.said[group[0]] = effect
+            self.effects[group[0]] = effect
 
-    def _tried(self, words: Mapping[int, str]) -> Say:
+    def _tried(self, words: Mapping[int, str]) -> NumberEffect:
         """Return the effect of some numbers with new text."""
         places = ((self._numbers[i].location, word) for i, word in words.items())
         texts = replace_numbers(self._texts, places)
@@ -99,11 +99,15 @@ class Trials:
         except SidecarError:
             model = None
         if model is None:
-            return Say.REFUSED
-        done = self._probe.of(model)
+            return NumberEffect.REFUSED
+        done = self._probe.evaluate(model)
         if not done.moves_as(self._base, self._probe.resolution):
-            return Say.MOTION
-        return Say.NONE if done.poses_as(self._base, self._probe.resolution) else Say.FRAMES
+            return NumberEffect.MOTION
+        return (
+            NumberEffect.NONE
+            if done.poses_as(self._base, self._probe.resolution)
+            else NumberEffect.FRAMES
+        )
 
 
 def _moved(literal: Literal, i: int) -> tuple[str, ...]:

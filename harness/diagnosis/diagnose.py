@@ -74,13 +74,13 @@ class Ranking:
         fits: best first; tied fits are adjacent.
         explained: whether the first leaves at most `NAMED`, or the uncertainty.
         floor: the uncertainty as a share of the discrepancy.
-        undone: behaviours of the engine that were switched off for the fits.
+        switched_off: behaviours of the engine that were switched off for the fits.
     """
 
     fits: tuple[Fit, ...]
     explained: bool
     floor: float
-    undone: tuple[str, ...] = ()
+    switched_off: tuple[str, ...] = ()
 
 
 def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:

@@ -66,10 +66,10 @@ class Problem(Protocol):
     def defect(self, faults: Mapping[int, float]) -> Array:
         """Return engine - reference at all ends with repaired faults, scaled, (N,)."""
 
-    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
-        """Return the defect per unit of each fault, near the given faults, (len(of), N).
+    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+        """Return the defect per unit of each fault, near the given faults, (len(indices), N).
 
-        It is accurate to about four digits. `of`: indices of hypotheses; None: all.
+        It is accurate to about four digits. `indices`: of hypotheses; None: all.
         """
 
 
@@ -104,12 +104,12 @@ class Resolved:
         kept: Array = self.problem.defect(faults)[self.kept]
         return kept
 
-    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
-        """Return the problem's slopes at the kept end states, (len(of), n)."""
-        kept: Array = self.problem.slopes(faults, of)[:, self.kept]
+    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+        """Return the problem's slopes at the kept end states, (len(indices), n)."""
+        kept: Array = self.problem.slopes(faults, indices)[:, self.kept]
         return kept
 
-    def left(self, defect: Array) -> float:
+    def relative_size(self, defect: Array) -> float:
         """Return a defect as a share of the discrepancy."""
         return float(np.linalg.norm(defect)) / self.size
 
@@ -228,7 +228,7 @@ def _fit(
             for hypothesis, fault in zip(hypotheses, faults, strict=True)
         ),
         standard_errors=tuple(float(error) for error in errors),
-        remaining=problem.left(defect),
+        remaining=problem.relative_size(defect),
     )
 
 
@@ -264,12 +264,12 @@ class Try:
     """Initial values of a fit.
 
     Attributes:
-        left: share of the discrepancy that its linear fit leaves.
+        remaining: share of the discrepancy that its linear fit leaves.
         start: faults by index of hypothesis.
         slopes: of all hypotheses at the start, (H, n).
     """
 
-    left: float
+    remaining: float
     start: Mapping[int, float]
     slopes: Array
 
@@ -281,12 +281,14 @@ def refine_each(problem: Resolved, tries: Sequence[Try], negligible: float) -> l
     """
     limit = np.inf
     fits = []
-    for start in sorted(tries, key=lambda one: one.left):
-        if start.left > limit and not any(start.start.values()):
+    for start in sorted(tries, key=lambda one: one.remaining):
+        if start.remaining > limit and not any(start.start.values()):
             fits.append(_linear(problem, start))
             continue
-        fit = refine(problem, start.start, start.slopes, ITERATIONS if start.left <= limit else 1)
+        fit = refine(
+            problem, start.start, start.slopes, ITERATIONS if start.remaining <= limit else 1
+        )
         if fit.remaining <= negligible:
-            limit = min(limit, max(BEHIND * start.left, FAR))
+            limit = min(limit, max(BEHIND * start.remaining, FAR))
         fits.append(fit)
     return fits

@@ -131,7 +131,7 @@ def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> li
             both = [problem.hypotheses[i], problem.hypotheses[j]]
             exact = left_linear(defect, both, slopes[[i, j]])
             tries.append(Try(exact, {i: 0.0, j: 0.0}, slopes))
-    return sorted(tries, key=lambda one: one.left)[:FITTED]
+    return sorted(tries, key=lambda one: one.remaining)[:FITTED]
 
 
 def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> Array:
@@ -171,7 +171,7 @@ def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) ->
         fitted = [problem.hypotheses[k] for k in free]
         remaining = left_linear(defect, fitted, after[free]) * first.remaining
         tries.append(Try(remaining, {**first.repair, j: 0.0}, after))
-    return sorted(tries, key=lambda one: one.left)[:FITTED]
+    return sorted(tries, key=lambda one: one.remaining)[:FITTED]
 
 
 def _stand_ins(

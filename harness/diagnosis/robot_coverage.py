@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.diagnosis.coverage import CountedNumber, summarized
-from physics_crosscheck.harness.diagnosis.coverage_trials import NUDGE, Say
+from physics_crosscheck.harness.diagnosis.coverage_trials import NUDGE, NumberEffect
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.engines.registry import engines
@@ -33,38 +33,44 @@ def count_robot(task: RobotTask) -> Coverage:
     numbers = robot_numbers(task.file, task.settings)
     if numbers.unread:
         return Coverage(note="; ".join(numbers.unread))
-    problem = problem_of(task, numbers, own=False)
-    says = {i: _say(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
+    problem = problem_of(task, numbers, is_reference=False)
+    says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
     choices, fixed = _choices(task), _fixed(task)
     counted = [
         CountedNumber(
             path=one.path,
             address=one.address,
             line=f"{one.file.name}:{one.line}",
-            say=_otherwise(one, says.get(i, Say.NONE), choices, fixed),
+            effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
         )
         for i, one in enumerate(numbers.numerals)
     ]
     return summarized(counted, engines()[task.engine].non_physical)
 
 
-def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
+def _effect(problem: RobotProblem, index: int, resolution: float) -> NumberEffect:
     """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
     effect = problem.effect(index)
     if effect is None or not np.isfinite(effect).all():
-        return Say.REFUSED
+        return NumberEffect.REFUSED
     moved = float(np.max(np.abs(effect), initial=0.0)) * NUDGE * problem.hypotheses[index].size
     if moved > resolution:
-        return Say.MOTION
-    return Say.FAINT if moved else Say.NONE
+        return NumberEffect.MOTION
+    return NumberEffect.FAINT if moved else NumberEffect.NONE
 
 
-def _otherwise(number: Number, effect: Say, choices: str, fixed: Collection[str]) -> Say:
+def _otherwise(
+    number: Number, effect: NumberEffect, choices: str, fixed: Collection[str]
+) -> NumberEffect:
     """Return a reason for no effect from the number's place in the file, or its effect."""
-    if effect is Say.NONE and choices and re.fullmatch(choices, number.path):
-        return Say.CHOICE
-    if effect is Say.NONE and _INERTIAL.fullmatch(number.path) and _owner(number.element) in fixed:
-        return Say.FIXED
+    if effect is NumberEffect.NONE and choices and re.fullmatch(choices, number.path):
+        return NumberEffect.CHOICE
+    if (
+        effect is NumberEffect.NONE
+        and _INERTIAL.fullmatch(number.path)
+        and _owner(number.element) in fixed
+    ):
+        return NumberEffect.FIXED
     return effect
 
 

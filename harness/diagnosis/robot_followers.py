@@ -47,7 +47,7 @@ class Following:
     scale: Array
 
     @staticmethod
-    def of(tree: Tree, some: Samples, like: Tree | None = None) -> Following | None:
+    def from_tree(tree: Tree, some: Samples, like: Tree | None = None) -> Following | None:
         """Return deviations of a tree's followers at some states, or None without followers.
 
         Args:
@@ -92,7 +92,7 @@ class FollowersRun:
 
     def apart(self, check: RobotTask) -> tuple[Array, Array]:
         """Return engine - reference of followers, scaled, and its uncertainty, (B, 2k) each."""
-        following = Following.of(check.tree, check.samples)
+        following = Following.from_tree(check.tree, check.samples)
         residual = self.way.found.residual
         if following is None or residual is None:
             none = np.zeros((len(self.way.samples.start), 0))
@@ -159,7 +159,7 @@ def _off(way: Followed) -> float:
 def _seeming(check: RobotTask, way: Followed) -> Followers | None:
     """Estimate the engine's law of followers; None if it equals the present one or is unknown."""
     residual = way.found.residual
-    following = Following.of(check.tree, check.samples)
+    following = Following.from_tree(check.tree, check.samples)
     if residual is None or following is None:
         return None
     uncertainty = np.maximum(residual.limit.uncertainty, EPSILON * residual.scale)

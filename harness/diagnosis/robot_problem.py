@@ -41,7 +41,7 @@ Faults = Mapping[int, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Suspicion:
+class FileHypothesis:
     """A hypothesis on numbers of a file.
 
     Attributes:
@@ -70,7 +70,7 @@ class RobotProblem:
 
     numbers: Numbers
     flow: Flow
-    suspicions: tuple[Suspicion, ...]
+    suspicions: tuple[FileHypothesis, ...]
     apart: Array
     scale: Array
     way: int
@@ -85,7 +85,7 @@ class RobotProblem:
         """Hypotheses that might explain the discrepancy."""
         return tuple(one.hypothesis for one in self.suspicions)
 
-    def beside(self, apart: Array) -> RobotProblem:
+    def with_discrepancy(self, apart: Array) -> RobotProblem:
         """Return the problem with another discrepancy and shared slopes."""
         other = replace(self, apart=apart)
         other._rows.update(self._rows)
@@ -105,22 +105,22 @@ class RobotProblem:
         Raises:
             ReferenceError: if the equations cannot be solved.
         """
-        return self._left(self.flow.for_tree(tree))
+        return self._remaining(self.flow.for_tree(tree))
 
-    def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
-        """Return the defect per unit of each fault, near these faults, (len(of), N).
+    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
+        """Return the defect per unit of each fault, near these faults, (len(indices), N).
 
         Near zero faults they are those at zero. Far from it they are those of the trajectories
         there, and of the linear problem here.
         """
-        of = range(len(self.suspicions)) if of is None else of
+        indices = range(len(self.suspicions)) if indices is None else indices
         if all(abs(by) <= NEAR * self.hypotheses[i].size for i, by in faults.items()):
-            return np.stack([self._or_none(self.effect(index)) for index in of])
-        rows = np.zeros((len(of), self.apart.size))
+            return np.stack([self._or_none(self.effect(index)) for index in indices])
+        rows = np.zeros((len(indices), self.apart.size))
         flow = self._flow(self._values(faults))
         if flow is None:
             return rows
-        for row, index in enumerate(of):
+        for row, index in enumerate(indices):
             if self.hypotheses[index].switch:
                 rows[row] = self._switched(flow, faults, index)
             else:
@@ -192,9 +192,9 @@ class RobotProblem:
         flow = self._flow(values)
         if flow is None:
             return np.full_like(nominal, REFUSED)
-        return self._left(flow)
+        return self._remaining(flow)
 
-    def _left(self, flow: Flow) -> Array:
+    def _remaining(self, flow: Flow) -> Array:
         by = self._ends(flow.tree, flow.apart(self.flow))
         remaining: Array = self.apart.ravel() - self.way * by.ravel()
         return remaining

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import rank
-from physics_crosscheck.harness.diagnosis.robot_problem import Suspicion
+from physics_crosscheck.harness.diagnosis.robot_problem import FileHypothesis
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
@@ -20,29 +20,29 @@ _MOMENTS = re.compile(r".*/inertia@\w+")
 _PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
 
 
-def suspicions(numbers: Numbers, *, own: bool) -> Iterator[Suspicion]:
+def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothesis]:
     """Yield all hypotheses.
 
     Args:
         numbers: of the file.
-        own: whether the file is right, and the engine may read it differently.
+        is_reference: whether the file is right, and the engine may read it differently.
     """
     for i in numbers.relevant_numbers:
         number = numbers.numerals[i]
         hypothesis = Hypothesis(
-            id=CauseId(kind="taken" if own else "literal", subject=(number.address,)),
+            id=CauseId(kind="taken" if is_reference else "literal", subject=(number.address,)),
             value=number.value,
             size=number.scale,
             rank=rank("literal"),
             where=(_line(number),),
-            correction=1.0 if own else -1.0,
+            correction=1.0 if is_reference else -1.0,
         )
-        yield Suspicion(hypothesis=hypothesis, units={i: hypothesis.correction})
-    if own:
+        yield FileHypothesis(hypothesis=hypothesis, units={i: hypothesis.correction})
+    if is_reference:
         yield from _dropped(numbers)
 
 
-def _dropped(numbers: Numbers) -> Iterator[Suspicion]:
+def _dropped(numbers: Numbers) -> Iterator[FileHypothesis]:
     """Yield groups of numbers that an engine may ignore, each as if it were zero."""
     numerals = numbers.numerals
     groups: dict[tuple[int, ...], str] = {}
@@ -64,7 +64,7 @@ def _dropped(numbers: Numbers) -> Iterator[Suspicion]:
             where=tuple(dict.fromkeys(_line(numerals[i]) for i in chosen)),
             switch=True,
         )
-        yield Suspicion(hypothesis=hypothesis, units={i: -numerals[i].value for i in chosen})
+        yield FileHypothesis(hypothesis=hypothesis, units={i: -numerals[i].value for i in chosen})
 
 
 def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:

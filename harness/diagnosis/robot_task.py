@@ -51,12 +51,12 @@ class RobotDiagnosisTask:
 
     Attributes:
         task: the check.
-        own: whether the equations are those of the file itself. Otherwise the file is compared with
-            another file or a declared tree, and its numbers are sought.
+        is_reference: whether the equations are those of the file itself. Otherwise the file is
+            compared with another file or a declared tree, and its numbers are sought.
     """
 
     task: RobotTask
-    own: bool = True
+    is_reference: bool = True
 
 
 def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
@@ -67,7 +67,9 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     """
     began = time.perf_counter()
     run = _some_of(task.task)
-    if explanations := _undone(task.task, run) or _taken(task, run):
+    if explanations := _explained_by_engine_defaults(task.task, run) or _explained_by_compiler(
+        task, run
+    ):
         return Diagnosis(
             explained=True,
             explanations=explanations,
@@ -78,7 +80,8 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     return Diagnosis(
         explained=ranking.explained,
         explanations=tuple(
-            _told(fit, ranking.undone, task.task) for fit in ranking.fits[:RECORDED]
+            _build_explanation(fit, ranking.switched_off, task.task)
+            for fit in ranking.fits[:RECORDED]
         ),
         floor=number(ranking.floor),
         failure="" if ranking.fits else "no number of the file affects the difference",
@@ -86,11 +89,11 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     )
 
 
-def _told(fit: Fit, behaviours: Sequence[str], check: RobotTask) -> Explanation:
+def _build_explanation(fit: Fit, behaviours: Sequence[str], check: RobotTask) -> Explanation:
     """Build the record of a fit, with the engine's behaviours that were switched off."""
     record = explanation(fit)
     return Explanation(
-        causes=(*record.causes, *_own(behaviours, check)),
+        causes=(*record.causes, *_engine_causes(behaviours, check)),
         remaining=record.remaining,
         tied_with=record.tied_with,
     )
@@ -101,19 +104,19 @@ def _some_of(check: RobotTask, *, again: bool = True) -> FollowersRun:
     return run_followers(replace(check, samples=some_of(check.samples)), again=again)
 
 
-def _undone(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
+def _explained_by_engine_defaults(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
     """Return behaviours of the engine without which no discrepancy remains.
 
     Try each alone, then all together if no single one suffices.
     """
     apart, _ = _apart(run, check)
     size = float(np.linalg.norm(apart))
-    for tried in _remedies(run):
+    for tried in _remedy_groups(run):
         explanations = []
         for causes, settings in tried:
             remaining, uncertainty = _apart(_some_of(_under(check, settings), again=False), check)
             if np.all(np.abs(remaining).ravel() <= uncertainty):
-                own_causes = _own(causes, check)
+                own_causes = _engine_causes(causes, check)
                 explanations.append(
                     Explanation(
                         causes=own_causes, remaining=float(np.linalg.norm(remaining)) / size
@@ -128,7 +131,7 @@ _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
 """Behaviours of an engine, and the settings that switch them off."""
 
 
-def _remedies(run: FollowersRun) -> tuple[list[_Remedy], ...]:
+def _remedy_groups(run: FollowersRun) -> tuple[list[_Remedy], ...]:
     """Return each remedy alone; then all together, if there are several."""
     settings_by_cause = run.way.model.corrective_settings
     singles: list[_Remedy] = [((cause,), settings) for cause, settings in settings_by_cause.items()]
@@ -144,14 +147,14 @@ def _under(check: RobotTask, settings: Mapping[str, object]) -> RobotTask:
     return replace(check, settings={**check.settings, **settings})
 
 
-def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ...]:
+def _explained_by_compiler(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ...]:
     """Return how the engine's compiler changes the file, if no setting prevents it."""
     check = task.task
     numbers = robot_numbers(check.file, check.settings)
-    if check.file.suffix not in engines()[check.engine].compiles or not task.own:
+    if check.file.suffix not in engines()[check.engine].compiles or not task.is_reference:
         return ()
     apart, uncertainty = _apart(run, check)
-    problem = problem_of(check, numbers, apart, own=True)
+    problem = problem_of(check, numbers, apart, is_reference=True)
     # The equations of another tree are less accurate than the engine's limits.
     uncertainty = np.maximum(uncertainty, check.resolution)
     size = float(np.linalg.norm(apart))
@@ -160,11 +163,13 @@ def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ..
         defect = problem.left_by(tree)
         if np.all(np.abs(defect) <= uncertainty):
             remaining = float(np.linalg.norm(defect)) / size
-            explanations.append(Explanation(causes=_own((cause,), check), remaining=remaining))
+            explanations.append(
+                Explanation(causes=_engine_causes((cause,), check), remaining=remaining)
+            )
     return tuple(explanations)
 
 
-def _own(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
+def _engine_causes(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
     """Return causes for behaviours of an engine, with the relevant lines of the file."""
     remarks = tuple(engines()[check.engine].file_remarks(check.file))
     return tuple(
@@ -181,7 +186,9 @@ def _own(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
 
 
 def ranked(
-    task: RobotDiagnosisTask, run: FollowersRun | None = None, known: RobotProblem | None = None
+    task: RobotDiagnosisTask,
+    run: FollowersRun | None = None,
+    known_problem: RobotProblem | None = None,
 ) -> Ranking:
     """Rank all fits.
 
@@ -192,17 +199,17 @@ def ranked(
     Args:
         task: the check.
         run: the segments in the engine, if they have run.
-        known: effects of the numbers, if known from another discrepancy of the same equations.
+        known_problem: effects of the numbers, from another discrepancy of these equations.
     """
     run = run or _some_of(task.task)
-    ranking, problem = _ranked(task, run, known)
+    ranking, problem = _ranked(task, run, known_problem)
     if not ranking.fits or _single(ranking):
         return ranking
-    for causes, settings in (one for tried in _remedies(run) for one in tried):
+    for causes, settings in (one for tried in _remedy_groups(run) for one in tried):
         other = replace(task, task=_under(task.task, settings))
         corrected, _ = _ranked(other, _some_of(other.task), problem)
         if _single(corrected):
-            return replace(corrected, undone=causes)
+            return replace(corrected, switched_off=causes)
     return ranking
 
 
@@ -212,13 +219,13 @@ def _single(ranking: Ranking) -> bool:
 
 
 def _ranked(
-    task: RobotDiagnosisTask, run: FollowersRun, known: RobotProblem | None
+    task: RobotDiagnosisTask, run: FollowersRun, known_problem: RobotProblem | None
 ) -> tuple[Ranking, RobotProblem]:
-    if known is None:
+    if known_problem is None:
         problem, uncertainty = robot_problem(task, run)
     else:
         apart, uncertainty = _apart(run, task.task)
-        problem = known.beside(apart)
+        problem = known_problem.with_discrepancy(apart)
     fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else FITTED
     return diagnose(problem, uncertainty, fits), problem
 
@@ -239,7 +246,7 @@ def robot_problem(
     run = run or _some_of(check)
     numbers = robot_numbers(check.file, check.settings)
     apart, uncertainty = _apart(run, check)
-    return problem_of(check, numbers, apart, own=task.own), uncertainty
+    return problem_of(check, numbers, apart, is_reference=task.is_reference), uncertainty
 
 
 def some_of(drawn: Samples) -> Samples:
@@ -251,7 +258,7 @@ def some_of(drawn: Samples) -> Samples:
 
 
 def problem_of(
-    check: RobotTask, numbers: Numbers, apart: Array | None = None, *, own: bool
+    check: RobotTask, numbers: Numbers, apart: Array | None = None, *, is_reference: bool
 ) -> RobotProblem:
     """Build the problem of a discrepancy, with the effects of a file's numbers.
 
@@ -260,7 +267,7 @@ def problem_of(
         numbers: of that file.
         apart: engine - reference at the ends of `some_of`, scaled, (B, 2n + 2k), with k followers;
             None: zero.
-        own: as in `RobotDiagnosisTask`.
+        is_reference: as in `RobotDiagnosisTask`.
 
     Raises:
         RobotError, ReferenceError: if the file does not fit these states.
@@ -269,15 +276,15 @@ def problem_of(
     tree = numbers.tree({})
     if tree is None or tree.dof != some.forces.shape[1]:
         raise RobotError(f"{check.file}: its tree differs from the tree of the equations")
-    following = Following.of(tree, some, check.tree)
+    following = Following.from_tree(tree, some, check.tree)
     scale = scaled(some, following)
     return RobotProblem(
         numbers=numbers,
         flow=Flow(tree, some.start, some.forces, some.length),
-        suspicions=tuple(suspicions(numbers, own=own)),
+        suspicions=tuple(suspicions(numbers, is_reference=is_reference)),
         apart=np.zeros((len(some.start), len(scale))) if apart is None else apart,
         scale=scale,
-        way=1 if own else -1,
+        way=1 if is_reference else -1,
         following=following,
     )
 

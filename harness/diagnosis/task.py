@@ -108,13 +108,13 @@ def ranked(task: DiagnosisTask) -> Ranking:
 
 @contextmanager
 def trial_model(
-    task: DiagnosisTask, known: Mapping[CauseId, Array] | None = None
+    task: DiagnosisTask, known_slopes: Mapping[CauseId, Array] | None = None
 ) -> Iterator[tuple[TrialModel, Array]]:
     """Yield a model to try in an engine, with the uncertainty of its end states.
 
     Args:
         task: the model and its motions.
-        known: slopes of literals, if known from a similar model.
+        known_slopes: slopes of literals, if known from a similar model.
     """
     engine = engines()[task.engine]
     model, coordinates = load(task.system, task.sidecar, task.engine)
@@ -138,6 +138,6 @@ def trial_model(
             ends=ends,
             candidates=candidates,
             folder=folder,
-            known=known or {},
+            known_slopes=known_slopes or {},
         )
         yield trial, uncertainty

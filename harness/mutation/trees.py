@@ -81,7 +81,7 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
         )
     known = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
     numbers = robot_numbers(task.file, task.settings)
-    problem = problem_of(task, numbers, own=False)
+    problem = problem_of(task, numbers, is_reference=False)
     return tuple(
         TreeFault(
             model=task,
@@ -143,7 +143,7 @@ def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mu
     if case.outcome is not Outcome.DIFFERS:
         verdict = FaultVerdict.UNTESTED if _is_faint(fault, value) else FaultVerdict.MISSED
         return _row(fault, one.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
-    ranking = ranked(RobotDiagnosisTask(task=wrong, own=False))
+    ranking = ranked(RobotDiagnosisTask(task=wrong, is_reference=False))
     if not ranking.fits:
         return _row(fault, one.address, FaultVerdict.CAUGHT, "", size)
     first, cause = ranking.fits[0], CauseId(kind="literal", subject=(one.address,))
@@ -168,7 +168,7 @@ def _is_faint(fault: TreeFault, value: float) -> bool:
     if tree is None:
         return False
     try:
-        effect = problem_of(fault.model, numbers, own=False).left_by(tree)
+        effect = problem_of(fault.model, numbers, is_reference=False).left_by(tree)
     except ReferenceError:
         return False
     return float(np.max(np.abs(effect), initial=0.0)) < SHOWN * fault.uncertainty

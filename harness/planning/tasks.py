@@ -100,7 +100,7 @@ def diagnosis(solved: Solved, task: ModelTask) -> Diagnosis:
     if isinstance(solved, Prepared):
         return diagnose_model(diagnosis_task(solved, _sidecar(task), task.engine))
     own = isinstance(solved, PreparedRobot)
-    return diagnose_robot(RobotDiagnosisTask(task=_robot_task(solved, task), own=own))
+    return diagnose_robot(RobotDiagnosisTask(task=_robot_task(solved, task), is_reference=own))
 
 
 def coverage(solved: Solved, task: ModelTask) -> Coverage:

@@ -78,7 +78,7 @@ def test_no_number_of_a_whole_family_is_tried_alone(
     tried: list[int] = []
     each = trials.Trials._tried
 
-    def noted(self: trials.Trials, words: dict[int, str]) -> trials.Say:
+    def noted(self: trials.Trials, words: dict[int, str]) -> trials.NumberEffect:
         tried.append(len(words))
         return each(self, words)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.robot_case import prepare_robot
-from physics_crosscheck.harness.diagnosis.coverage_trials import Say
+from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.limits import Limits
@@ -40,11 +40,11 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     assert counts["joint limits"] == 2
     assert counts["actuator limits"] == counts["velocity limits"] == 1
     # All ten numbers of what stands still, each by its name.
-    still = by_reason[Say.FIXED.value].examples
-    assert len(still) == counts[Say.FIXED.value] == 10
+    still = by_reason[NumberEffect.FIXED.value].examples
+    assert len(still) == counts[NumberEffect.FIXED.value] == 10
     assert "link[base]/inertial/mass@value" in still
-    idle = by_reason[Say.NONE.value].examples
-    assert len(idle) == counts[Say.NONE.value]
+    idle = by_reason[NumberEffect.NONE.value].examples
+    assert len(idle) == counts[NumberEffect.NONE.value]
     # Where the joint is, and moments about other axes have no say.
     assert {"joint[a]/origin@xyz[2]", "link[one]/inertial/inertia@ixx"} <= set(idle)
     assert not {"link[one]/inertial/mass@value", "link[one]/inertial/inertia@iyy",
@@ -70,7 +70,7 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file.write_text(MJCF)
     found = count_robot(prepare_robot(file).task("mujoco", 1e-9))
     counts = {one.reason: one.count for one in found.untested}
-    assert counts.pop(Say.NONE.value) == 6  # of axes, places along them, and a site
+    assert counts.pop(NumberEffect.NONE.value) == 6  # of axes, places along them, and a site
     assert counts == {
         "visual geometry": 3 + 4,
         "collision and visual shapes": 2,
@@ -112,4 +112,4 @@ def test_a_number_that_cannot_be_moved_is_not_counted(
     found = count_robot(task)
     assert found.motion == 0
     reasons = {one.reason: one.count for one in found.untested}
-    assert set(reasons) == {Say.REFUSED.value, "memory sizes", "contact parameters"}
+    assert set(reasons) == {NumberEffect.REFUSED.value, "memory sizes", "contact parameters"}

@@ -93,7 +93,7 @@ def diagnosed(
     changed.write_text(text.replace(old, new))
     case = run_robot(task)
     assert case.outcome is Outcome.DIFFERS, case.reason
-    return diagnose_robot(RobotDiagnosisTask(task=task, own=False))
+    return diagnose_robot(RobotDiagnosisTask(task=task, is_reference=False))
 
 
 def check_named(
@@ -207,7 +207,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
     flow = Flow(tree, drawn.start[:STATES], drawn.forces[:STATES], drawn.length)
     own = taken.flow.moved(tree) / taken.scale
     problem = replace(said, flow=flow, apart=taken.apart - own, suspicions=tuple(
-        suspicions(said.numbers, own=True)))  # fmt: skip
+        suspicions(said.numbers, is_reference=True)))  # fmt: skip
     best = diagnose(problem, uncertainty).fits[0]
     sentence = cause_sentences(explanation(best))[0]
     assert sentence.startswith(
@@ -239,10 +239,10 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
     file.write_text(ARM)
     numbers = robot_numbers(file, {})
     task = prepare_robot(file).task(engines_reading(".urdf")[0].name, 1e-9)
-    problem = problem_of(task, numbers, own=True)
+    problem = problem_of(task, numbers, is_reference=True)
     nothing = np.zeros_like(some_of(task.samples).end)
     slopes = problem.slopes({})
-    other = problem.beside(nothing + 1.0)
+    other = problem.with_discrepancy(nothing + 1.0)
     size = problem.hypotheses[3].size
     assert np.array_equal(other.slopes({3: 1e-5 * size}), slopes)
     assert not np.array_equal(other.slopes({3: 1e-2 * size}, [4]), slopes[[4]])
@@ -312,7 +312,7 @@ def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_r
     task = prepare_robot(file).task("mujoco", 1e-9)
     file.write_text(TURNED.format("0", "5e-7"))
     assert run_robot(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(RobotDiagnosisTask(task=task, own=False))
+    found = diagnose_robot(RobotDiagnosisTask(task=task, is_reference=False))
     assert found.explained
     number, hidden = found.explanations[0].causes
     assert number.subject[0].endswith("@fromto[0]")

@@ -57,7 +57,7 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
     copy = copy_with_texts(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
     task = replace(prepared.task(engine, 1e-9), file=copy)
     assert run_robot(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(RobotDiagnosisTask(task=task, own=False))
+    found = diagnose_robot(RobotDiagnosisTask(task=task, is_reference=False))
     assert found.explained
     (cause,) = found.explanations[0].causes
     assert cause.subject == (address,)

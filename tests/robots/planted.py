@@ -48,7 +48,7 @@ class Checked:
         text = self._write(old, new)
         try:
             assert run_robot(self.task).outcome is Outcome.DIFFERS
-            found = diagnose_robot(RobotDiagnosisTask(task=self.task, own=False))
+            found = diagnose_robot(RobotDiagnosisTask(task=self.task, is_reference=False))
         finally:
             self.file.write_text(text)
         right, wrong = float(words[which]), float(others[which])

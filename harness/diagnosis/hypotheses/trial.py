@@ -52,7 +52,7 @@ class TrialModel:
         ends: the model's end states, scaled and flat, (N,).
         candidates: H hypotheses.
         folder: for copies of the model.
-        known: slopes of the literals, if known from a similar model.
+        known_slopes: slopes of the literals, if known from a similar model.
     """
 
     sidecar: Sidecar
@@ -64,7 +64,7 @@ class TrialModel:
     ends: Array
     candidates: tuple[Candidate, ...]
     folder: Path
-    known: Mapping[CauseId, Array] = field(default_factory=dict)
+    known_slopes: Mapping[CauseId, Array] = field(default_factory=dict)
     _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
     _reference_ends: dict[bytes, Array] = field(default_factory=dict, repr=False)
 
@@ -77,20 +77,20 @@ class TrialModel:
         """Return engine - reference at the ends with repaired faults, scaled and flat, (N,)."""
         return self._repaired(faults, RUNGS_USED) - self._moved(self.point(faults))
 
-    def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
-        """Return the defect per unit of each fault, near these faults, (len(of), N)."""
-        of = range(len(self.candidates)) if of is None else of
-        rows = np.zeros((len(of), len(self.ends)))
+    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
+        """Return the defect per unit of each fault, near these faults, (len(indices), N)."""
+        indices = range(len(self.candidates)) if indices is None else indices
+        rows = np.zeros((len(indices), len(self.ends)))
         free: dict[int, int] = {}
-        for row, index in enumerate(of):
+        for row, index in enumerate(indices):
             candidate = self.candidates[index]
             hypothesis, parameters = candidate.hypothesis, candidate.perturbation.parameters
             if not hypothesis.switch and parameters:
                 (free[row],) = parameters
             elif hypothesis.switch:
                 rows[row] = self.defect(faults) - self.defect({**faults, index: 1.0})
-            elif not faults and hypothesis.id in self.known:
-                rows[row] = self.known[hypothesis.id]
+            elif not faults and hypothesis.id in self.known_slopes:
+                rows[row] = self.known_slopes[hypothesis.id]
             else:
                 rows[row] = self._slope(faults, index)
         if free:
@@ -204,7 +204,7 @@ class TrialModel:
                 "gravity": [float(g) for g in np.array(gravity) + repair.gravity],
             }
         if settings:
-            sidecar = at(sidecar, self.engine.name, **settings)
+            sidecar = with_engine_settings(sidecar, self.engine.name, **settings)
         same = sidecar is self.sidecar
         model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
         if not repair.turned:
@@ -274,7 +274,7 @@ class _Repair:
         )
 
 
-def at(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
+def with_engine_settings(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
     """Return a sidecar with other settings for one engine."""
     merged = {**sidecar.engine_settings.get(engine, {}), **settings}
     return replace(sidecar, engine_settings={**sidecar.engine_settings, engine: merged})

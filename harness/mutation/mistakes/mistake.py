@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from physics_crosscheck.harness.diagnosis.hypotheses.trial import at
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import with_engine_settings
 from physics_crosscheck.harness.modelfiles.bindings import rewrite, with_literals
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -41,7 +41,7 @@ class Edit:
             rewrite(copy, self.literals)
             # Numbers of the sidecar itself may be among them.
             copy = read_sidecar(Path(f"{copy.model}.toml"))
-        return at(copy, engine, **self.settings) if self.settings else copy
+        return with_engine_settings(copy, engine, **self.settings) if self.settings else copy
 
 
 def literal_causes(*addresses: str) -> frozenset[CauseId]:
