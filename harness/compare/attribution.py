@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.compare.diff import Edit, edits
+from physics_crosscheck.harness.compare.diff import SourceEdit, edits
 from physics_crosscheck.harness.compare.excitation import Recorded
 from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
 from physics_crosscheck.harness.compare.judge import TargetEnds
@@ -82,7 +82,7 @@ def attributed(
     idle_limit = 0 if is_known and len(others) + len(ineffective) > MOST_TRIED else MOST_TRIED
     trials = bench.try_ineffective(ineffective, idle_limit)
     single_limit = 0 if is_known and len(others) > MOST_TRIED else MOST_TRIED
-    sets: list[tuple[Edit, ...]] = [(edit,) for edit in others[:single_limit]]
+    sets: list[tuple[SourceEdit, ...]] = [(edit,) for edit in others[:single_limit]]
     untried = len(can) - len(trials) - len(sets)
     if len(can) > 1:
         sets.append(tuple(can))
@@ -117,7 +117,7 @@ def _root(file: Path) -> str:
     return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
 
 
-def _is_ineffective(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
+def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
     """Return whether a difference probably affects no motion, such as a shape; it is tried anyway.
 
     A whole element counts like its numbers.
@@ -134,7 +134,7 @@ def _actuation(candidate: Candidate) -> dict[str, list[float]]:
     return {key: list(spec.settings[key]) for key in given}  # type: ignore[call-overload]
 
 
-def _size(edit: Edit) -> float:
+def _size(edit: SourceEdit) -> float:
     """Return the relative change of a number, or 1 for anything else."""
     try:
         old, new = float(edit.old), float(edit.new)
@@ -213,7 +213,7 @@ class _Bench:
             floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
         )
 
-    def tried(self, sets: Sequence[tuple[Edit, ...]]) -> list[Trial]:
+    def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[Trial]:
         """Apply each set of differences at once."""
         tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
         values = self.execute(self.task.candidate.name, tried, tasks)
@@ -224,7 +224,7 @@ class _Bench:
             for made, value in zip(sets, values, strict=True)
         ]
 
-    def try_ineffective(self, group: Sequence[Edit], limit: int) -> list[Trial]:
+    def try_ineffective(self, group: Sequence[SourceEdit], limit: int) -> list[Trial]:
         """Try probably ineffective differences at once; try some singly if there is an effect.
 
         Args:

@@ -87,7 +87,7 @@ class Findings:
         remaining: the discrepancy that remains after turning these.
         properties: differences between the files' contents.
         explained: the share of the discrepancy that follows from these; None if unknown.
-        terms: worst first; empty if nothing differs or the properties explain it.
+        differing_terms: worst first; empty if nothing differs or the properties explain it.
         trials: of each difference of the files, and of all together; the largest effect first.
         untried: number of file differences that were not tried.
         untested: real or possible differences without effect on any run.
@@ -104,7 +104,7 @@ class Findings:
     remaining: float
     properties: tuple[Property, ...]
     explained: Explained | None
-    terms: tuple[Term, ...]
+    differing_terms: tuple[Term, ...]
     trials: tuple[Trial, ...]
     untried: int
     untested: tuple[str, ...]
@@ -181,7 +181,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         remaining=remaining,
         properties=read.properties,
         explained=share,
-        terms=measured,
+        differing_terms=measured,
         trials=trials,
         untried=untried,
         untested=_untested(prepared, judgement, read, trials, untried),

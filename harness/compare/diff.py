@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 
 
 @dataclass(frozen=True, kw_only=True)
-class Edit:
+class SourceEdit:
     """One difference between the files of A and B.
 
     Attributes:
@@ -37,7 +37,7 @@ class Edit:
     settings: tuple[tuple[str, object], ...] = ()
 
 
-def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
+def edits(a: Candidate, b: Candidate) -> tuple[SourceEdit, ...]:
     """Return all differences that an engine may read; () for unlike formats without bindings.
 
     Comments and white space are ignored.
@@ -48,7 +48,7 @@ def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
     file_a, file_b = a.sidecar.model, b.sidecar.model
     if file_a.suffix != file_b.suffix:
         return tuple(_bound(a, b))
-    differences: list[Edit] = []
+    differences: list[SourceEdit] = []
     if file_a.suffix in MARKUP:
         differences += _Xml(file_a, file_b).edits()
     elif file_a.suffix == ".py":
@@ -63,10 +63,10 @@ class _Xml:
         self.a, self.b = a, b
         self.data_a, self.data_b = a.read_bytes(), b.read_bytes()
 
-    def edits(self) -> Iterator[Edit]:
+    def edits(self) -> Iterator[SourceEdit]:
         yield from self._elements(outline(self.a, self.data_a), outline(self.b, self.data_b))
 
-    def _elements(self, a: Element, b: Element) -> Iterator[Edit]:
+    def _elements(self, a: Element, b: Element) -> Iterator[SourceEdit]:
         for name in dict.fromkeys([*a.attributes, *b.attributes]):
             yield from self._attribute(name, a, b)
         if a.text.text.split() != b.text.text.split():
@@ -76,7 +76,7 @@ class _Xml:
             yield from self._elements(element, partner)
         for element in gone:
             text = self.data_a[element.start : element.end].decode()
-            yield Edit(
+            yield SourceEdit(
                 label=element.label,
                 where_a=self._at_a(element.line),
                 where_b=self._at_b(b.line),
@@ -87,7 +87,7 @@ class _Xml:
         for element in new:
             data = self.data_b[element.start : element.end]
             changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
-            yield Edit(
+            yield SourceEdit(
                 label=element.label,
                 where_a=self._at_a(a.line),
                 where_b=self._at_b(element.line),
@@ -96,7 +96,7 @@ class _Xml:
                 changes=changes,
             )
 
-    def _attribute(self, name: str, a: Element, b: Element) -> Iterator[Edit]:
+    def _attribute(self, name: str, a: Element, b: Element) -> Iterator[SourceEdit]:
         value_a, value_b = a.attributes.get(name), b.attributes.get(name)
         label = f"{a.label}@{name}"
         if value_a is not None and value_b is not None:
@@ -104,7 +104,7 @@ class _Xml:
                 yield from self._value(label, value_a, value_b, a, b)
         elif value_b is not None:
             data = b" " + self.data_b[value_b.outer[0] : value_b.outer[1]].strip()
-            yield Edit(
+            yield SourceEdit(
                 label=label,
                 where_a=self._at_a(a.line),
                 where_b=self._at_b(value_b.line),
@@ -113,7 +113,7 @@ class _Xml:
                 changes=((a.tag_end, a.tag_end, data),),
             )
         elif value_a is not None:
-            yield Edit(
+            yield SourceEdit(
                 label=label,
                 where_a=self._at_a(value_a.line),
                 where_b=self._at_b(b.line),
@@ -124,11 +124,11 @@ class _Xml:
 
     def _value(
         self, label: str, value_a: Value, value_b: Value, a: Element, b: Element
-    ) -> Iterator[Edit]:
+    ) -> Iterator[SourceEdit]:
         """Compare word by word if both hold equally many numbers, else as a whole."""
         old, new = value_a.text.split(), value_b.text.split()
         edit = partial(
-            Edit,
+            SourceEdit,
             where_a=self._at_a(value_a.line or a.line),
             where_b=self._at_b(value_b.line or b.line),
         )
@@ -171,7 +171,7 @@ def _aligned(
     return pairs, gone, new
 
 
-def _python(a: Path, b: Path) -> Iterator[Edit]:
+def _python(a: Path, b: Path) -> Iterator[SourceEdit]:
     """Yield differing numbers of two files whose code is otherwise the same."""
     trees, data = [], a.read_bytes()
     for path in (a, b):
@@ -188,7 +188,7 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         both = list(zip(shapes[0].text, shapes[1].text, strict=False))
         first = next((i for i, (x, y) in enumerate(both) if x != y), len(both) - 1)
         lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
-        yield Edit(
+        yield SourceEdit(
             label="code",
             where_a=SourceLine(file=str(a), line=lines[0]),
             where_b=SourceLine(file=str(b), line=lines[1]),
@@ -212,7 +212,7 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         first = starts[number_a.lineno - 1] + number_a.col_offset
         last = starts[(number_a.end_lineno or 1) - 1] + (number_a.end_col_offset or 0)
         name = names.get(id(number_a), "number")
-        yield Edit(
+        yield SourceEdit(
             label=name,
             where_a=SourceLine(file=str(a), line=number_a.lineno),
             where_b=SourceLine(file=str(b), line=number_b.lineno),
@@ -264,13 +264,13 @@ def _holds_nodes(value: object) -> bool:
     )
 
 
-def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
+def _settings(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
     """Yield differences of settings and springs, stated in the sidecars or assumed."""
     stated_a, stated_b = _stated(a), _stated(b)
     for key in dict.fromkeys([*stated_a, *stated_b]):
         old, new = stated_a.get(key), stated_b.get(key)
         if old != new:
-            yield Edit(
+            yield SourceEdit(
                 label=f"sidecar:{key}",
                 where_a=_toml_line(a, key),
                 where_b=_toml_line(b, key),
@@ -304,7 +304,7 @@ def _line(location: Location) -> SourceLine:
     return SourceLine(file=str(location.file), line=location.line)
 
 
-def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
+def _bound(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
     """Yield unlike literals, across formats, that both sidecars bind to one expression."""
     bound_a, bound_b = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
     for expression in bound_a.keys() & bound_b.keys():
@@ -317,7 +317,7 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
             for named, there in theirs.items():
                 if abs(place.value - there.value) > 1e-12 * abs(there.value):
                     change = (place.start, place.end, there.text.encode())
-                    yield Edit(
+                    yield SourceEdit(
                         label=f"{address} and {named}, both {expression}",
                         where_a=_line(place),
                         where_b=_line(there),
@@ -344,7 +344,7 @@ def _by_expression(bindings: Mapping[str, str]) -> dict[str, list[str]]:
     return addresses
 
 
-def applied(data: bytes, differences: tuple[Edit, ...]) -> bytes:
+def applied(data: bytes, differences: tuple[SourceEdit, ...]) -> bytes:
     """Return the bytes of A's model file with some edits.
 
     Raises:

@@ -62,7 +62,7 @@ def comparison_record(findings: Findings, created: datetime.datetime) -> Compari
             properties=tuple(_property(one) for one in findings.properties),
             explained=None if findings.explained is None else number(findings.explained.share),
             off=_off(findings),
-            terms=tuple(_term(term) for term in findings.terms),
+            terms=tuple(_term(term) for term in findings.differing_terms),
             differences=tuple(_difference(trial) for trial in findings.trials),
             untried=findings.untried,
             untested=findings.untested,

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
-from physics_crosscheck.harness.compare.diff import Edit, applied
+from physics_crosscheck.harness.compare.diff import SourceEdit, applied
 from physics_crosscheck.harness.compare.excitation import unwrapped
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs, quick
@@ -36,7 +36,7 @@ class TrialTask:
     """
 
     candidate: Candidate
-    edits: tuple[Edit, ...]
+    edits: tuple[SourceEdit, ...]
     runs: Runs
     match: Match | None
     joints: int
@@ -57,7 +57,7 @@ class Trial:
         not_tried: reason why it could not be tried, or empty.
     """
 
-    edits: tuple[Edit, ...]
+    edits: tuple[SourceEdit, ...]
     moved: float
     explained: float
     not_tried: str = ""
@@ -119,7 +119,7 @@ UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
 """Error for a wrong number of actuators."""
 
 
-def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:
+def _edited(candidate: Candidate, edits: Sequence[SourceEdit], folder: Path) -> Candidate:
     """Return a copy of the model with edits; link to the other files of its folder."""
     model = candidate.sidecar.model
     for entry in model.parent.resolve().iterdir():
@@ -145,7 +145,7 @@ def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candid
 
 
 def attribute_difference(
-    edits: tuple[Edit, ...], edited: Array, a: Array, b: Array, scale: Array, floor: float
+    edits: tuple[SourceEdit, ...], edited: Array, a: Array, b: Array, scale: Array, floor: float
 ) -> Trial:
     """Return the effect of edits: end states of A edited, of A and of B, (K, 2m) each.
 

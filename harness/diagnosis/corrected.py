@@ -13,7 +13,7 @@ import numpy as np
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
-from physics_crosscheck.harness.diagnosis.samples import Sample
+from physics_crosscheck.harness.diagnosis.samples import SegmentSample
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -138,7 +138,7 @@ def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Arra
 
 def _scenarios(
     motions: Mapping[str, tuple[Array, Array]],
-    samples: Sequence[Sample],
+    samples: Sequence[SegmentSample],
     before: Array,
     after: Array,
 ) -> tuple[CorrectedScenario, ...]:

@@ -14,8 +14,8 @@ import numpy as np
 
 from physics_crosscheck.harness.diagnosis.fit import (
     Fit,
+    FitProblem,
     Hypothesis,
-    Problem,
     Resolved,
     Try,
     cosine,
@@ -83,7 +83,7 @@ class Ranking:
     switched_off: tuple[str, ...] = ()
 
 
-def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:
+def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) -> Ranking:
     """Rank hypotheses, and pairs of them, by the discrepancy that they leave.
 
     Args:
@@ -136,7 +136,7 @@ def _start(hypothesis: Hypothesis) -> float:
     return hypothesis.value if hypothesis.id.kind == "unbound literal" else 0.0
 
 
-def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
+def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:
     """Restrict a problem to accurate end states: all, or only those of smooth segments."""
     defect = problem.defect({})
     whole = np.ones(len(defect), dtype=bool)

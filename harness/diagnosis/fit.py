@@ -56,7 +56,7 @@ class Hypothesis:
     switch: bool = False
 
 
-class Problem(Protocol):
+class FitProblem(Protocol):
     """A discrepancy, and its change by repaired faults, given by index of hypothesis."""
 
     @property
@@ -84,7 +84,7 @@ class Resolved:
         size: norm of the discrepancy there.
     """
 
-    problem: Problem
+    problem: FitProblem
     kept: Array
     uncertainty: Array
     size: float
@@ -143,7 +143,7 @@ class Fit:
 
     @property
     def repair(self) -> dict[int, float]:
-        """Faults by index, as for `Problem`."""
+        """Faults by index, as for `FitProblem`."""
         return dict(zip(self.members, self.faults, strict=True))
 
 

@@ -31,7 +31,7 @@ These rungs take a seventh of the steps.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sample:
+class SegmentSample:
     """Some segments of one length from one scenario.
 
     Attributes:
@@ -55,13 +55,13 @@ class Sample:
 
 def sample_segments(
     motions: Mapping[str, Motion], scales: Mapping[str, Array]
-) -> tuple[Sample, ...]:
+) -> tuple[SegmentSample, ...]:
     """Pick segments evenly from each scenario, in proportion from each of its spans."""
     samples = []
     for name, motion in motions.items():
         for span, chosen in pick_segments(motion, SEGMENTS_PICKED):
             samples.append(
-                Sample(
+                SegmentSample(
                     scenario=name,
                     length=span.length,
                     t=motion.t[chosen],
@@ -76,7 +76,7 @@ def sample_segments(
 
 
 def engine_ends(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]
+    model: Model, coordinates: CoordinateMap, samples: Sequence[SegmentSample]
 ) -> tuple[Array, Array]:
     """Return the engine's end states as h -> 0 and their uncertainty, both scaled and flat.
 
@@ -92,7 +92,7 @@ def engine_ends(
 
 
 def freedoms(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]
+    model: Model, coordinates: CoordinateMap, samples: Sequence[SegmentSample]
 ) -> tuple[str, ...]:
     """Return engine coordinates that leave the coordinate map, though the equations fix them.
 
@@ -114,7 +114,7 @@ def freedoms(
 def quick_ends(
     model: Model,
     coordinates: CoordinateMap,
-    samples: Sequence[Sample],
+    samples: Sequence[SegmentSample],
     rungs: tuple[int, ...] = RUNGS_USED,
 ) -> Array:
     """Return only the limits, scaled and flat, for differences between two models."""
@@ -126,7 +126,7 @@ def quick_ends(
     )
 
 
-def _batches(samples: Sequence[Sample]) -> Iterator[tuple[Batch, Array]]:
+def _batches(samples: Sequence[SegmentSample]) -> Iterator[tuple[Batch, Array]]:
     """Yield the segments of each scenario together, in the order of the samples, and scale."""
     for name, group in groupby(samples, key=lambda sample: sample.scenario):
         members = list(group)
@@ -145,12 +145,12 @@ def _batches(samples: Sequence[Sample]) -> Iterator[tuple[Batch, Array]]:
         yield batch, members[0].scale
 
 
-def reference_ends(samples: Sequence[Sample]) -> Array:
+def reference_ends(samples: Sequence[SegmentSample]) -> Array:
     """Return the end states of the equations, scaled and flat."""
     return np.concatenate([(sample.end / sample.scale).ravel() for sample in samples])
 
 
-def variant_ends(variants: Variants, points: Array, samples: Sequence[Sample]) -> Array:
+def variant_ends(variants: Variants, points: Array, samples: Sequence[SegmentSample]) -> Array:
     """Return end states of the equations at other parameters: points (K, P) -> (K, N)."""
     parts = []
     for sample in samples:

@@ -27,7 +27,7 @@ def agrees(found: Findings) -> Findings:
     assert judged.outcome is Outcome.AGREES, judged.reason
     assert judged.discrepancy < 1e-9
     assert judged.uncertainty < 1e-9
-    assert not found.terms
+    assert not found.differing_terms
     return found
 
 

@@ -66,8 +66,11 @@ def test_one_literal_off_by_a_millionth_is_named(
     # A millionth of a term is seen as about that, not as rounding.
     assert 1e-9 < found.judgement.discrepancy < 1e-5
     # What the files say is told where both have bodies, and measured elsewhere.
-    told = [*(one.message for one in found.properties), *(one.message for one in found.terms)]
-    assert bool(found.terms) != bool(found.properties)
+    told = [
+        *(one.message for one in found.properties),
+        *(one.message for one in found.differing_terms),
+    ]
+    assert bool(found.differing_terms) != bool(found.properties)
     for message in messages:
         assert any(message in one for one in told), told
     # Nothing else is accused: every term told has a share in the fault.
@@ -131,7 +134,7 @@ def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> 
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" frictionloss="0.001"/>'))
     found = compared(path, other, include_constraints=True)
     assert found.judgement.outcome is Outcome.DIFFERS
-    assert [t.message for t in found.terms] == [
+    assert [t.message for t in found.differing_terms] == [
         "friction on theta: 0 in A, 0.001 in B, whatever its speed"
     ]
     assert found.trials[0].explained > 0.99
@@ -146,8 +149,8 @@ def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path: Pa
     path = model("mass_spring_damper", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.002\nlink_damping = 0.04"))
     found = compared(path, other, "pybullet", "pybullet")
-    assert [t.kind for t in found.terms] == ["friction"]
-    assert "depends on the velocity, not linearly" in found.terms[0].message
+    assert [t.kind for t in found.differing_terms] == ["friction"]
+    assert "depends on the velocity, not linearly" in found.differing_terms[0].message
     assert found.trials[0].edits[0].label == "sidecar:settings.link_damping"
     assert found.trials[0].explained == 1.0
 
@@ -161,7 +164,7 @@ def test_gravity_that_differs_is_told_by_its_force(tmp_path: Path) -> None:
     ]
     assert found.explained is not None
     assert found.explained.share > 1 - 1e-6
-    assert not found.terms
+    assert not found.differing_terms
     assert found.facts[1].gravity == (0, 0, -9.80665)
 
 
@@ -181,7 +184,7 @@ def test_a_joint_that_turns_the_other_way_is_named(
     assert found.judgement.outcome is Outcome.DIFFERS
     assert found.turned == (joint,)
     assert found.remaining < 1e-9
-    assert not found.terms
+    assert not found.differing_terms
     mapped = compared(a, b, engine_b="mujoco", joints=f"{joint}=-{joint}")
     assert mapped.judgement.outcome is Outcome.AGREES
 
@@ -225,8 +228,8 @@ def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path: Path
     other = changed(tmp_path, path, (line, ""))
     found = compared(path, other, "pybullet", "pybullet")
     assert found.judgement.outcome is Outcome.DIFFERS
-    assert [t.kind for t in found.terms] == ["constraint"]
-    assert "3 joints can move independently in B, 2 in A" in found.terms[0].message
+    assert [t.kind for t in found.differing_terms] == ["constraint"]
+    assert "3 joints can move independently in B, 2 in A" in found.differing_terms[0].message
 
 
 def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path: Path) -> None:
@@ -242,7 +245,7 @@ claims = 1
     a = written(tmp_path, "a.known", text)
     b = written(tmp_path, "b.known", text, ("-5.0], [-5.0", "-5.001], [-5.001"))
     found = compared(a, b)
-    assert [t.message for t in found.terms] == [
+    assert [t.message for t in found.differing_terms] == [
         "stiffness between a and b: -5 in A, -5.001 in B (+0.02 %)"
     ]
     assert found.trials == ()

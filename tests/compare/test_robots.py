@@ -121,7 +121,7 @@ def test_one_mass_across_formats_is_one_line(tmp_path: Path, mass: str) -> None:
     share = "+1.0e-07" if mass == "0.90000009" else "+1 %"
     assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B ({share})"]
     assert str(found.properties[0].where_b).endswith("arm.urdf:10")
-    assert found.terms == ()
+    assert found.differing_terms == ()
 
 
 def test_frames_of_links_lumps_and_zeros_of_joints_are_conventions(tmp_path: Path) -> None:
@@ -359,7 +359,7 @@ def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
     found = compared(a, b)
     assert found.judgement.outcome is Outcome.DIFFERS
     assert moving(found) == ["link upper: mass 1.7 in A, 1.7000017 in B (+1.0e-06)"]
-    assert found.terms == ()
+    assert found.differing_terms == ()
 
 
 def test_a_servo_far_quicker_than_the_step_holds_no_joint(tmp_path: Path) -> None:
@@ -413,7 +413,7 @@ def test_a_mass_of_the_kuka_is_named(tmp_path: Path, mass: str, engine: str) -> 
     assert found.judgement.outcome is Outcome.DIFFERS
     (told,) = moving(found)
     assert told.startswith(f"link lbr_iiwa_link_6: mass 1.8 in A, {mass} in B")
-    assert found.terms == ()
+    assert found.differing_terms == ()
     line = text[: text.index('"1.8"')].count("\n") + 1
     (edit,) = single(found).edits
     assert (edit.where_a.line, single(found).explained) == (line, 1.0)
@@ -447,7 +447,7 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> Non
     assert found.explained is not None
     assert found.explained.off[0] < 1e-9 < found.explained.off[1]
     assert any("link 'panda_link8' has inertia" in one for one in found.impossible)
-    assert {term.kind for term in found.terms} <= {"inertia"}
+    assert {term.kind for term in found.differing_terms} <= {"inertia"}
 
 
 ROOT = Path(__file__).parents[2]

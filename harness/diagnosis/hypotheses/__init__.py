@@ -6,10 +6,10 @@ equations.
 """
 
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import (
-    Candidate,
     Perturbation,
+    TrialHypothesis,
     everything,
 )
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import TrialModel
 
-__all__ = ["Candidate", "Perturbation", "TrialModel", "everything"]
+__all__ = ["Perturbation", "TrialHypothesis", "TrialModel", "everything"]

@@ -53,7 +53,7 @@ class Perturbation:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TrialHypothesis:
     """A hypothesis and its perturbation.
 
     Attributes:
@@ -68,7 +68,7 @@ class Candidate:
 
 def everything(
     system: System, sidecar: Sidecar, model: Model, coordinates: CoordinateMap, variants: Variants
-) -> tuple[Candidate, ...]:
+) -> tuple[TrialHypothesis, ...]:
     """Return all candidates of a model."""
     return (
         *_parameters(variants),
@@ -86,25 +86,25 @@ def rank(kind: CauseKind) -> int:
     return _ORDER.index(kind) if kind in _ORDER else len(_ORDER)
 
 
-def _parameters(variants: Variants) -> Iterator[Candidate]:
+def _parameters(variants: Variants) -> Iterator[TrialHypothesis]:
     """Yield each constant, and each missing term of the equations."""
     for index, p in enumerate(variants.parameters):
         cause = CauseId(kind=p.kind, subject=(p.name,))
-        yield Candidate(
+        yield TrialHypothesis(
             Hypothesis(id=cause, value=p.nominal, size=p.size, rank=rank(p.kind)),
             Perturbation(parameters={index: 1.0}),
         )
 
 
-def _switch(cause: CauseId, perturbation: Perturbation) -> Candidate:
+def _switch(cause: CauseId, perturbation: Perturbation) -> TrialHypothesis:
     """Return a hypothesis whose fault is 0 or 1."""
     order = rank(cause.kind)
-    return Candidate(
+    return TrialHypothesis(
         Hypothesis(id=cause, value=0.0, size=1.0, rank=order, switch=True), perturbation
     )
 
 
-def _exchanges(variants: Variants) -> Iterator[Candidate]:
+def _exchanges(variants: Variants) -> Iterator[TrialHypothesis]:
     """Yield pairs of constants of one unit with exchanged values."""
     constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
     for (i, constant_a), (j, constant_b) in combinations(constants, 2):
@@ -116,13 +116,13 @@ def _exchanges(variants: Variants) -> Iterator[Candidate]:
             )
 
 
-def _axes(model: Model) -> Iterator[Candidate]:
+def _axes(model: Model) -> Iterator[TrialHypothesis]:
     """Yield each joint with a reversed axis."""
     for index, name in enumerate(model.coordinates):
         yield _switch(CauseId(kind="axis", subject=(name,)), Perturbation(reversed=index))
 
 
-def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
+def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[TrialHypothesis]:
     """Yield each engine coordinate with a moved zero: a `ref`, a rest offset, a rotated body.
 
     Engine coordinates that joints couple have no zero of their own.
@@ -132,10 +132,10 @@ def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
     for index, name in enumerate(model.coordinates):
         cause = CauseId(kind="zero", subject=(name,))
         hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=rank("zero"))
-        yield Candidate(hypothesis, Perturbation(zero=index))
+        yield TrialHypothesis(hypothesis, Perturbation(zero=index))
 
 
-def _gravity(model: Model) -> Iterator[Candidate]:
+def _gravity(model: Model) -> Iterator[TrialHypothesis]:
     """Yield each component of gravity, if the model reports it: its size and direction."""
     if not model.gravity:
         return
@@ -147,19 +147,19 @@ def _gravity(model: Model) -> Iterator[Candidate]:
         added = [0.0, 0.0, 0.0]
         added[axis] = -1.0
         cause = CauseId(kind="gravity", subject=("xyz"[axis],))
-        yield Candidate(
+        yield TrialHypothesis(
             Hypothesis(id=cause, value=value, size=size, rank=order, correction=-1.0),
             Perturbation(gravity=(added[0], added[1], added[2])),
         )
 
 
-def _defaults(model: Model) -> Iterator[Candidate]:
+def _defaults(model: Model) -> Iterator[TrialHypothesis]:
     """Yield the engine's own assumptions, which the model's `corrective_settings` switch off."""
     for cause, settings in model.corrective_settings.items():
         yield _switch(CauseId(kind="default", subject=(cause,)), Perturbation(settings=settings))
 
 
-def literals(system: System, sidecar: Sidecar) -> Iterator[Candidate]:
+def literals(system: System, sidecar: Sidecar) -> Iterator[TrialHypothesis]:
     """Yield literals: bound ones alone, bound ones of one expression together, and unbound ones."""
     bound = tuple(_bound(system, sidecar))
     for b in bound:
@@ -172,7 +172,7 @@ def literals(system: System, sidecar: Sidecar) -> Iterator[Candidate]:
     yield from _unbound(sidecar, bound)
 
 
-def _literal(kind: CauseKind, moved: Sequence[Binding]) -> Candidate:
+def _literal(kind: CauseKind, moved: Sequence[Binding]) -> TrialHypothesis:
     """Return a candidate that changes bound literals of one value together."""
     value, expected = moved[0].value, moved[0].expected
     hypothesis = Hypothesis(
@@ -183,7 +183,9 @@ def _literal(kind: CauseKind, moved: Sequence[Binding]) -> Candidate:
         where=tuple(dict.fromkeys(_line(b.place) for b in moved)),
         correction=-1.0,
     )
-    return Candidate(hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}), expected)
+    return TrialHypothesis(
+        hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}), expected
+    )
 
 
 def _line(place: Location) -> SourceLine:
@@ -207,7 +209,7 @@ _MECHANICS = (
 """Numbers of XML that may belong to the mechanism, not to visual geometry or the solver."""
 
 
-def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate]:
+def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[TrialHypothesis]:
     """Yield unbound nonzero numbers of the mechanism, which may be left over."""
     bound_places = {(b.place.file, b.place.start) for b in bound}
     with suppress(LocationError):
@@ -223,4 +225,4 @@ def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate
                     where=(_line(place),),
                     correction=-1.0,
                 )
-                yield Candidate(hypothesis, Perturbation(literals={address: -1.0}))
+                yield TrialHypothesis(hypothesis, Perturbation(literals={address: -1.0}))

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
-from physics_crosscheck.harness.diagnosis.hypotheses.candidate import Candidate, Perturbation
+from physics_crosscheck.harness.diagnosis.hypotheses.candidate import Perturbation, TrialHypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.reoriented import ReorientedModel
 from physics_crosscheck.harness.diagnosis.samples import (
     RUNGS_OF_SLOPES,
     RUNGS_USED,
-    Sample,
+    SegmentSample,
     quick_ends,
     reference_ends,
     variant_ends,
@@ -60,9 +60,9 @@ class TrialModel:
     model: Model
     coordinates: CoordinateMap
     variants: Variants
-    samples: Sequence[Sample]
+    samples: Sequence[SegmentSample]
     ends: Array
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[TrialHypothesis, ...]
     folder: Path
     known_slopes: Mapping[CauseId, Array] = field(default_factory=dict)
     _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
