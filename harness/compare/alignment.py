@@ -23,7 +23,7 @@ SAME = 1e-9
 LinkPair = tuple[int, int]
 """Indices of a link of A and a link of B."""
 
-LEAST_SEEN = 2
+MIN_AGREEMENTS = 2
 """Minimum number of things that must agree before a shifted joint zero is inferred."""
 
 
@@ -118,7 +118,7 @@ def _zero(
     a, _ = pair
     u, p, hinge = placed_a.axes[a], placed_a.anchors[a], placed_a.tree.links[a].kind == "hinge"
     carried = _Carried(placed_a, placed_b, pair, pairs)
-    if carried.alike(moved) == carried.count or carried.count < LEAST_SEEN:
+    if carried.alike(moved) == carried.count or carried.count < MIN_AGREEMENTS:
         return 0.0, 0.0, moved
     for x, y in carried.points(moved):
         if hinge:

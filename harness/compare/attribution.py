@@ -24,13 +24,13 @@ from physics_crosscheck.harness.modelfiles.locations import LocationError
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
 from physics_crosscheck.harness.numerics.batch import even_indices
 
-MOST_TRIED = 24
+MAX_SINGLE_TRIALS = 24
 """Maximum number of differences tried one by one, largest first; the rest is only counted."""
 
-SOME = 32
+TRIAL_RUNS = 32
 """Runs on which differences are tried."""
 
-RESOLVED = 1e-9
+SMOOTH_UNCERTAINTY = 1e-9
 """Relative uncertainty of end states below which runs are preferred."""
 
 Attribution = tuple[tuple[Trial, ...], int]
@@ -79,9 +79,11 @@ def attributed(
     root = _root(models[0].sidecar.model)
     ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
-    idle_limit = 0 if is_known and len(others) + len(ineffective) > MOST_TRIED else MOST_TRIED
+    idle_limit = (
+        0 if is_known and len(others) + len(ineffective) > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
+    )
     trials = bench.try_ineffective(ineffective, idle_limit)
-    single_limit = 0 if is_known and len(others) > MOST_TRIED else MOST_TRIED
+    single_limit = 0 if is_known and len(others) > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
     sets: list[tuple[SourceEdit, ...]] = [(edit,) for edit in others[:single_limit]]
     untried = len(can) - len(trials) - len(sets)
     if len(can) > 1:
@@ -177,9 +179,9 @@ class _Bench:
         """Run both models, unmodified, on some of the runs."""
         doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
         # Elsewhere than in smooth runs nothing is certain.
-        smooth = np.flatnonzero(np.max(doubt, axis=1) <= RESOLVED)
+        smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
-        some = smooth[even_indices(len(smooth), SOME)]
+        some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
 
         def task(candidate: Candidate, source: bool) -> TrialTask:
             source_runs = recorded.runs if source else runs

@@ -46,7 +46,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
-TURNED = 1e-4
+MIN_REVERSED_DISCREPANCY = 1e-4
 """Minimum discrepancy at which joints of opposite direction are sought."""
 
 KNOWN_FILE_STATES = 1
@@ -55,7 +55,7 @@ KNOWN_FILE_STATES = 1
 Elsewhere a linear fit of the forces on all joints needs more.
 """
 
-EXPLAINED = 0.99
+MIN_EXPLAINED_SHARE = 0.99
 """Share of a discrepancy above which both files' equations explain it; then no term is measured."""
 
 
@@ -164,7 +164,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         if read.sides is not None:
             sides = read.sides if is_a else read.sides[::-1]
             share = explained(sides, matched, recorded, runs, final, signs)
-        is_explained = read.moving and share is not None and share.share >= EXPLAINED
+        is_explained = read.moving and share is not None and share.share >= MIN_EXPLAINED_SHARE
         if not is_explained:
             count = len(recorded.independent) + 6 if share is None else KNOWN_FILE_STATES
             measured = _measure_terms(
@@ -272,7 +272,7 @@ def _turned(
     names = trial.match.names
     signs = np.ones(len(names))
     remaining = float(np.max(judgement.by_component))
-    if judgement.outcome is not Outcome.DIFFERS or remaining < TURNED:
+    if judgement.outcome is not Outcome.DIFFERS or remaining < MIN_REVERSED_DISCREPANCY:
         return (), signs, remaining, followed
     if read.sides is not None:
         turned = [i for i, name in enumerate(names) if name in read.turned]

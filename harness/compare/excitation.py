@@ -18,7 +18,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs, ends
 from physics_crosscheck.harness.compare.scales import (
-    HELD,
+    MIN_RESPONSE,
     CharacteristicScales,
     characteristic_scales,
 )
@@ -27,28 +27,28 @@ from physics_crosscheck.harness.numerics.batch import movement
 from physics_crosscheck.harness.numerics.ladder import Limit
 
 SEED = 20260101
-DRAWN = 20
+RANDOM_STARTS = 20
 """Random initial states, each once driven and once released."""
 
-PUSHED = 12
+RANDOM_PUSHES = 12
 """Random pushes of a mechanism with coupled coordinates."""
 
 LINKS_DRAWN, LINKS_PUSHED = 2, 12
 """Runs in a chain; the second half of a pushed chain is released."""
 
-SHARE = 1 / 20
+RUN_PERIODS = 1 / 20
 """Length of a run, in periods of the fastest rate."""
 
-FINE = 1e-9
+ROUNDING_UNCERTAINTY = 1e-9
 """Relative uncertainty at which rounding may limit runs."""
 
-SHORTER = (1.0, 2.0, 4.0, 16.0)
+RUN_DIVISORS = (1.0, 2.0, 4.0, 16.0)
 """Divisors of the run length, tried until the limits are resolved."""
 
-LONGER = 3.0
+RUN_EXTENSION = 3.0
 """Factor by which runs are lengthened if only rounding limits them."""
 
-ROOM = 0.4
+SOURCE_SHARE = 0.4
 """Share of the resolution available to a run of the source."""
 
 
@@ -164,16 +164,16 @@ def _starts(
     still = np.zeros(n)
     if scales.tangent.shape[1] == n:
         middle, half = extent.mean(axis=1), 0.8 * scales.unit
-        drawn = middle + half * rng.uniform(-1, 1, (DRAWN, n))
-        going = 0.5 * scales.unit * scales.typical * rng.uniform(-1, 1, (DRAWN, n))
+        drawn = middle + half * rng.uniform(-1, 1, (RANDOM_STARTS, n))
+        going = 0.5 * scales.unit * scales.typical * rng.uniform(-1, 1, (RANDOM_STARTS, n))
         taut = [(position, still) for position in task.taut]
         pairs = [*given, (start, still), *taut, *zip(drawn, going, strict=True)]
         starts = [pair for pair in pairs for _ in range(2)]
         driven = np.tile([False, True], len(pairs))
         links = LINKS_DRAWN
     else:
-        starts = [*given, *[(start, still)] * (PUSHED + 1)]
-        driven = np.array([False] * (len(given) + 1) + [True] * PUSHED)
+        starts = [*given, *[(start, still)] * (RANDOM_PUSHES + 1)]
+        driven = np.array([False] * (len(given) + 1) + [True] * RANDOM_PUSHES)
         links = LINKS_PUSHED
     z, w = (np.array([s[i] for s in starts], dtype=float) for i in range(2))
     return z, w, driven, links
@@ -206,7 +206,7 @@ def _independent(inverse: Array) -> tuple[int, ...]:
         # Take the first of about equally free coordinates.
         free = np.diagonal(rest)
         pivot = int(np.argmax(free > 0.5 * np.max(free)))
-        if not free[pivot] > 10 * HELD:
+        if not free[pivot] > 10 * MIN_RESPONSE:
             break
         chosen.append(pivot)
         column = rest[:, pivot].copy()
@@ -219,24 +219,26 @@ def _chain(
 ) -> list[tuple[Runs, Limit]]:
     """Return chains of runs, as long as the fastest rate allows."""
     best: tuple[float, list[tuple[Runs, Limit]]] | None = None
-    for shorter in SHORTER:
-        length = 2 * np.pi / scales.fastest * SHARE / shorter
+    for shorter in RUN_DIVISORS:
+        length = 2 * np.pi / scales.fastest * RUN_PERIODS / shorter
         chain = _links(model, task, scales, replace(first, length=length), links)
         worst = _ninetieth_percentile(chain, lambda limit: limit.uncertainty)
         # Rounding dominates where half the length or less does not halve the uncertainty.
         before = np.inf if best is None else best[0]
         if best is None or worst < before:
             best = worst, chain
-        if worst <= 0.05 * task.resolution or (worst > before / 2 and before <= FINE):
+        if worst <= 0.05 * task.resolution or (
+            worst > before / 2 and before <= ROUNDING_UNCERTAINTY
+        ):
             break
     assert best is not None
     worst, chain = best
     if (
-        worst > ROOM * task.resolution
+        worst > SOURCE_SHARE * task.resolution
         and 2 * _ninetieth_percentile(chain, lambda limit: limit.rounding) > worst
     ):
         # Over a longer run a position moves further, while its rounding error stays the same.
-        length = chain[0][0].length * LONGER
+        length = chain[0][0].length * RUN_EXTENSION
         longer = _links(model, task, scales, replace(first, length=length), links)
         if _ninetieth_percentile(longer, lambda limit: limit.uncertainty) < worst:
             return longer
@@ -321,7 +323,7 @@ def _kept(uncertainty: Array, resolution: float) -> NDArray[np.intp]:
     The target adds about the same uncertainty. Where most runs leave room for it, return only
     those.
     """
-    (clear,) = np.nonzero(uncertainty <= ROOM * resolution)
+    (clear,) = np.nonzero(uncertainty <= SOURCE_SHARE * resolution)
     if 2 * len(clear) >= len(uncertainty):
         return clear
     return np.flatnonzero(uncertainty <= resolution)

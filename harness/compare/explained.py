@@ -18,7 +18,7 @@ from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES
 from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
 
-SOME = 24
+SOLVED_RUNS = 24
 """Runs over which the equations are solved."""
 
 PIECES = (1, 8, 64)
@@ -69,7 +69,7 @@ def explained(
     finite, reached = _reached(followed)
     if not len(finite):
         return None
-    some = finite[even_indices(len(finite), SOME)]
+    some = finite[even_indices(len(finite), SOLVED_RUNS)]
     source_runs, target = _select(recorded.runs, some), _select(target, some)
     ends = recorded.end[some]
     slopes = match.slopes(source_runs.z[:1])[0]

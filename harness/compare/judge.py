@@ -19,10 +19,10 @@ from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 
-ALIKE = 1e-6
+EQUAL_TOLERANCE = 1e-6
 """Relative tolerance for equal differences, such as those of identical legs."""
 
-FEWEST = 0.1
+MIN_LIMITED_SHARE = 0.1
 """Share of the target's runs that must have a limit for a verdict."""
 
 
@@ -54,7 +54,7 @@ class TargetEnds:
     def mostly_known(self) -> bool:
         """True if enough runs have a limit, so that last digits do not decide."""
         finite = np.isfinite(self.limit.uncertainty).all(axis=1)
-        return bool(np.mean(finite) >= FEWEST)
+        return bool(np.mean(finite) >= MIN_LIMITED_SHARE)
 
 
 def follow(task: TargetTask) -> TargetEnds:
@@ -154,7 +154,7 @@ def _largest(
     The ratio to the uncertainty would depend on last digits. Of like differences, take the first.
     """
     sizes = np.max(np.where(differing, defect, 0.0), axis=0)
-    component = int(np.argmax(sizes >= (1 - ALIKE) * np.max(sizes)))
+    component = int(np.argmax(sizes >= (1 - EQUAL_TOLERANCE) * np.max(sizes)))
     run = int(np.argmax(np.where(differing[:, component], defect[:, component], -1.0)))
     return replace(
         verdict,

@@ -9,19 +9,19 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.placed import PlacedTree
 
-NEAR = 0.05
+MAX_AXIS_DISTANCE = 0.05
 """Maximum distance of paired axes: in radians, and in units of the mechanism's size."""
 
-SAME = 1e-6
+SAME_AXIS = 1e-6
 """Distance below which axes coincide."""
 
-NEARER = 0.1
+GEOMETRY_RATIO = 0.1
 """Ratio of distances of axes below which pairs by geometry are preferred to pairs by order."""
 
-UNLIKE = 1e6
+IMPOSSIBLE_COST = 1e6
 """Cost of an impossible pair."""
 
-FAINT = 1e-3
+TIE_WEIGHT = 1e-3
 """Weight of body positions and depth, which distinguish joints on one line."""
 
 
@@ -110,7 +110,7 @@ def _unnamed(
     if len(near) != len(in_order):
         return (near, "geometry") if len(near) > len(in_order) else (in_order, "order")
     apart = [_apart(found, placed_a, placed_b) for found in (in_order, near)]
-    if apart[0] > SAME and apart[1] < NEARER * apart[0]:
+    if apart[0] > SAME_AXIS and apart[1] < GEOMETRY_RATIO * apart[0]:
         return near, "geometry"
     return in_order, "order"
 
@@ -171,15 +171,15 @@ def _nearest(
     faint = np.array(
         [[_faintly(placed_a, x, placed_b, y, size) for y in joints_b] for x in joints_a]
     )
-    rows, columns = linear_sum_assignment(np.minimum(lines, UNLIKE) + FAINT * faint)
-    near = [(i, j) for i, j in zip(rows, columns, strict=True) if lines[i, j] < NEAR]
+    rows, columns = linear_sum_assignment(np.minimum(lines, IMPOSSIBLE_COST) + TIE_WEIGHT * faint)
+    near = [(i, j) for i, j in zip(rows, columns, strict=True) if lines[i, j] < MAX_AXIS_DISTANCE]
     return {joints_a[i]: joints_b[j] for i, j in near}
 
 
 def _distance(placed_a: PlacedTree, x: str, placed_b: PlacedTree, y: str, size: float) -> float:
     """Return the distance of two axes: the angle in rad, plus the distance of hinges in sizes."""
     if placed_a.kind(x) != placed_b.kind(y):
-        return UNLIKE
+        return IMPOSSIBLE_COST
     i, j = placed_a.index[x], placed_b.index[y]
     u, v = placed_a.axes[i], placed_b.axes[j]
     angle = float(np.linalg.norm(np.cross(u, v)))

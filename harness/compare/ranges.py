@@ -14,13 +14,13 @@ from physics_crosscheck.harness.compare.side import pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
 
-FAR = np.pi
+MAX_DISTANCE = np.pi
 """Limits further from home are ignored, as in `reference.solving.samples`: rad or m."""
 
-FAR_TURNED = 2.0
+MAX_ROTATION = 2.0
 """Rotation coordinates, 4 tan(angle / 4), above which a body is turned back: 106 degrees."""
 
-OFF = 1e-3
+END_MARGIN = 1e-3
 """Share of a range between an initial state and its ends, where a stop may act already."""
 
 
@@ -61,7 +61,7 @@ def _upright(source: Facts) -> Array:
     for link in turning:
         names = [name for name, unit in coordinate_names(link.kind, link.name) if unit == "rad"]
         places = [source.coordinates.index(name) for name in names]
-        if np.linalg.norm(home[places]) > FAR_TURNED:
+        if np.linalg.norm(home[places]) > MAX_ROTATION:
             home[places] = 0.0
     return home
 
@@ -70,12 +70,14 @@ def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
     """Return what `reference.solving.samples.within` does, with ranges of the engine."""
     low, high = limits.T
     half = (source.sampling_range[:, 1] - source.sampling_range[:, 0]) / 2
-    half = np.where(np.isinf(limits).all(axis=1), half, np.minimum(half, FAR))
+    half = np.where(np.isinf(limits).all(axis=1), half, np.minimum(half, MAX_DISTANCE))
     low = np.where(np.isfinite(low), low, np.minimum(source.home, high) - half)
     high = np.where(np.isfinite(high), high, np.maximum(source.home, low) + half)
     near = np.clip(source.home, low, high)
-    sampled = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
-    off = OFF * (sampled[:, 1] - sampled[:, 0])
+    sampled = np.stack(
+        [np.maximum(low, near - MAX_DISTANCE), np.minimum(high, near + MAX_DISTANCE)], axis=1
+    )
+    off = END_MARGIN * (sampled[:, 1] - sampled[:, 0])
     inside = (sampled[:, 0] + off <= source.home) & (source.home <= sampled[:, 1] - off)
     return np.where(inside, source.home, sampled.mean(axis=1)), sampled
 

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, ident
 from physics_crosscheck.harness.numerics.ladder import RUNGS, observed_order
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate, limits_only
 
-QUICK = RUNGS[:8]
+QUICK_RUNGS = RUNGS[:8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ def quick(model: Model, runs: Runs, match: Match | None) -> Array:
         BlownUpError: if a value is not finite.
     """
     whole = replace(_batch(runs, match), partial=False)
-    return limits_only(model, own_states(runs.z.shape[1], match), whole, QUICK)
+    return limits_only(model, own_states(runs.z.shape[1], match), whole, QUICK_RUNGS)
 
 
 def _batch(runs: Runs, match: Match | None) -> Batch:

@@ -11,13 +11,13 @@ from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.numerics.accelerations import Accelerations, Estimate
 from physics_crosscheck.harness.numerics.coordinates import identity
 
-HELD = 1e-6
+MIN_RESPONSE = 1e-6
 """Share of the largest response to a force below which a direction counts as locked."""
 
-QUICKER = (1.0, 256.0, 65536.0)
+STEP_DIVISORS = (1.0, 256.0, 65536.0)
 """Divisors of the step, tried until the response of each joint is resolved."""
 
-SLOWEST = 0.02
+MIN_TYPICAL_RATE = 0.02
 """Minimum typical rate, relative to the fastest.
 
 Positions then move by 3e-3 of their size over a run, known to 3e-11 of that. Half closed, the
@@ -77,7 +77,7 @@ def free_directions(inverse: Array) -> Array:
     size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
     safe = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh((inverse + inverse.T) / 2 / np.outer(safe, safe))
-    kept: Array = vectors[:, values > HELD * max(float(values[-1]), 1e-300)]
+    kept: Array = vectors[:, values > MIN_RESPONSE * max(float(values[-1]), 1e-300)]
     return kept * safe[:, None]
 
 
@@ -119,7 +119,7 @@ def characteristic_scales(
         np.hstack([start, 0 * start])[None], NO_INPUT, 0 * start[None]
     ).value
     falling = float(np.sqrt(np.max(np.nan_to_num(np.abs(rest[0])) / unit)))
-    typical = max(typical, plain / 3, falling, SLOWEST * fastest)
+    typical = max(typical, plain / 3, falling, MIN_TYPICAL_RATE * fastest)
     typical = min(typical, max(plain / 3, MAX_ACCELERATION / (fastest * float(np.max(unit)))))
     return CharacteristicScales(
         inverse=inverse,
@@ -143,17 +143,17 @@ def _eased(
     """
     pushes = np.ones(len(speed))
     candidates: list[tuple[float, Accelerations, Array, Array]] = []
-    for quicker in QUICKER:
+    for quicker in STEP_DIVISORS:
         accelerations = Accelerations(
             model=model, coordinates=identity(len(speed)), speed=speed, fastest=quicker * plain
         )
         ease, error = _ease(accelerations, here, pushes)
         candidates.append((float(np.max(error)), accelerations, ease, error))
-        if np.max(error) <= HELD * np.max(ease):
+        if np.max(error) <= MIN_RESPONSE * np.max(ease):
             break
     _, accelerations, ease, error = min(candidates, key=lambda one: one[0])
     if (ease > 0).any():
-        least = HELD * float(np.min(ease[ease > 0]))
+        least = MIN_RESPONSE * float(np.min(ease[ease > 0]))
         pushes = np.where(ease > 0, 1.0, np.maximum(1.0, np.nan_to_num(error) / least))
         ease, _ = _ease(accelerations, here, pushes)
     return accelerations, ease, pushes

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.side import pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 
-BEYOND = 0.5
+TAUT_SHARE = 0.5
 """Share of the way from an end of the play to the end of the joints' range."""
 
 
@@ -96,12 +96,12 @@ def _taut(
         way = np.where(
             free, np.sign(slope) * (sampling_range[:, 1] - sampling_range[:, 0]) / 2, 0.0
         )
-        far = max(end, now) + BEYOND * float(slope @ way)
+        far = max(end, now) + TAUT_SHARE * float(slope @ way)
     else:
         corner = np.where(slope > 0, sampling_range[:, 1], sampling_range[:, 0])
         way = np.where(slope != 0, corner - home, 0.0)
         furthest = now + float(slope @ way)
-        far = end + BEYOND * (furthest - end)
+        far = end + TAUT_SHARE * (furthest - end)
         if furthest <= end:
             return []
     size = float(slope @ way)

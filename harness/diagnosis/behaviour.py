@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.frames import SidecarFrames
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array
 
-POSED = 8
+POSE_STATES = 8
 """States at which poses of frames are evaluated; extremes of the motions are among the first."""
 
 
@@ -54,7 +54,7 @@ class Probe:
         places = [target.place for target in self.frames.targets if target.place in model.places]
         if not places:
             return np.zeros(0), np.zeros(0)
-        return model.poses(places, self.z[:POSED])
+        return model.poses(places, self.z[:POSE_STATES])
 
 
 @dataclass(frozen=True, eq=False)

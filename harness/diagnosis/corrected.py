@@ -29,7 +29,7 @@ SAMPLES = 240
 TOLERANCE = 1e-10
 """Relative tolerance of the corrected motion, far below the resolution of a plot."""
 
-BEYOND = 1e3
+MAX_AMPLITUDES = 1e3
 """Number of amplitudes at which a diverging corrected motion ends."""
 
 
@@ -92,7 +92,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
     n = len(state) // 2
     from scipy.integrate import solve_ivp  # slow import
 
-    limit = BEYOND * np.maximum(motion.amplitude, 1e-12)
+    limit = MAX_AMPLITUDES * np.maximum(motion.amplitude, 1e-12)
     times = np.linspace(0.0, motion.duration, SAMPLES)
     parts = []
     for span in motion.spans:

@@ -27,7 +27,7 @@ from physics_crosscheck.reference.mechanism.system import System
 STATES = 24
 """States at which a model is evaluated, in addition to each component's extremes."""
 
-SHOWN = 3
+MAX_EXAMPLES = 3
 """Maximum number of examples of a reason."""
 
 _MODEL = re.compile(r"(settings|spring)\b.*")
@@ -195,4 +195,4 @@ def _examples(why: str, numbers: Sequence[CountedNumber]) -> tuple[str, ...]:
     if numbers[0].address and why in _NAMED:
         return tuple(one.address for one in numbers)
     names = (one.path.rpartition("/")[2] or one.line for one in numbers)
-    return tuple(dict.fromkeys(names))[:SHOWN]
+    return tuple(dict.fromkeys(names))[:MAX_EXAMPLES]

@@ -36,10 +36,10 @@ is used at which the discrepancy exceeds the uncertainty of the kept end states:
 discrepancy may not be visible at the most accurate ones.
 """
 
-STANDS_OUT = 0.5
+MAX_VISIBLE_RATIO = 0.5
 """Largest ratio of uncertainty to discrepancy at which the discrepancy is visible."""
 
-DOUBTFUL = 0.1
+MAX_DOUBTFUL_REMAINING = 0.1
 """Largest remaining share where the uncertainty is as large as the discrepancy.
 
 The uncertainty is a bound. Errors of its size would be part of no cause's effect, so that each
@@ -49,7 +49,7 @@ fit would leave as much.
 NEGLIGIBLE = 1e-6
 """Largest remaining share, or the uncertainty, at which no second cause is sought."""
 
-APART = 10.0
+DISTINCT_RATIO = 10.0
 """Ratio of remaining shares at which causes are distinguished, whatever the uncertainty.
 
 The uncertainty is a bound: the best fit would leave errors of that size too.
@@ -96,7 +96,7 @@ def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) ->
     hypotheses, floor = whole.hypotheses, whole.floor
     accepted, negligible = max(NAMED, 2 * floor), max(NEGLIGIBLE, 3 * floor)
     certain = accepted < 1
-    accepted = accepted if certain else DOUBTFUL
+    accepted = accepted if certain else MAX_DOUBTFUL_REMAINING
     lengths = np.linalg.norm(slopes, axis=1)
     # A switch applies its whole change, however small: an engine's rounding may be the only cause.
     small = min(MIN_EFFECT, MIN_SWITCH_EFFECT * float(np.linalg.norm(defect)))
@@ -143,7 +143,7 @@ def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:
     chosen = whole
     if _floor(defect, uncertainty, whole) > RESOLVED[0]:
         kept = (uncertainty <= share * np.abs(defect).max() for share in RESOLVED)
-        stands_out = (one for one in kept if _floor(defect, uncertainty, one) <= STANDS_OUT)
+        stands_out = (one for one in kept if _floor(defect, uncertainty, one) <= MAX_VISIBLE_RATIO)
         chosen = next(stands_out, whole)
     size = float(np.linalg.norm(defect[chosen]))
     return Resolved(problem, chosen, uncertainty[chosen], size)
@@ -163,7 +163,7 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
 def _ranked(problem: Resolved, fits: list[Fit], slopes: Array, negligible: float) -> list[Fit]:
     """Sort fits, best first; among indistinguishable causes the most specific comes first."""
     best = min(fit.remaining for fit in fits)
-    tie_limit = max(NEGLIGIBLE, 3 * best, min(negligible, APART * best))
+    tie_limit = max(NEGLIGIBLE, 3 * best, min(negligible, DISTINCT_RATIO * best))
 
     def reading(fit: Fit) -> tuple[float, int, float]:
         level = tie_limit if fit.remaining <= tie_limit else fit.remaining

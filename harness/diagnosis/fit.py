@@ -14,17 +14,17 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 ITERATIONS = 8
 
-STALLED = 1e-3
+MIN_PROGRESS = 1e-3
 """Minimum share of the remaining discrepancy that a step must remove to continue."""
 
-HALVED = 0.2
+HALVING_TOLERANCE = 0.2
 """Relative distance of a step from half the previous one at which the step is doubled.
 
 Steps halve in this way near a number with zero slope at its right value.
 """
 
-BEHIND = 30.0
-FAR = 0.05
+MAX_FIT_RATIO = 30.0
+MAX_FIT_SHARE = 0.05
 """Limits for pursuing other fits once a cause is found: ratio of linear fits, and share left.
 
 Fits beyond both are not pursued. A linear fit may leave less than that share by
@@ -193,11 +193,11 @@ def refine(
     defect, last = residual(faults), np.zeros(len(members))
     for _ in range(iterations):
         step, *_ = np.linalg.lstsq(jacobian, defect, rcond=1e-12)
-        double = np.linalg.norm(2 * step - last) < HALVED * np.linalg.norm(last)
+        double = np.linalg.norm(2 * step - last) < HALVING_TOLERANCE * np.linalg.norm(last)
         share, last = 2.0 if double else 1.0, step
         before = float(np.linalg.norm(defect))
         tried, defect = _descended(residual, faults, defect, step * scales, share)
-        stalled = np.linalg.norm(defect) > (1 - STALLED) * before
+        stalled = np.linalg.norm(defect) > (1 - MIN_PROGRESS) * before
         moved = np.max(np.abs(tried - faults) / scales)
         faults = tried
         small = np.linalg.norm(defect) <= np.linalg.norm(problem.uncertainty)
@@ -289,6 +289,6 @@ def refine_each(problem: Resolved, tries: Sequence[Try], negligible: float) -> l
             problem, start.start, start.slopes, ITERATIONS if start.remaining <= limit else 1
         )
         if fit.remaining <= negligible:
-            limit = min(limit, max(BEHIND * start.remaining, FAR))
+            limit = min(limit, max(MAX_FIT_RATIO * start.remaining, MAX_FIT_SHARE))
         fits.append(fit)
     return fits

@@ -26,16 +26,16 @@ ALIKE = 1e-6
 PARALLEL = 1e-4
 """Limit of 1 - |cosine| above which two sensitivities are fitted as a pair."""
 
-FITTED = 4
+PAIRS_FITTED = 4
 """Number of pairs to fit at zero faults, and as many around the best single fault."""
 
-HALF = 0.5
+MAX_BASE_REMAINING = 0.5
 """Remaining share above which fits are not used as a base for other fits.
 
 Neither pairs around such a single fault nor alternatives to members of such a pair are sought.
 """
 
-SHORTLISTED = 40
+PAIRS_SHORTLISTED = 40
 """Number of pairs whose linear fit is evaluated to full accuracy."""
 
 
@@ -55,7 +55,7 @@ def pairs(
         negligible: negligible share of the discrepancy.
     """
     chosen, after, near = _around_nothing(problem, slopes, seen), slopes, list(seen)
-    if first.remaining <= HALF:
+    if first.remaining <= MAX_BASE_REMAINING:
         after = _slopes_at(problem, first, seen)
         near = [i for i in seen if np.any(after[i])]
         chosen += _around(problem, first, after, near)
@@ -64,7 +64,7 @@ def pairs(
     if not fits:
         return []
     best = min(fits, key=lambda f: f.remaining)
-    if best.remaining <= HALF and not set(first.members) <= set(best.members):
+    if best.remaining <= MAX_BASE_REMAINING and not set(first.members) <= set(best.members):
         after = _slopes_at(problem, best, seen)
         near = [i for i in seen if np.any(after[i])]
     tie_limit = max(negligible, 3 * best.remaining)
@@ -74,7 +74,7 @@ def pairs(
         return level, sum(hypothesis.rank for hypothesis in fit.hypotheses), fit.remaining
 
     ranked = sorted(fits, key=reading)
-    is_good = best.remaining <= HALF
+    is_good = best.remaining <= MAX_BASE_REMAINING
     alike = _stand_ins(problem.hypotheses, ranked[0], after, near) if is_good else ()
     tied = dict.fromkeys(alike)
     for other in ranked[1:]:
@@ -124,14 +124,14 @@ def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> li
     switches = np.array([problem.hypotheses[i].switch for i in chosen], dtype=bool)
     remaining = _left_by_pairs(defect, slopes[chosen], switches)
     tries = []
-    for place in np.argsort(remaining, axis=None)[:SHORTLISTED].tolist():
+    for place in np.argsort(remaining, axis=None)[:PAIRS_SHORTLISTED].tolist():
         row, column = divmod(place, len(chosen))
         if np.isfinite(remaining[row, column]):
             i, j = chosen[row], chosen[column]
             both = [problem.hypotheses[i], problem.hypotheses[j]]
             exact = left_linear(defect, both, slopes[[i, j]])
             tries.append(Try(exact, {i: 0.0, j: 0.0}, slopes))
-    return sorted(tries, key=lambda one: one.remaining)[:FITTED]
+    return sorted(tries, key=lambda one: one.remaining)[:PAIRS_FITTED]
 
 
 def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> Array:
@@ -171,7 +171,7 @@ def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) ->
         fitted = [problem.hypotheses[k] for k in free]
         remaining = left_linear(defect, fitted, after[free]) * first.remaining
         tries.append(Try(remaining, {**first.repair, j: 0.0}, after))
-    return sorted(tries, key=lambda one: one.remaining)[:FITTED]
+    return sorted(tries, key=lambda one: one.remaining)[:PAIRS_FITTED]
 
 
 def _stand_ins(

@@ -23,7 +23,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.samples import Samples
 
-TRIES = 4
+MAX_RUNS = 4
 """Maximum number of runs with an estimated law, each more accurate than the previous one."""
 
 MAX_UNEXPLAINED = 0.1
@@ -125,7 +125,7 @@ def run_followers(check: RobotTask, *, again: bool = True) -> FollowersRun:
         EngineError, BlownUpError: with the file.
     """
     best = FollowersRun(way=follow_robot(check, RUNGS_USED), followers=check.followers)
-    for _ in range(TRIES if again else 0):
+    for _ in range(MAX_RUNS if again else 0):
         seeming = _seeming(replace(check, followers=best.followers), best.way)
         if seeming is None:
             break

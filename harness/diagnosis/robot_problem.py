@@ -21,10 +21,10 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 
-NOTHING = 1e-13
+ROUNDING_CHANGE = 1e-13
 """Relative change of the ends that counts as rounding error."""
 
-BEND = 1e-2
+CURVED_NUDGE = 1e-2
 """Relative change of a number whose slope is negligible."""
 
 NEGLIGIBLE_SLOPE, MIN_CHORD_RATIO = 1e-4, 30.0
@@ -33,7 +33,7 @@ NEGLIGIBLE_SLOPE, MIN_CHORD_RATIO = 1e-4, 30.0
 A longer chord that is steeper by this ratio indicates curvature.
 """
 
-NEAR = 1e-4
+NEAR_ZERO_FAULT = 1e-4
 """Relative faults below which slopes are those of no fault, to four digits."""
 
 Faults = Mapping[int, float]
@@ -114,7 +114,7 @@ class RobotProblem:
         there, and of the linear problem here.
         """
         indices = range(len(self.suspicions)) if indices is None else indices
-        if all(abs(by) <= NEAR * self.hypotheses[i].size for i, by in faults.items()):
+        if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
             return np.stack([self._or_none(self.effect(index)) for index in indices])
         rows = np.zeros((len(indices), self.apart.size))
         flow = self._flow(self._values(faults))
@@ -163,7 +163,7 @@ class RobotProblem:
         near = self._chord(flow, faults, index, NUDGE)
         if near is None or np.max(np.abs(near)) * self.hypotheses[index].size >= NEGLIGIBLE_SLOPE:
             return near
-        far = self._chord(flow, faults, index, BEND)
+        far = self._chord(flow, faults, index, CURVED_NUDGE)
         is_curved = far is not None and np.max(np.abs(far)) > MIN_CHORD_RATIO * np.max(np.abs(near))
         return far if is_curved else near
 
@@ -182,7 +182,7 @@ class RobotProblem:
             except ReferenceError:
                 continue
             slope: Array = self.way * by.ravel() / step
-            return np.zeros_like(slope) if np.max(np.abs(by)) <= NOTHING else slope
+            return np.zeros_like(slope) if np.max(np.abs(by)) <= ROUNDING_CHANGE else slope
         return None
 
     def _defect(self, values: Mapping[int, float]) -> Array:

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 
-LISTED = 4
+MAX_NAMED_ELEMENTS = 4
 """Maximum number of elements that are named if all their numbers are ignored."""
 
 _MOMENTS = re.compile(r".*/inertia@\w+")
@@ -56,7 +56,7 @@ def _dropped(numbers: Numbers) -> Iterator[FileHypothesis]:
         hypothesis = Hypothesis(
             id=CauseId(
                 kind="dropped",
-                subject=_named(elements, name) if len(elements) <= LISTED else several,
+                subject=_named(elements, name) if len(elements) <= MAX_NAMED_ELEMENTS else several,
             ),
             value=0.0,
             size=1.0,

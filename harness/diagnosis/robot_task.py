@@ -35,7 +35,7 @@ from physics_crosscheck.reference.solving.samples import Samples
 STATES = 24
 """Segments of a diagnosis; almost each number affects nearly all of them."""
 
-FITTED = 16
+NUMBERS_FITTED = 16
 """Single numbers to fit: some numbers of a robot have zero slope at their right value."""
 
 LARGE_ROBOT_DOF, LARGE_ROBOT_STATES, LARGE_ROBOT_FITS = 16, 12, 8
@@ -226,7 +226,7 @@ def _ranked(
     else:
         apart, uncertainty = _apart(run, task.task)
         problem = known_problem.with_discrepancy(apart)
-    fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else FITTED
+    fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else NUMBERS_FITTED
     return diagnose(problem, uncertainty, fits), problem
 
 
