@@ -1,1 +1,1 @@
-"""Issues, causes and next steps: what terminal, page, pytest and code hosts report."""
+"""Issues, causes and next steps for the terminal, the report, pytest and code hosts."""

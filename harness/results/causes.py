@@ -1,4 +1,4 @@
-"""The causes that a diagnosis finds, in sentences: the same in the terminal, report and pytest."""
+"""Diagnosed causes as sentences, the same in the terminal, the report and pytest."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from physics_crosscheck.harness.records.cause import IN_FILE, Cause, digits_know
 from physics_crosscheck.harness.records.finding import Explanation
 
 SWITCHES = ("axis", "default", "exchange", "dropped")
-"""Kinds that have no number: they hold or don't."""
+"""Kinds of causes without a fitted number."""
 
 BEGIN_WITH_AUDIT = (
     "no single cause or pair of causes explains the motions; start with the audit findings"
 )
-"""For a model with `unexplained_findings`, instead of the cause with the smallest residual."""
+"""Text for a model with `unexplained_findings`, instead of the cause with the smallest residual."""
 
 
 def cause_sentences(explanation: Explanation) -> list[str]:
-    """Return an explanation in words: a sentence a cause, its residual and its rivals."""
+    """Return one sentence per cause of an explanation, its residual and its alternatives."""
     tail = f"residual {explanation.remaining:.1e} of the discrepancy"
     if explanation.tied_with:
         others = ", ".join(map(str, explanation.tied_with))
@@ -25,7 +25,7 @@ def cause_sentences(explanation: Explanation) -> list[str]:
 
 
 def brief_cause(cause: Cause) -> str:
-    """Return a cause in words, without its place and its standard error."""
+    """Describe a cause without its place and its standard error."""
     value = _digits(cause.estimate)
     if cause.estimate is not None and cause.standard_error is not None:
         value = digits_known(cause.estimate, cause.standard_error)

@@ -1,4 +1,4 @@
-"""Coverage of a model by its verdict, in a line."""
+"""Coverage of a model and its verdict on one line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.harness.results.status import counted
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:
-    """Return a line a model; models with the same coverage share one."""
+    """Return one line per model; models with the same coverage share a line."""
     said: dict[str, list[str]] = {}
     for model in models:
         if line := coverage_line(model):
@@ -22,7 +22,7 @@ def coverage_lines(models: Iterable[Model]) -> list[str]:
 
 
 def coverage_summary(models: Iterable[Model]) -> str:
-    """Return how many numbers of the files were tested, each file in its best engine."""
+    """Return how many numbers of the files were tested; each file counts in its best engine."""
     best: dict[tuple[str, str], Coverage] = {}
     for model in models:
         one, key = model.coverage, (model.folder, model.model)
@@ -35,7 +35,7 @@ def coverage_summary(models: Iterable[Model]) -> str:
 
 
 def left_out(models: Iterable[Model]) -> list[str]:
-    """Return a line for each robot file of which something is not compared."""
+    """Return one line per robot file with parts that are not compared."""
     told = {
         model.folder: ", ".join(model.coverage.left_out)
         for model in models
@@ -46,12 +46,12 @@ def left_out(models: Iterable[Model]) -> list[str]:
 
 
 def refused(results: Results) -> list[str]:
-    """Return a line for each engine that refuses a robot file which others judge."""
+    """Return one line per engine that rejects a robot file which other engines judge."""
     return [f"{case.id}: refused: {case.reason}" for case in results.refusals]
 
 
 def coverage_line(model: Model, *, examples: bool = False) -> str:
-    """Return which numbers were tested, which poses compared, and what no motion reaches."""
+    """Return the numbers tested, the poses compared, and the numbers without effect on motion."""
     parts = []
     if model.coverage is not None:
         if model.coverage.numbers or model.coverage.note:
@@ -67,7 +67,7 @@ def coverage_line(model: Model, *, examples: bool = False) -> str:
 
 
 def numbers_seen(coverage: Coverage, examples: bool) -> str:
-    """Return how many numbers were tested, by what, and why the others were not."""
+    """Return how many numbers each kind of test covered, and why the others are untested."""
     if coverage.note:
         return f"numbers not counted: {coverage.note}"
     by: Mapping[str, int] = {

@@ -1,4 +1,4 @@
-"""Failures in words, as pytest and the function API print them."""
+"""Failure messages of pytest and the function API."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from physics_crosscheck.harness.results.visible import visible_lines
 def failure_message(
     record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
 ) -> str:
-    """Return what a failing test prints: cause, verdict, numbers, and the engine's output."""
+    """Return the message of a failing test: cause, verdict, numbers, and the engine's output."""
     if isinstance(record, Model):
         findings = audit_lines(record.findings)
         code = part_code() if record.failures else ""
         title = with_code(code, f"audit: {decision.reason}")
         return _visible("\n".join([title, *(f"  {text}" for text in findings)]))
     agrees = record.outcome is Outcome.AGREES
-    # What agrees may fail a project's demands.
+    # A case that agrees can still fail the project's own requirements.
     code = "" if diagnosis is not None and diagnosis.explained else record.code
     lines = [with_code(code, f"{record.outcome}{', but' if agrees else ':'} {decision.reason}")]
     numbers = figures(record)
@@ -43,13 +43,13 @@ def failure_message(
 
 
 def _visible(text: str) -> str:
-    """Return lines without control characters and without workflow commands of GitHub."""
+    """Remove control characters and GitHub workflow commands from lines."""
     lines = visible_lines(text)
     return "\n".join(map(plain_line, lines) if on_github(os.environ) else lines)
 
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
-    """Return the first explanation of a diagnosis in words, or why no cause was found."""
+    """Return the first explanation of a diagnosis, or why no cause was found."""
     if not diagnosis.explanations:
         return [f"no cause found: {diagnosis.failure or 'no tried cause explains it'}"]
     best = diagnosis.explanations[0]
@@ -64,7 +64,7 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
 def in_brief(
     record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
 ) -> tuple[str, SourceLine | None]:
-    """Return a failure in one line for pytest's short summary, and its line if known."""
+    """Return a failure in one line for pytest's short summary, and its source line if known."""
     if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
         lines = [one for cause in diagnosis.explanations[0].causes for one in cause.locations]
         brief = _visible(f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}")

@@ -1,4 +1,4 @@
-"""The audit's findings as lines for a terminal."""
+"""Audit findings as lines for a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.harness.results.places import shown_path
 
 
 def survey_lines(findings: Iterable[AuditFinding], left_out: Sequence[str]) -> list[str]:
-    """Return the lines of a file that was read alone, without a comparison of its numbers."""
+    """Return the lines of a file that was read without a comparison of its numbers."""
     lines = audit_lines(findings, success="ok: no inertia or sign is implausible")
     skipped = [f"{'note':<8} left out: {', '.join(left_out)}"] if left_out else []
     return [*lines, *skipped]
@@ -24,7 +24,7 @@ def audit_lines(
     notes: bool = True,
     success: str = "ok: literals and compiled terms match the equations",
 ) -> list[str]:
-    """A line for each: findings first, notes after them, each with its file and line."""
+    """Return one line per finding, then one per note, each with its file and line."""
     known = list(findings)
     lines = []
     for severity in ("finding", "note") if notes else ("finding",):

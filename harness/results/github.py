@@ -1,4 +1,4 @@
-"""GitHub's annotations and step summary: what a person sees on a pull request.
+"""GitHub annotations and step summary, shown on a pull request.
 
 Workflow commands: https://docs.github.com/actions/reference/workflow-commands-for-github-actions
 """
@@ -28,31 +28,31 @@ from physics_crosscheck.harness.results.places import placed, shown_line
 from physics_crosscheck.harness.results.visible import visible
 
 MOST = 10
-"""Annotations that GitHub shows of a step and level."""
+"""Maximum number of annotations that GitHub shows per step and level."""
 
 MOST_SUMMARY = 1024 * 1024
-"""Bytes that a step's summary may have; GitHub drops one that has more."""
+"""Maximum size of a step summary in bytes; GitHub drops a longer one."""
 
 _CUT = "\n\n(cut: the rest is in the artifacts)\n"
 _LONGEST = 4000
 
 
 _RANKS = (Outcome.FAILED, Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED, Outcome.ABSENT)
-"""What is annotated, worst first."""
+"""Annotated outcomes, worst first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Annotation:
-    """A note at a place.
+    """An annotation at a place.
 
     Attributes:
         level: `error`, `warning` or `notice`.
-        code: message code; empty where none is known.
-        file: that it is about.
-        line: in it, counted from 1; None where the whole file is meant.
-        locations: all that are known, the first of them at that line.
-        changes: of numbers in files, which set right what the note is about.
-        model: whose files these are.
+        code: message code; empty if there is none.
+        file: the annotated file.
+        line: line in the file, counted from 1; None for the whole file.
+        locations: all known locations; the first one is at `line`.
+        changes: changes of numbers in files that fix the problem.
+        model: the model that the files belong to.
     """
 
     level: str
@@ -66,7 +66,7 @@ class Annotation:
     model: Model | None = None
 
     def command(self, root: Path) -> str:
-        """The workflow command, its file relative to the repository's root where it is inside."""
+        """Return the workflow command; paths inside the repository are relative."""
         path = self.file.resolve()
         inside = path.relative_to(root) if path.is_relative_to(root) else path
         where = f"file={_property(inside.as_posix())}"
@@ -77,12 +77,12 @@ class Annotation:
 
 
 def run_notes(results: Results) -> list[Annotation]:
-    """What a run found, each thing once: cases, audits, and what could not be done of a model."""
+    """Return one annotation per distinct problem: cases, audits and failures of a model."""
     return [*case_notes(results), *_audit_notes(results), *_failure_notes(results)]
 
 
 def _audit_notes(results: Results) -> Iterator[Annotation]:
-    """Each finding of a model file, at its line where it is in one."""
+    """Yield one annotation per audit finding, at its line if it has one."""
     for alike in audited_alike(one for one in results.models if not one.accepted):
         model = alike[0]
         for finding in model.findings:
@@ -102,7 +102,7 @@ def _audit_notes(results: Results) -> Iterator[Annotation]:
 
 
 def _failure_notes(results: Results) -> Iterator[Annotation]:
-    """What could not be done of a model, and no case tells."""
+    """Yield failures of a model that none of its cases reports."""
     for model, what, why in untold_failures(results):
         title = f"{Outcome.FAILED} {what} of {model.id}"
         place = model.folder, model.model
@@ -112,12 +112,12 @@ def _failure_notes(results: Results) -> Iterator[Annotation]:
 
 
 def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -> Annotation:
-    """An annotation at the first line that is known.
+    """Build an annotation at the first known line.
 
     Args:
         place: folder and model file.
-        blamed: what it is about, as far as it is known.
-        fields: the rest of the annotation.
+        blamed: source lines of the problem, as far as they are known.
+        fields: the other fields of the annotation.
     """
     folder = Path(place[0])
     file = folder if folder.is_file() else folder / place[1]
@@ -130,7 +130,7 @@ def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -
 
 
 def case_notes(results: Results) -> list[Annotation]:
-    """An annotation for each model of a run that does not agree, worst first, at its cause."""
+    """Return one annotation per model that does not agree, worst first, at its cause."""
     bad = [case for case in results.cases if case.outcome in _RANKS and not case.accepted]
     bad.sort(key=lambda case: (_RANKS.index(case.outcome), -_discrepancy(case)))
     worst: dict[tuple[str, str, str], Case] = {}
@@ -140,9 +140,9 @@ def case_notes(results: Results) -> list[Annotation]:
 
 
 def case_note(case: Case, model: Model | None) -> Annotation:
-    """The annotation of a case that does not agree, at the line of the diagnosed cause.
+    """Return the annotation of a case that does not agree, at the line of the diagnosed cause.
 
-    Where no cause explains it, the first line that the audit finds something wrong in.
+    Without a diagnosed cause, use the line of the first audit finding.
     """
     message, blamed = case.reason, list(case.locations)
     diagnosis, code = model.diagnosis if model else None, case.code
@@ -154,7 +154,7 @@ def case_note(case: Case, model: Model | None) -> Annotation:
         code = best.causes[0].code
         changes = changes_of(model)
         if len(changes) < len(best.causes):
-            changes = []  # half a cause is no remedy
+            changes = []  # one of two causes alone does not fix the model
     elif model and (found := model.unexplained_findings):
         message = f"{found[0].message}: {message}"
         blamed = [one.location for one in found if one.location is not None]
@@ -175,19 +175,19 @@ def _discrepancy(case: Case) -> float:
 
 
 def in_ci(environment: Mapping[str, str] | None = None) -> bool:
-    """Whether this runs in continuous integration: CI or GITHUB_ACTIONS is set, and says so."""
+    """Return whether CI or GITHUB_ACTIONS is set to a true value."""
     given = os.environ if environment is None else environment
     off = ("", "0", "false", "no", "off")
     return any(given.get(name, "").strip().lower() not in off for name in ("CI", "GITHUB_ACTIONS"))
 
 
 def on_github(environment: Mapping[str, str]) -> bool:
-    """Return whether what is printed is a log that GitHub reads for workflow commands."""
+    """Return whether the output is a log that GitHub searches for workflow commands."""
     return environment.get("GITHUB_ACTIONS", "").lower() == "true"
 
 
 def commands(found: Sequence[Annotation], environment: Mapping[str, str]) -> list[str]:
-    """Lines for a log on GitHub: at most ten, the first ones; none elsewhere."""
+    """Return the first ten workflow commands on GitHub; an empty list elsewhere."""
     if not on_github(environment):
         return []
     root = Path(environment.get("GITHUB_WORKSPACE") or Path.cwd()).resolve()
@@ -195,21 +195,21 @@ def commands(found: Sequence[Annotation], environment: Mapping[str, str]) -> lis
 
 
 def plain_line(line: str) -> str:
-    """A line for a log that GitHub takes for no workflow command, whatever names stand in it."""
+    """Change a line so that no name in it makes GitHub read it as a workflow command."""
     shown = line.replace("##[", "## [")
     return f"| {shown}" if shown.lstrip().startswith("::") else shown
 
 
 def harmless_json(text: str) -> str:
-    """JSON of the same value, in which a log of GitHub's finds no workflow command."""
+    """Return equivalent JSON in which GitHub finds no workflow command."""
     return text.replace("##[", "##\\u005b")
 
 
 class LogStream(io.TextIOBase):
-    """A stream to a log of GitHub, in which no line is a command but those that are meant.
+    """A stream to a GitHub log in which only intended lines are workflow commands.
 
     Attributes:
-        inner: the stream that it writes to, whole lines at a time.
+        inner: the stream to write to, in whole lines.
     """
 
     def __init__(self, inner: TextIO) -> None:
@@ -217,15 +217,15 @@ class LogStream(io.TextIOBase):
         self._begun, self._within = "", False
 
     def isatty(self) -> bool:
-        """Return whether a person reads it."""
+        """Return whether the inner stream is a terminal."""
         return self.inner.isatty()
 
     def fileno(self) -> int:
-        """Return the file that it writes to."""
+        """Return the descriptor of the inner stream."""
         return self.inner.fileno()
 
     def write(self, text: str) -> int:
-        """Write the lines that are whole."""
+        """Write the complete lines."""
         *whole, self._begun = (self._begun + text).split("\n")
         for line in whole:
             self.inner.write(f"{self._plain(line)}\n")
@@ -233,19 +233,19 @@ class LogStream(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        """Write what is begun as well, unless more of it may make it a command."""
+        """Write an incomplete line too, unless more text could turn it into a command."""
         begun = self._begun
         if begun.strip() not in ("", ":") and not begun.endswith("#"):
             self._write_begun()
         self.inner.flush()
 
     def end(self) -> None:
-        """Write all that is left."""
+        """Write the remaining text."""
         self._write_begun()
         self.inner.flush()
 
     def command(self, line: str) -> None:
-        """Write a command of ours, at the beginning of a line."""
+        """Write an intended workflow command at the start of a line."""
         if self._begun or self._within:
             self.write("\n")
         self.inner.write(f"{line}\n")
@@ -256,13 +256,13 @@ class LogStream(io.TextIOBase):
         self._begun = ""
 
     def _plain(self, line: str) -> str:
-        first, *rest = line.split("\r")  # which ends a line there too
+        first, *rest = line.split("\r")  # also ends a line in the log
         first = first.replace("##[", "## [") if self._within else plain_line(first)
         return "\r".join([first, *map(plain_line, rest)])
 
 
 def print_commands(lines: Iterable[str]) -> None:
-    """Print workflow commands, which a log of GitHub's is to take for such."""
+    """Print workflow commands that GitHub must execute."""
     for line in lines:
         if isinstance(sys.stdout, LogStream):
             sys.stdout.command(line)
@@ -272,9 +272,9 @@ def print_commands(lines: Iterable[str]) -> None:
 
 @contextmanager
 def plain_logs() -> Iterator[None]:
-    """Keep workflow commands that names contain out of the standard streams meanwhile.
+    """Keep workflow commands in names out of the standard streams within this context.
 
-    A regular file is no log, and gets every character as it is.
+    A regular file is not a log and gets every character unchanged.
     """
     kept = sys.stdout, sys.stderr
     logs = [LogStream(stream) for stream in kept]
@@ -293,15 +293,15 @@ def plain_logs() -> Iterator[None]:
 def _is_file(stream: TextIO) -> bool:
     try:
         return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
-    except (OSError, ValueError):  # nothing that has a file
+    except (OSError, ValueError):  # no file descriptor
         return False
 
 
 def write_summary(text: str, environment: Mapping[str, str]) -> None:
-    """Append to the step's summary, where there is one, cut to what it may hold.
+    """Append to the step summary if there is one, truncated to GitHub's size limit.
 
     Raises:
-        OSError: as the file system has it.
+        OSError: if the file can't be written.
     """
     name = environment.get("GITHUB_STEP_SUMMARY")
     if not name:

@@ -1,4 +1,4 @@
-"""Groups of what does not agree: each thing once, however many cases it affects."""
+"""Issues of a run: each problem once, with all cases that it affects."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from physics_crosscheck.harness.records.results import Results
 
 @dataclass(frozen=True)
 class Trouble:
-    """Cases that have the same thing wrong: the worst, and the others."""
+    """Cases with the same problem: the worst one, and the others."""
 
     worst: Case
     others: tuple[Case, ...]
 
 
 def troubles(cases: Iterable[Case]) -> list[Trouble]:
-    """Cases that don't agree and weren't accepted, worst first.
+    """Group cases that don't agree and weren't accepted, worst first.
 
-    Those of a model file that differ are together, and so are those of one kind in one component,
-    or of one reason where a case names no kind.
+    Cases of one model file that differ form a group. So do cases with the same kind of difference
+    in one component, and cases without a kind but with the same reason.
     """
     found: dict[Hashable, list[Case]] = {}
     amiss = [c for c in cases if c.outcome is not Outcome.AGREES and not c.accepted]
@@ -34,7 +34,7 @@ def troubles(cases: Iterable[Case]) -> list[Trouble]:
 
 
 def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
-    """Models whose motions have a diagnosis, those of one file and the same causes together."""
+    """Group models that have a diagnosis by file and causes."""
     found: dict[Hashable, list[Model]] = {}
     for model in models:
         if (diagnosis := model.diagnosis) is None:
@@ -47,7 +47,7 @@ def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
 
 
 def audited_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
-    """Models with findings, those of one file and the same findings together."""
+    """Group models that have findings by file and findings."""
     found: list[list[Model]] = []
     for model in models:
         if model.findings:
@@ -67,12 +67,12 @@ def _same_findings(one: Model, other: Model) -> bool:
 
 
 def _is_like(one: AuditFinding, other: AuditFinding) -> bool:
-    """Whether one message is right for both: numbers that it alone has must be the same."""
+    """Return whether one message fits both: the numbers that only one contains must be equal."""
     return one.is_like(other, SAME) and (one.found is not None or one.message == other.message)
 
 
 def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
-    """What could not be done of a model, and why, but for what its cases say already."""
+    """Return failures of models and their reasons, without those that the cases report."""
     told: dict[ModelKey, set[str]] = {}
     for case in results.cases:
         told.setdefault(case.key, set()).add(case.reason)
@@ -98,6 +98,6 @@ def _worst_first(case: Case) -> tuple[int, float]:
 
 
 def named_models(alike: Sequence[Model]) -> str:
-    """A model file, and the engines that it is meant in."""
+    """Return a model file and the engines that it is used in."""
     engines = ", ".join(model.engine for model in alike)
     return f"{alike[0].system}/{alike[0].model} [{engines}]"

@@ -1,7 +1,7 @@
 """Pages of the message codes: for a terminal, and as Markdown in `docs/messages/`.
 
 `python -m physics_crosscheck.harness.results.messages docs/messages` writes all pages; a test fails
-where they are not current.
+if they are out of date.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ Every message of crosscheck has a code. Look it up here, or print its page with
 
 
 def find_code(word: str) -> Code | None:
-    """Return the message of a code or a name, in upper or lower case; None for others."""
+    """Return the message of a code or name in any case; None for an unknown one."""
     return CODES.get(word.upper()) or next(
         (one for one in CODES.values() if one.name == word.lower()), None
     )
 
 
 def with_code(code: str, text: str) -> str:
-    """Return a message with its code in front, where it has one."""
+    """Put a message's code in front of it, if it has one."""
     return f"{code} {text}" if code else text
 
 
 def explain_hint(codes: Iterable[str]) -> str:
-    """Return the last line of an output with messages; empty where none of them has a code."""
+    """Return the last line of an output with messages; empty if none has a code."""
     first = next(filter(None, codes), "")
     return f"Explain a code: crosscheck explain {first}" if first else ""
 
 
 def similar_codes(word: str) -> list[str]:
-    """Return codes and names that a misspelled word may mean, closest first."""
+    """Return codes and names similar to a misspelled word, closest first."""
     names = difflib.get_close_matches(word.lower(), [one.name for one in CODES.values()])
     return [*difflib.get_close_matches(word.upper(), CODES), *names]
 
@@ -73,7 +73,7 @@ def pages() -> dict[str, str]:
 
 
 def code_lines(one: Code, width: int) -> Iterator[str]:
-    """Yield the page of a message for a terminal of so many columns."""
+    """Yield the page of a message for a terminal of the given width in columns."""
     yield f"{one.code} {one.name}: {one.title}"
     for title, text in (("Meaning", one.cause), ("Example", ""), ("What to do", one.remedy)):
         yield f"\n{title}"
@@ -82,7 +82,7 @@ def code_lines(one: Code, width: int) -> Iterator[str]:
 
 
 def list_lines(width: int) -> Iterator[str]:
-    """Yield all codes with their titles, by group, for a terminal of so many columns."""
+    """Yield all codes with their titles, by group, for a terminal of the given width in columns."""
     for prefix, title in GROUPS.items():
         yield f"{title} ({prefix}xx)"
         for one in CODES.values():
@@ -94,7 +94,7 @@ def list_lines(width: int) -> Iterator[str]:
 
 
 def main(folder: Path) -> None:
-    """Write every page into a folder, and remove those of codes that no longer exist."""
+    """Write every page into a folder, and remove the pages of deleted codes."""
     folder.mkdir(parents=True, exist_ok=True)
     wanted = pages()
     for path in folder.glob("*.md"):

@@ -1,4 +1,4 @@
-"""The changes of files that a run proposes, and the command that checks them."""
+"""Proposed changes of files, and the command that checks them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ DEFAULT_OUT = Path("reports")
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A number of a file, or copies of one, that is to be another.
+    """A proposed change of a number in a file, or of its copies.
 
     Attributes:
-        subject: its address, or theirs.
-        locations: its place, or theirs, with paths from where one stands.
-        old: the number that is there.
-        new: the text to write at each location.
+        subject: address of the number or of its copies.
+        locations: locations of the copies, with paths relative to the working folder.
+        old: current number.
+        new: text to write at each location.
     """
 
     subject: tuple[str, ...]
@@ -38,7 +38,7 @@ class Change:
 
 
 def run_again(results: Results, out: Path) -> str:
-    """The command that tells whether a change has helped; empty where all passes."""
+    """Return the command that checks a change; empty if everything passes."""
     if not results.failed:
         return ""
     there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
@@ -46,7 +46,7 @@ def run_again(results: Results, out: Path) -> str:
 
 
 def changes_of(model: Model) -> list[Change]:
-    """The numbers in files that explain a model's motions; none where nothing does."""
+    """Return the changes of numbers in files that explain a model's motions, if any."""
     if model.diagnosis is None or not model.diagnosis.explained:
         return []
     return [
@@ -62,11 +62,11 @@ def changes_of(model: Model) -> list[Change]:
 
 
 def stated_changes(model: Model, findings: Iterable[AuditFinding] | None = None) -> list[Change]:
-    """The numbers in files that are others than their bindings say, by reading alone.
+    """Return changes of numbers that differ from their bindings, found without motion.
 
     Args:
-        model: its record.
-        findings: of the model; all where none are given.
+        model: record of the model.
+        findings: findings to use; None: all findings of the model.
     """
     return [
         Change(

@@ -1,4 +1,4 @@
-"""Places of files as a person is told them: from where one stands."""
+"""Paths of files relative to the working folder."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from physics_crosscheck.harness.records.finding import Explanation
 
 
 def shown_path(path: str | Path) -> str:
-    """A path from where one stands, if it lies below; else as it is."""
+    """Return a path relative to the working folder if it is inside; otherwise unchanged."""
     here, whole = Path.cwd(), Path(os.path.abspath(path))
     return str(whole.relative_to(here) if whole.is_relative_to(here) else path)
 
 
 def shown_line(folder: str, where: SourceLine) -> SourceLine:
-    """A line of a model's file, with the path from where one stands."""
+    """Return a line of a model's file, with its path relative to the working folder."""
     place = Path(folder)
     beside = (place if place.is_dir() else place.parent) / Path(where.file).name
     return replace(where, file=shown_path(beside)) if beside.is_file() else where
 
 
 def is_spelled(where: SourceLine, name: str, data: bytes) -> bool:
-    """Return whether a location is of the file so named, and its text is still in its span.
+    """Return whether a location is in the named file and its span still has its text.
 
     Args:
         where: the location.
-        name: of a model file or its sidecar, without folders.
-        data: the bytes of that file.
+        name: name of a model file or its sidecar, without folders.
+        data: content of that file.
     """
     folder, found = where.file.removesuffix(name), where.file.endswith(name)
     if where.span is None or not found or folder[-1:] not in ("", "/", "\\"):
@@ -40,11 +40,11 @@ def is_spelled(where: SourceLine, name: str, data: bytes) -> bool:
 
 
 def column(where: SourceLine, text: str) -> int:
-    """Return the first character of a location's span in its line, counted from 1.
+    """Return the column of a location's first character, counted from 1.
 
     Args:
-        where: a location that is spelled in the text.
-        text: of its file.
+        where: a location whose text is still in the file.
+        text: text of the file.
     """
     assert where.span is not None
     before = text.encode()[: where.span[0]].decode(errors="replace").removeprefix("\ufeff")
@@ -52,7 +52,7 @@ def column(where: SourceLine, text: str) -> int:
 
 
 def placed(explanation: Explanation, folder: str) -> Explanation:
-    """An explanation whose lines have paths from where one stands."""
+    """Return an explanation whose lines have paths relative to the working folder."""
     causes = tuple(
         replace(cause, locations=tuple(shown_line(folder, one) for one in cause.locations))
         for cause in explanation.causes

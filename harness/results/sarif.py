@@ -1,4 +1,4 @@
-"""What a run found as SARIF 2.1.0, which code hosts and editors show at the lines it is about.
+"""Results of a run as SARIF 2.1.0, which code hosts and editors show at source lines.
 
 https://docs.oasis-open.org/sarif/sarif/v2.1.0/sarif-v2.1.0.html
 """
@@ -26,7 +26,7 @@ SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema
 
 
 def sarif(results: Results) -> str:
-    """Return the JSON of a log with one run, whose files are relative to the working folder."""
+    """Return the JSON of a log with one run, with paths relative to the working folder."""
     notes = run_notes(results)
     codes = sorted({note.code for note in notes})
     driver: dict[str, object] = {"name": "crosscheck", "rules": [_rule(CODES[c]) for c in codes]}
@@ -71,7 +71,7 @@ def page_address(code: str) -> str:
 
 
 def _result(note: Annotation, codes: Sequence[str]) -> dict[str, object]:
-    """A result at all its places where each must change, else at the first with the rest beside."""
+    """Return a result with all locations if each must change, else the first and related ones."""
     artifact = {"artifactLocation": {"uri": _uri(note.file)}}
     places = list(_places(note)) or [{"physicalLocation": artifact}]
     count = len(places) if note.changes else 1
@@ -90,7 +90,7 @@ def _result(note: Annotation, codes: Sequence[str]) -> dict[str, object]:
 
 
 def _places(note: Annotation) -> Iterator[dict[str, object]]:
-    """The locations that are known, each once."""
+    """Yield each known location once."""
     seen: list[object] = []
     for where in note.locations:
         region = _region(where, note.model) or {"startLine": where.line}
@@ -101,7 +101,7 @@ def _places(note: Annotation) -> Iterator[dict[str, object]]:
 
 
 def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | None:
-    """All replacements together; None where a file no longer has the text of one."""
+    """Return all replacements as one fix; None if a file no longer contains an old text."""
     files: dict[str, list[object]] = {}
     told = []
     for change in changes:
@@ -124,7 +124,7 @@ def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | 
 
 
 def _region(where: SourceLine, model: Model | None) -> dict[str, object] | None:
-    """The characters of a number; None where the model's files have no such text there."""
+    """Return the span of a number; None if the model's files lack this text at the location."""
     if model is None:
         return None
     for name, text in ((model.model, model.text), (f"{model.model}.toml", model.sidecar)):
@@ -139,7 +139,7 @@ def _region(where: SourceLine, model: Model | None) -> dict[str, object] | None:
 
 
 def _message(text: str) -> str:
-    """A plain text message in which nothing is a link or a placeholder (sections 3.11.5, 6)."""
+    """Return a plain text message without links and placeholders (sections 3.11.5, 6)."""
     text = "".join(c if c == "\n" else visible(c) for c in text)
     return re.sub(r"([{}])", r"\1\1", text.replace("](", "] ("))
 

@@ -1,4 +1,4 @@
-"""How a test of a case or an audit ends, and numbers as every text writes them."""
+"""Status of a test of a case or an audit, and number formats of all texts."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class TestStatus(StrEnum):
-    """How the test of a case or an audit ends."""
+    """Status of the test of a case or an audit."""
 
-    __test__ = False  # its name makes pytest take it for tests
+    __test__ = False  # keep pytest from collecting this class
 
     PASS = "pass"
     FAIL = "fail"
@@ -23,7 +23,7 @@ class TestStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Decision:
-    """How a test ends, and the sentence that says why; empty for a pass."""
+    """Status of a test, and its reason; empty for a pass."""
 
     status: TestStatus
     reason: str
@@ -36,15 +36,15 @@ def status_of(
     demands: Sequence[str] = (),
     judged_by: Sequence[str] = (),
 ) -> Decision:
-    """Decide the test of a case, or of a model's audit.
+    """Decide the test status of a case or of a model's audit.
 
-    What was accepted passes whatever was found, a crash apart.
+    An accepted result passes unless it is a crash.
 
     Args:
         record: the case, or the model with its audit.
         require_engines: whether an engine that is not installed is a failure.
-        demands: what the project asks beyond agreement, and this case does not meet.
-        judged_by: other engines that have a verdict on the robot file that this engine refuses.
+        demands: the project's further requirements that this case does not meet.
+        judged_by: other engines with a verdict on the robot file that this engine rejects.
     """
     if isinstance(record, Model):
         if record.passes:
@@ -67,9 +67,9 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     """Return a count with its noun: `1 finding`, `2 findings`, `2 bodies`.
 
     Args:
-        number: how many.
-        noun: of one.
-        plural: of several; empty: the noun with an s.
+        number: the count.
+        noun: singular.
+        plural: plural; empty: the noun with an s.
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 

@@ -1,15 +1,15 @@
-"""Text as a person is to see it: nothing in a name may write to a terminal, or turn it around."""
+"""Text without invisible or dangerous characters, such as terminal controls in names."""
 
 from __future__ import annotations
 
 import unicodedata
 
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
-"""Characters that change the direction of what is shown (Unicode's bidirectional controls)."""
+"""Characters that change the direction of text (Unicode's bidirectional controls)."""
 
 
 def odd_name(name: str) -> str | None:
-    """What a name has in it that no name of a file here may have; None where it is in order."""
+    """Return the forbidden part of a file name; None for a valid name."""
     for c in name:
         if c in _TURNING:
             return f"a character that turns the text around ({c!a})"
@@ -22,12 +22,12 @@ def odd_name(name: str) -> str | None:
 
 
 def visible(text: str) -> str:
-    """A text in which what no name may have is escaped, line ends too."""
+    """Escape forbidden characters of a text, including line ends."""
     if text.isprintable():
         return text
     return "".join(ascii(c)[1:-1] if odd_name(c) else c for c in text)
 
 
 def visible_lines(text: str) -> list[str]:
-    """The lines of a text, each as above; tabs are spaces."""
+    """Split a text into lines, each escaped as by `visible`, with tabs as spaces."""
     return [visible(line) for line in text.expandtabs().splitlines()]

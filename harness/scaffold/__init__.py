@@ -1,1 +1,1 @@
-"""`crosscheck new`: a folder to begin from."""
+"""`crosscheck new`: create a folder with a commented system."""

@@ -1,4 +1,4 @@
-"""What a model file refers to, meshes and textures: copied along, at the same relative paths."""
+"""Meshes and textures of a model file, copied along with the same relative paths."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from physics_crosscheck.harness.modelfiles.reading import read_regular
 from physics_crosscheck.harness.scaffold.folder import NewError
 
 MEANT = (".py", ".pyc", ".toml")
-"""Endings that mean something in a system folder: no mesh may come in under them."""
+"""File endings with a meaning in a system folder; a mesh can't have one."""
 
 _SHAPES = ("mesh", "texture")
-"""Elements of a URDF whose files engines read; others name libraries of other programs."""
+"""URDF elements whose files engines read; other elements name libraries of other programs."""
 
 
 def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
-    """Relative path -> content of every file that a model file names, wherever an engine looks.
+    """Return relative path -> content of every file that a model file names, in all search paths.
 
     Raises:
-        NewError: for one that is not there, is no plain file, or not below the model's folder.
+        NewError: if a file is missing, not a regular file, or not below the model's folder.
     """
     source = SourceFile(model, data)
     try:
@@ -50,11 +50,11 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
 def _places(
     name: str, element: RawElement, compiler: Mapping[str, str], urdf: bool
 ) -> tuple[PurePosixPath, ...]:
-    """Where a file may be, beside the model.
+    """Return the possible paths of a file, relative to the model's folder.
 
-    An MJCF's is in the folder that its compiler is told, by its last part alone under `strippath`.
-    Of a URDF, some engines follow a `<compiler>` in an element of their own, as in an MJCF, and
-    others take the name from the URDF's own folder, without what `package://` is for.
+    For an MJCF, the compiler sets the folder; with `strippath`, only the last part of a name
+    counts. For a URDF, some engines follow a `<compiler>` in an element of their own, as in an
+    MJCF. Other engines resolve the name in the URDF's own folder, without `package://`.
     """
     key = "texturedir" if element.tag == "texture" else "meshdir"
     folder = compiler.get(key, compiler.get("assetdir", ""))
@@ -66,10 +66,10 @@ def _places(
 
 
 def _contents(folder: Path, places: tuple[PurePosixPath, ...], where: str) -> dict[str, bytes]:
-    """The files that are there, by place; an engine takes one of them.
+    """Return the content of the existing files, by path; an engine reads one of them.
 
     Raises:
-        NewError: where none is.
+        NewError: if none exists.
     """
     within = [path for path in places if not _leads_away(path)]
     found: dict[str, bytes] = {}

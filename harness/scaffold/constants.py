@@ -1,4 +1,4 @@
-"""The constants of a mechanism that is read from a file: names, sources, and their bindings."""
+"""Constants of a mechanism that is read from a file: names, sources and bindings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TAKEN = {
 }  # fmt: skip
 
 _LONGEST = 60
-"""Characters of an identifier: a line of system.py shall hold several."""
+"""Maximum length of an identifier in characters: a line of system.py must hold several."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +33,12 @@ class Row:
 
 @dataclass
 class Ledger:
-    """Issues a constant for every number that a model file states, and binds it to its place.
+    """Declares a constant for each number of a model file and binds it to its place.
 
-    `number` returns what to write for it in a formula: `-rod_z`, or `0` where it is nothing. One
-    number of the file may be several quantities: the damping that a class of joints has is a force
-    for a slide and a torque for a hinge. Each unit has a constant then, since no formula could hold
-    one number in two units. The place is bound to the first; `shared` has the others.
+    `number` returns the text for a formula: `-rod_z`, or `0` for a number without effect. One
+    number of the file can be several quantities: the damping of a class of joints is a force for a
+    slide and a torque for a hinge. Each unit then has its own constant, since a formula can't use
+    one number in two units. The place is bound to the first constant; `shared` lists the others.
     """
 
     file: Path
@@ -50,7 +50,7 @@ class Ledger:
     _issued: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def name(self, *parts: str) -> str:
-        """An identifier that nothing else has."""
+        """Return a unique identifier."""
         plain = re.sub(r"\W+", "_", "_".join(parts), flags=re.ASCII).strip("_")
         plain = plain[:_LONGEST].strip("_") or "x"
         if not plain.isidentifier() or keyword.iskeyword(plain):
@@ -70,10 +70,10 @@ class Ledger:
         address: str | None,
         degrees: bool = False,
     ) -> str:
-        """A formula for a number in SI units, which stands at `address` if that can be told.
+        """Return a formula for a number in SI units, which is stated at `address` if that is known.
 
         Raises:
-            NewError: for what is no finite number.
+            NewError: if the number is not finite.
         """
         if not math.isfinite(value):
             raise NewError(f"{self.file}: {what} is {value}; expected a finite number")
@@ -103,7 +103,7 @@ class Ledger:
         return f"{sign}{own}"
 
     def _bind(self, address: str | None, formula: str, degrees: bool) -> None:
-        """Say what the number at a place stands for, where it has a place."""
+        """Bind the number at a place to a formula, if the place is known."""
         if address is None:
             return
         within = f"({formula})" if " " in formula else formula
@@ -113,7 +113,7 @@ class Ledger:
             others.append(full)
 
     def _place(self, address: str, value: float, degrees: bool) -> Location | None:
-        """Where the number stands, if what stands there is it."""
+        """Return the location of a number if the file states the same value there."""
         try:
             place = find_in(self.data, self.file, [address])[address]
         except LocationError:
@@ -123,10 +123,10 @@ class Ledger:
 
 
 def finite(text: str) -> float:
-    """A number as text has it.
+    """Parse a finite number.
 
     Raises:
-        ValueError: for what is none, or not finite.
+        ValueError: if the text is not a number or the number is not finite.
     """
     number = float(text)
     if not math.isfinite(number):
@@ -135,7 +135,7 @@ def finite(text: str) -> float:
 
 
 def quarter(angle: float) -> str | None:
-    """`pi / 2` and its like, for the double nearest to some quarter turns."""
+    """Return a formula such as `pi / 2` for the double nearest to a multiple of a quarter turn."""
     turns = round(angle * 2 / math.pi)
     if turns == 0 or abs(angle - turns * math.pi / 2) > 2 * math.ulp(angle):
         return None

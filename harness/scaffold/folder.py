@@ -1,4 +1,4 @@
-"""A new system folder on disk: its name, the example's files, written whole or not at all."""
+"""A new system folder on disk: its name and the example's files, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _PLACEHOLDER = b"my_model"
 
 
 class NewError(ValueError):
-    """A folder that can't be made; the message names what is in the way, and the remedy."""
+    """An error that prevents creating a folder; the message names the problem and the remedy."""
 
 
 def check_name(target: Path) -> None:
-    """Refuse a name that no system could have, or a place where something is.
+    """Reject an invalid name of a system, or an existing path.
 
     Raises:
-        NewError: naming it.
+        NewError: naming the path.
     """
     if not _NAME.fullmatch(target.name):
         raise NewError(
@@ -37,7 +37,7 @@ def check_name(target: Path) -> None:
 
 
 def example(name: str) -> dict[str, bytes]:
-    """The files of the example under a name: a damped pendulum for every engine."""
+    """Return the files of the example under a name: a damped pendulum for every engine."""
     return {
         path.name: path.read_bytes().replace(_PLACEHOLDER, name.encode())
         for path in sorted(template().iterdir())
@@ -48,13 +48,12 @@ def example(name: str) -> dict[str, bytes]:
 def write_folder(
     target: Path, files: Mapping[str, bytes], check: Callable[[Path], None] | None = None
 ) -> None:
-    """Write a folder whole or not at all: into a temporary one beside it, checked, then renamed.
+    """Write a folder whole or not at all: write a temporary sibling, check it, then rename it.
 
-    `check` is given the temporary folder, called like the target; what it raises leaves nothing
-    behind.
+    `check` gets the temporary folder, which has the target's name. If it raises, nothing remains.
 
     Raises:
-        NewError: where something has appeared at the target meanwhile.
+        NewError: if the target exists by then.
     """
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as temporary:
         made = Path(temporary) / target.name

@@ -1,4 +1,4 @@
-"""A system folder of a mechanism's energies: read, planned, and checked in every engine."""
+"""Create a system folder from a mechanism's energies: read, plan, and check in every engine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STEP = 0.002
 
 
 class Energies:
-    """The folder of a mechanism whose energies are written as formulas.
+    """Folder of a mechanism whose energies are written as formulas.
 
     Args:
         model: the file.
@@ -33,12 +33,12 @@ class Energies:
         target: the folder to write.
 
     Attributes:
-        remarks: what there is to say about it.
-        operations: in T and V.
-        files: to write, once it is planned.
+        remarks: remarks to print.
+        operations: number of operations in T and V.
+        files: files to write; complete after `plan`.
 
     Raises:
-        NewError: naming file, line and what can't be read.
+        NewError: naming file, line and the unreadable part.
     """
 
     def __init__(self, model: Path, data: bytes, target: Path) -> None:
@@ -56,10 +56,10 @@ class Energies:
         self.files: dict[str, bytes] = {}
 
     def plan(self) -> None:
-        """Choose where it rests and its motions; the files are complete then.
+        """Choose a rest position and motions, which completes the files.
 
         Raises:
-            NewError: where it rests nowhere.
+            NewError: if no rest position is found.
         """
         chosen = plan(self._system, self._mechanism.joints)
         self.files = {
@@ -70,10 +70,10 @@ class Energies:
         }
 
     def check(self, made: Path) -> None:
-        """Hold engines against what was read; those that can't run the file are left out.
+        """Compare engines with the equations that were read; skip engines that can't run the file.
 
         Raises:
-            NewError: where none agrees.
+            NewError: if no engine agrees.
         """
         suffix = self._model.suffix
         self.remarks.extend(_checked(made, self._target, suffix, self._left_out))
@@ -118,7 +118,7 @@ def _read(model: Path, data: bytes, ledger: Ledger) -> Mechanism:
 
 
 def format_settings(suffix: str) -> list[str]:
-    """Lines of a sidecar's settings, for a format that states none."""
+    """Return the lines of a sidecar's settings for a format that states none."""
     if suffix != ".urdf":
         return []
     taken = [
@@ -138,7 +138,7 @@ def format_settings(suffix: str) -> list[str]:
 
 
 def _with_symbols(mechanism: Mechanism, ledger: Ledger) -> Mechanism:
-    """Names for the forces and the centres, which no constant has."""
+    """Name the forces and the frames at centres of mass, which have no constants."""
     return replace(
         mechanism,
         bodies=tuple(
@@ -153,7 +153,7 @@ def _with_symbols(mechanism: Mechanism, ledger: Ledger) -> Mechanism:
 
 
 def _declared(text: str, model: Path) -> System:
-    """The system that a system.py would declare."""
+    """Return the system that a system.py would declare."""
     module = types.ModuleType("new_system")
     try:
         exec(compile(text, "system.py", "exec"), module.__dict__)
@@ -164,10 +164,10 @@ def _declared(text: str, model: Path) -> System:
 
 
 def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) -> list[str]:
-    """What engines that run the file have to say against it; `left_out` gets those that can't.
+    """Return the engines' disagreements with a written folder; `left_out` gets unusable engines.
 
     Raises:
-        NewError: where no installed engine agrees with what was read.
+        NewError: if no installed engine agrees with the equations that were read.
     """
     installed = tuple(e.name for e in default_engines(suffix) if e.version() is not None)
     if not installed:

@@ -1,4 +1,4 @@
-"""A system folder from a model file: of energies where these are short, else of its bodies."""
+"""Create a system folder from a model file: from short energies, else from its bodies."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from physics_crosscheck.harness.scaffold.text import plain
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 
 MOST_JOINTS = 3
-"""Beyond, formulas take minutes: they are not even begun."""
+"""Maximum number of joints for formulas; above, they take minutes and are not attempted."""
 
 MOST_OPERATIONS = 1500
-"""Of T and V as they are declared: from so many the equations of motion follow in ten seconds."""
+"""Maximum operations in T and V as declared; the equations of motion then take ten seconds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """What was written.
+    """A written folder.
 
     Attributes:
-        declares: what `system.py` declares, and why that.
-        remarks: what there is to say besides.
+        declares: what `system.py` declares, and why.
+        remarks: further remarks to print.
     """
 
     declares: str
@@ -41,16 +41,16 @@ class Written:
 def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str = "") -> Written:
     """Write the folder of a model file.
 
-    Nothing is written where what was read is not what any engine makes of the file.
+    Nothing is written if no engine agrees with the equations that were read.
 
     Args:
         model: the file.
         target: the folder to write.
         floating: whether the root link of a URDF moves freely.
-        chosen: which of several models of an SDFormat file; empty: the only one that moves.
+        chosen: name of one of several models of an SDFormat file; empty: the only movable one.
 
     Raises:
-        NewError: naming file, line and what can't be read.
+        NewError: naming file, line and the unreadable part.
     """
     if remedy := xacro_remedy(model):
         raise NewError(f"{model}: {remedy}")
@@ -79,7 +79,7 @@ def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str
 
 
 def _unstated(robot: Robot) -> list[str]:
-    """Lines of a sidecar's settings for what an SDFormat file says in its world, where it does."""
+    """Return sidecar settings for values that an SDFormat file states in its world."""
     assert robot.body_model is not None
     ordinary = {"step": STEP, "gravity": list(robot.body_model.gravity)}
     missing = [f"{key} = {value}" for key, value in ordinary.items() if key not in robot.stated]
@@ -89,7 +89,7 @@ def _unstated(robot: Robot) -> list[str]:
 
 
 def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
-    """The folder of a mechanism's energies; or why there is none, or none that is short."""
+    """Return the folder of a mechanism's energies, or why there are no short energies."""
     if why := _too_much(robot):
         return why
     try:
@@ -106,7 +106,7 @@ def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
 
 
 def _too_much(robot: Robot) -> str:
-    """What of a robot energies are not written of; empty where they may be."""
+    """Return the part of a robot that prevents formulas of energies; empty if they are possible."""
     assert robot.tree is not None
     if robot.file.suffix == ".sdf":
         return "energies of an SDFormat file are not supported"

@@ -1,4 +1,4 @@
-"""A system folder of a robot's bodies: written, held against what was read, run in every engine."""
+"""Create a system folder from a robot's bodies: write it, compare it, run it in every engine."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 CHECKED = 8
-"""States at which engines are held against what was written: each number has a say in most."""
+"""Number of states for comparing engines with the folder; most numbers have an effect in each."""
 
 RESOLUTION = 1e-9
 
 NAMED = 3
-"""Files that are named of those that are not copied."""
+"""Maximum number of files to name among those that are not copied."""
 
 
 class _OtherBodiesError(Exception):
-    """The copy of a file says other bodies than the file: it lacks a mesh, say."""
+    """The copy of a file gives other bodies than the file, for example without a mesh."""
 
 
 def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> tuple[str, ...]:
-    """Write the folder of a robot that has a tree; returns what there is to say about it.
+    """Write the folder of a robot that has a tree, and return remarks to print.
 
     Args:
-        robot: as it was read.
+        robot: the robot.
         data: the file's content.
         target: the folder to write.
-        settings: lines of a sidecar for a format that states no step and no gravity.
+        settings: lines of a sidecar for a format that states no time step and no gravity.
 
     Raises:
-        NewError: naming what is in the way; nothing is written then.
+        NewError: naming the problem; nothing is written then.
     """
     model, told_ = robot.file, robot.body_model
-    assert told_ is not None  # it has a tree
+    assert told_ is not None  # the caller checks that it has a tree
     parts = included(model)
     where = places([model, *(model.parent / name for name in parts)])
     compiled = next(
@@ -67,7 +67,7 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
         _check_reading(made, robot)
         left_out, said = _run(made, robot, target)
         chosen = [one for one in able if one.name not in left_out]
-        # Where none runs it, a run is to say so of each.
+        # If no engine runs it, a run must report each of them.
         (made / beside).write_bytes(_sidecar(robot, chosen or able, left_out, settings))
         remarks.extend(said)
 
@@ -75,7 +75,7 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
     copied = called(others, robot.shapes)
     try:
         write_folder(target, {**contents(model, copied), **files}, check)
-    except _OtherBodiesError:  # the engine needs what it does not say
+    except _OtherBodiesError:  # the engine needs a value that the file does not state
         copied = others
         try:
             write_folder(target, {**contents(model, copied), **files}, check)
@@ -91,7 +91,7 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Such as: 'a.stl', 'b.stl', 'c.stl' and 5 more."""
+    """Return a list of names such as: 'a.stl', 'b.stl', 'c.stl' and 5 more."""
     more = len(names) - NAMED
     return ", ".join(map(quote, names[:NAMED])) + (f" and {more} more" if more > 0 else "")
 
@@ -104,11 +104,11 @@ def _sidecar(
 
 
 def _check_reading(made: Path, robot: Robot) -> None:
-    """Hold what was written against what was read: the declaration, and the copy of the file.
+    """Compare the declaration and the copy of the file with the robot that was read.
 
     Raises:
-        _OtherBodiesError: where the copy is another robot.
-        NewError: where the declaration is.
+        _OtherBodiesError: if the copy differs.
+        NewError: if the declaration differs.
     """
     chosen = str(robot.stated.get("model", ""))
     again = read_robot(made / robot.file.name, floating=robot.floats, model=chosen)
@@ -130,10 +130,10 @@ def _check_reading(made: Path, robot: Robot) -> None:
 
 
 def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[str]]:
-    """Engines that can't run the file, with why; and what there is to say of engines.
+    """Return the engines that can't run the file with reasons, and remarks about engines.
 
     Raises:
-        NewError: where the bodies can't be solved.
+        NewError: if the bodies can't be solved.
     """
     able = [one for one in default_engines(robot.file.suffix) if one.version() is not None]
     if not able:

@@ -1,4 +1,4 @@
-"""A mechanism as a model file has it: a tree of bodies; numbers are formulas of constants."""
+"""A mechanism of a model file: a tree of bodies whose numbers are formulas of constants."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Triple = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Turn:
-    """A fixed turn by an angle (a formula, rad) about an axis."""
+    """A fixed rotation by an angle (a formula, rad) about an axis."""
 
     axis: tuple[float, float, float]
     angle: str
@@ -20,10 +20,10 @@ class Joint:
     """A hinge or slide.
 
     Attributes:
-        name: as the file has it.
+        name: name in the file.
         symbol: name of its coordinate.
-        at: the place of its axis in the body, formulas.
-        zero: where the body is as drawn, a formula.
+        at: position of its axis in the body, formulas.
+        zero: coordinate of the body as drawn, a formula.
         limits: lowest and highest position, or None.
         force: name of the input that drives it.
         where: file:line.
@@ -46,14 +46,15 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A body, its frame placed in its parent's: shifted, turned, then moved by its joints.
+    """A body. Its frame is shifted and rotated in its parent's frame, then moved by its joints.
 
     Attributes:
-        symbol: name of its frame; `centred`: of the one at its centre of mass.
-        parent: name of its parent's frame, `ground` for none.
-        centre, principal: shift and turns to the frame of its moments.
-        moments, products: Ixx, Iyy, Izz and Ixy, Ixz, Iyz there.
-        place: what engines call it, `body:rod`; empty where the file gives it no name.
+        symbol: name of its frame.
+        centred: name of the frame at its centre of mass.
+        parent: name of its parent's frame; `ground` without a parent.
+        centre, principal: shift and rotations to the frame of its moments of inertia.
+        moments, products: Ixx, Iyy, Izz and Ixy, Ixz, Iyz in that frame.
+        place: name in engines, such as `body:rod`; empty if the file gives it no name.
     """
 
     name: str
@@ -72,13 +73,13 @@ class Body:
 
     @property
     def heavy(self) -> bool:
-        """Whether it has mass or moments."""
+        """Whether the body has mass or moments of inertia."""
         return self.mass != "0" or any(m != "0" for m in self.moments)
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """All that was read, and what there is to say about it."""
+    """Everything that was read, and remarks about it."""
 
     bodies: tuple[Body, ...]
     gravity: Triple
@@ -86,5 +87,5 @@ class Mechanism:
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """Every joint, in the order of the tree."""
+        """All joints, in the order of the tree."""
         return tuple(joint for body in self.bodies for joint in body.joints)

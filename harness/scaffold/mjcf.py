@@ -1,7 +1,7 @@
-"""An MJCF as a mechanism: an engine compiles it, the file's text says where the numbers stand.
+"""Read an MJCF as a mechanism: an engine compiles it, the file's text gives the places of numbers.
 
-A compiled number that stands in the file as it is gets bound to its place there; one that is
-computed (the inertia of a shape, say) is a constant without a place.
+A compiled number that is stated in the file is bound to its place there. A computed number (the
+inertia of a shape, for example) is a constant without a place.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _DIGITS = 1e-15
 
 
 def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
-    """Read bodies and joints; each number becomes a constant, with its place where it has one.
+    """Read bodies and joints; each number becomes a constant, bound to its place if it has one.
 
     Raises:
-        NewError: naming file, line and what can't be read.
+        NewError: naming file, line and the unreadable part.
     """
     able = [engine for engine in engines_reading(path.suffix) if path.suffix in engine.compiles]
     there = [engine for engine in able if engine.version() is not None]
@@ -175,7 +175,7 @@ class _Reader:
         )
         full = own[0].attributes.get("fullinertia", "").split() if own else []
         if full:
-            # The engine turns these into principal moments; in the file they stand in body axes.
+            # The engine diagonalizes these; the file states them in body axes.
             six = [
                 self.ledger.number(
                     float(value),
@@ -249,7 +249,7 @@ class _Reader:
         )
 
     def _first(self, terms: Sequence[float], element: RawElement, what: str) -> float:
-        """A stiffness or damping; of polynomials, higher terms are refused."""
+        """Return a stiffness or damping; reject higher terms of polynomials."""
         if any(terms[1:]):
             raise self.refuse(element, f"its {what} is a polynomial; only the first term is used")
         return terms[0]
@@ -275,7 +275,7 @@ class _Reader:
         )
 
     def _attribute(self, element: RawElement, key: str) -> str | None:
-        """Where an attribute stands: in the element, or in the defaults of its class."""
+        """Return the place of an attribute: in the element, or in the defaults of its class."""
         address = self._address(element)
         if key in element.attributes:
             return address and f"{address}@{key}"
@@ -295,13 +295,13 @@ class _Reader:
         return None
 
     def _address(self, element: RawElement) -> str | None:
-        """The shortest path that means this element alone."""
+        """Return the shortest path that matches this element only."""
         alike = [e for e in self.elements if e.tag == element.tag]
         levels: dict[int, RawElement | None] = {id(e): e for e in alike}
         own: RawElement | None = element
         for depth in range(1, element.depth + 1):
             assert own is not None
-            # A step without a name means every element of its tag.
+            # A step without a name matches every element of its tag.
             alike = [
                 e
                 for e in alike
@@ -342,7 +342,7 @@ class _Reader:
         address: str | None,
         name: str,
     ) -> tuple[Turn, ...]:
-        """One turn about one axis; its angle is bound where the file states it as such."""
+        """Return one rotation about one axis; bind its angle if the file states it directly."""
         w, vector = float(quaternion[0]), np.array(quaternion[1:], dtype=float)
         sine = float(np.linalg.norm(vector))
         if sine < _DIGITS:
@@ -370,7 +370,7 @@ class _Reader:
 
 
 def _own(element: RawElement, tag: str) -> list[RawElement]:
-    """Children of a tag; <frame> is no more than a bracket around them."""
+    """Return the children of a tag; a <frame> only groups elements."""
     found = []
     for child in element.children:
         if child.tag == tag:
@@ -381,7 +381,7 @@ def _own(element: RawElement, tag: str) -> list[RawElement]:
 
 
 def _below(element: RawElement, tag: str) -> list[RawElement]:
-    """Elements of a tag at any depth, in the order of the file."""
+    """Return the elements of a tag at any depth, in the order of the file."""
     found = []
     for child in element.children:
         if child.tag == tag:

@@ -1,4 +1,4 @@
-"""The files that a model of bodies needs: what it includes, and meshes where they have a say."""
+"""Files that a model of bodies needs: included models, and meshes that affect it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from physics_crosscheck.harness.scaffold.folder import NewError
 
 
 def included(model: Path) -> dict[str, bytes]:
-    """Relative path -> content of the models that a model file includes, at any depth.
+    """Return relative path -> content of the models that a model file includes, at any depth.
 
     Raises:
-        NewError: for one that may do harm, or is not below the model's folder.
+        NewError: if a model is unsafe to copy or not below the model's folder.
     """
     try:
         check_parts(model)
@@ -25,24 +25,24 @@ def included(model: Path) -> dict[str, bytes]:
 
 
 def besides(model: Path) -> list[Path]:
-    """All else that it names and that is there: meshes, height fields, textures."""
+    """Return all other existing files that it names: meshes, height fields, textures."""
     return [path for path, part in parts(model).items() if not part]
 
 
 def called(paths: Iterable[Path], names: Iterable[str]) -> list[Path]:
-    """Those of some files that are meant by names: in any folder that they are looked for in."""
+    """Return the files that match names, in any folder that engines search."""
     ends = [PurePosixPath(name).parts for name in names]
-    # A whole path is cut by some (`strippath`), so that the last part has to do.
+    # Some engines strip folders from a path (`strippath`), so compare the last parts.
     exact = [path for path in paths if any(path.parts[-len(end) :] == end for end in ends)]
     last = {end[-1] for end in ends} - {path.name for path in exact}
     return [path for path in paths if path in exact or path.name in last]
 
 
 def contents(model: Path, paths: Iterable[Path]) -> dict[str, bytes]:
-    """Relative path -> content of files that a model file names; none of those elsewhere.
+    """Return relative path -> content of files that a model file names, within its folder only.
 
     Raises:
-        NewError: for one that can't be read.
+        NewError: if a file can't be read.
     """
     return dict(_read(model, paths, strict=False))
 
@@ -66,7 +66,7 @@ def _read(model: Path, paths: Iterable[Path], *, strict: bool) -> Iterator[tuple
 
 
 def _below(path: Path, folder: Path) -> PurePosixPath | None:
-    """Its place in a folder; None where it is elsewhere."""
+    """Return a path relative to a folder; None if it is outside."""
     try:
         within = PurePosixPath(path.relative_to(folder).as_posix())
     except ValueError:

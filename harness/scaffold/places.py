@@ -1,4 +1,4 @@
-"""Where bodies, joints and pulls stand in the files of a model: for comments beside numbers."""
+"""Places of bodies, joints and force elements in model files, for comments next to numbers."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from physics_crosscheck.harness.modelfiles.document import Document, DocumentErr
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 
 Key = tuple[str, ...]
-"""What it is, its name, and which part: `("body", "rod")`, `("body", "rod", "mass")`."""
+"""Kind, name and part: `("body", "rod")`, `("body", "rod", "mass")`."""
 
 _BODIES, _JOINTS = ("link", "body"), ("joint", "freejoint")
 _PULLS = ("tendon", "actuator")
-"""Elements that hold such."""
+"""Elements that contain force elements."""
 
 
 def places(files: Iterable[Path]) -> Mapping[Key, str]:
-    """`robot.urdf:93` of all that has a name, and of what is within it, the first of each."""
+    """Return `robot.urdf:93` of the first element of each name, and of its parts."""
     found: dict[Key, str] = {}
     for file in files:
         try:
             document = Document(file)
         except DocumentError:
-            continue  # what no parser of XML reads, though an engine may
+            continue  # not well-formed XML, though an engine may read it
         for key, element in _named(document.root):
             found.setdefault(key, f"{file.name}:{document.line(element)}")
     return found
 
 
 def _named(element: RawElement) -> Iterator[tuple[Key, RawElement]]:
-    """All that have names, in and below an element."""
+    """Yield the named elements in and below an element."""
     name, kind = element.attributes.get("name", ""), _kind(element)
     if name and kind:
         yield (kind, name), element
@@ -52,7 +52,7 @@ def _kind(element: RawElement) -> str:
 
 
 def _within(element: RawElement) -> Iterator[tuple[str, RawElement]]:
-    """What of it has numbers: not what is seen or touches, and no other body."""
+    """Yield parts with numbers, except visual and collision geometry and other bodies."""
     for child in element.children:
         if child.tag == "inertial":
             yield child.tag, child

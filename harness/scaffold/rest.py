@@ -1,4 +1,4 @@
-"""Where a mechanism rests: from its energy, within the limits of its joints if it can be."""
+"""Rest position of a mechanism from its energy, within the joint limits if possible."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from physics_crosscheck.reference.mechanism.numeric import Array, compile_functi
 from physics_crosscheck.reference.mechanism.system import System
 
 ROOM = 0.02
-"""Share of a joint's range that a motion stays away from its ends."""
+"""Share of a joint's range that a motion keeps clear at both ends."""
 
 
 def clipped(value: float, joint: Joint) -> float:
-    """The value, or the middle of the limits where it is not well within them."""
+    """Return the value, or the middle of the limits if it is too close to them."""
     if joint.limits is None:
         return value
     low, high = joint.limits
@@ -29,12 +29,13 @@ def clipped(value: float, joint: Joint) -> float:
 
 
 def rest_position(system: System, joints: Sequence[Joint]) -> Array:
-    """A rest position: well within the limits, and a stable one, where there is such a one.
+    """Return a stable rest position well within the limits, if there is one.
 
-    Otherwise one at a limit or beyond it, such as that of a spring that holds a joint at its stop.
+    Otherwise return one at a limit or beyond it, for example if a spring holds a joint at its
+    limit.
 
     Raises:
-        NewError: where it rests nowhere.
+        NewError: if there is no rest position.
     """
     gradient = [sp.diff(system.V, q).xreplace(system.values) for q in system.q]
     slopes = compile_function(gradient, system.q)
@@ -80,7 +81,7 @@ def _unwound(at: Array, joints: Sequence[Joint]) -> Array:
 
 
 def named_position(rest: Array, joints: Sequence[Joint]) -> tuple[tuple[str, ...], bool]:
-    """Each as text; whether all are zero or quarter turns, and so exact, is the other half."""
+    """Return each coordinate as text, and whether one is neither zero nor a quarter turn."""
     names = []
     search = False
     for value, joint in zip(rest, joints, strict=True):

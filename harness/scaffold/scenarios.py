@@ -1,4 +1,4 @@
-"""Where a mechanism rests and which motions to compare: chosen from its equations and limits."""
+"""Choose the rest position and the motions to compare, from equations and limits."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from physics_crosscheck.reference.solving.integrate import ReferenceError, traje
 
 PERIODS = 10
 SHORTEST, LONGEST = 2.0, 15.0
-"""Seconds that a scenario lasts at least and at most, limits apart."""
+"""Minimum and maximum duration of a scenario in seconds, before limits shorten it."""
 MOST_SEGMENTS = 1500
 STILL = 1e-3
-"""Metres or radians: a joint that moves less in a motion is given a speed to begin with."""
+"""Metres or radians: a joint that moves less in a motion gets an initial velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +33,9 @@ class Motion:
     """A scenario of n joints.
 
     Attributes:
-        start, speeds: positions and velocities that it begins with, (n,).
+        start, speeds: initial positions and velocities, (n,).
         hold: constant forces, (n,).
-        forces: besides, (size, rate) of a sine each.
+        forces: additional sines, (amplitude, rate) each.
         duration: seconds.
     """
 
@@ -59,14 +59,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Plan:
-    """Where it rests, exactly there or near, and its scenarios."""
+    """A rest position, whether it is exact, and the scenarios."""
 
     rest: tuple[str, ...]
     search: bool
     motions: tuple[Motion, ...]
 
     def lines(self, joints: Sequence[Joint], forces: Sequence[str]) -> list[str]:
-        """The part of system.py that says so."""
+        """Return the lines of system.py that declare the plan."""
         at = ", ".join(f"{j.symbol}: {r}" for j, r in zip(joints, self.rest, strict=True))
         lines = [
             "    # search=True: near there; False: exactly there.",
@@ -91,7 +91,7 @@ class Plan:
 
 
 def provisional(joints: Sequence[Joint]) -> Plan:
-    """Any plan: what a declaration needs to be one."""
+    """Return a placeholder plan that makes a declaration complete."""
     middle = tuple(f"{clipped(0.0, joint):g}" for joint in joints)
     still = tuple((0.0, 1.0) for _ in joints)
     return Plan(
@@ -112,13 +112,13 @@ def provisional(joints: Sequence[Joint]) -> Plan:
 
 
 def plan(system: System, joints: Sequence[Joint]) -> Plan:
-    """Choose where it rests, and motions within the joints' limits.
+    """Choose a rest position, and motions within the joints' limits.
 
-    Where it rests at a limit or beyond, as a spring may hold a joint at its stop, motions are about
-    the middle of the range, held there by constant forces.
+    If it rests at a limit or beyond (a spring can hold a joint there), motions are about the middle
+    of the range, with constant holding forces.
 
     Raises:
-        NewError: where it rests nowhere.
+        NewError: if there is no rest position.
     """
     equations = derive(system)
     rest = rest_position(system, joints)
@@ -160,13 +160,13 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
 
 @dataclass(frozen=True, kw_only=True)
 class _Linear:
-    """The equations about a position, at rest.
+    """Equations linearized about a position, at rest.
 
     Attributes:
         mass, damping, stiffness: (n, n).
         pull: forces that hold it there, (n,).
-        slowest: rate, rad/s.
-        duration: of a scenario, seconds.
+        slowest: slowest rate, rad/s.
+        duration: duration of a scenario, seconds.
     """
 
     mass: Array
@@ -178,11 +178,11 @@ class _Linear:
 
     @staticmethod
     def about(equations: Equations, position: Array) -> _Linear:
-        """Evaluate them, and see how fast it moves there."""
+        """Linearize equations about a position, and estimate the slowest rate there."""
         system, n = equations.system, len(position)
         zero = dict.fromkeys((*system.v, *system.u, t), sp.Integer(0))
         force = sp.Matrix([f.xreplace(zero) for f in equations.force])
-        # The derivative of the whole force is long, and has no more at v = 0.
+        # The derivative of the whole force is long; its extra terms vanish at v = 0.
         damping = sp.hessian(system.D, system.v).xreplace(zero)
         entries = [*equations.mass, *damping, *(-force.jacobian(system.q)), *(-force)]
         values = equations.compile(entries)(position, np.zeros(n), np.zeros(n), np.zeros(1))
@@ -212,10 +212,10 @@ def _moving(
     joints: Sequence[Joint],
     linear: _Linear,
 ) -> Motion:
-    """The motion, with a speed to begin with for each joint that would hardly move in it.
+    """Add an initial velocity for each joint that would hardly move in a motion.
 
-    Nothing pulls a hinge with a vertical axis: released, it stays. Its speed takes it to about the
-    other side of the centre, which is within its limits.
+    A hinge with a vertical axis has no restoring force: released, it stays. The velocity takes it
+    about to the other side of the centre, which is within its limits.
     """
     n = len(joints)
     places = _states(equations, motion)[1][:, :n]
@@ -226,7 +226,7 @@ def _moving(
             start = float(motion.start[i] - centre[i])
             speed = 0.5 if joint.hinge else 0.1
             if joint.limits is not None or linear.damping[i, i] > 0:
-                # What damping lets it go, it goes within the time that damping takes.
+                # Damping limits the distance; the joint covers it within the damping time.
                 slowing = float(linear.damping[i, i] / linear.mass[i, i])
                 lasting = 1 / max(slowing, 1 / motion.duration)
                 speed = min(2 * abs(start) / lasting, 4 * speed)
@@ -236,13 +236,13 @@ def _moving(
 
 
 def _uniform(equations: Equations, motion: Motion) -> bool:
-    """Whether nothing is accelerated: no number of the model shows in such a motion."""
+    """Return whether nothing accelerates: such a motion depends on no number of the model."""
     speeds = _states(equations, motion)[1][:, len(motion.start) :]
     return bool(np.max(np.ptp(speeds, axis=0)) <= 1e-6 * np.max(np.abs(speeds)))
 
 
 def _reach(rest: float, joint: Joint) -> float:
-    """How far it can go to both sides."""
+    """Return the distance that a joint can move in both directions."""
     if joint.limits is None:
         return math.inf if joint.hinge else 1.0
     low, high = joint.limits
@@ -260,7 +260,7 @@ def _start(
 
 
 def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[Joint]) -> Motion:
-    """The motion, nearer to rest or shorter where it would run into limits."""
+    """Scale a motion towards rest, or shorten it, to stay within limits."""
     low = np.array([-math.inf if j.limits is None else j.limits[0] for j in joints])
     high = np.array([math.inf if j.limits is None else j.limits[1] for j in joints])
     room = ROOM * np.where(np.isfinite(high - low), high - low, 0.0)
@@ -284,7 +284,7 @@ def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[
 
 
 def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> float:
-    """How long the motion stays within bounds, s."""
+    """Return how long a motion stays within bounds, s."""
     times, states = _states(equations, motion)
     places = states[:, : len(low)]
     out = ((places <= low) | (places >= high)).any(axis=1)
@@ -292,10 +292,10 @@ def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> floa
 
 
 def _states(equations: Equations, motion: Motion) -> tuple[Array, Array]:
-    """Times, (600,), and states along a motion, (600, 2n).
+    """Return times, (600,), and states along a motion, (600, 2n).
 
     Raises:
-        NewError: where it can't be followed.
+        NewError: if the integration fails.
     """
     system = equations.system
     scenario = Scenario(

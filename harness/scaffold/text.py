@@ -1,4 +1,4 @@
-"""system.py and the sidecar of a mechanism that was read from a file."""
+"""Write system.py and the sidecar of a mechanism that was read from a file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STRING_OR_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|#.*')
 
 
 def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row], plan: Plan) -> str:
-    """The whole of system.py; nothing of the model file stands in it but in literals."""
+    """Return the text of system.py; text of the model file appears in literals only."""
     joints, file = mechanism.joints, plain(file)
     body = "\n".join(
         [
@@ -92,7 +92,7 @@ def sidecar_text(
     left_out: dict[str, str],
     settings: Sequence[str],
 ) -> str:
-    """The sidecar: engines, what the format has no word for, and where each number comes from."""
+    """Return the sidecar: engines, settings that the format lacks, the source of each number."""
     lines = [f"# The sidecar of {plain(file)}: settings that the file itself can't express."]
     lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
     lines += [f"engines = [{', '.join(quoted(e.name) for e in engines)}]", ""]
@@ -140,7 +140,7 @@ def _pose(body: Body) -> str:
 
 
 def _named(place: str) -> str:
-    """What the system calls a body: as the file does, unless that word has a meaning."""
+    """Return the system's name of a body: the file's name, unless that word is reserved."""
     name = place.partition(":")[2]
     return f"{name}_" if name == WORLD else name
 
@@ -252,24 +252,24 @@ def _tuple(names: Iterable[str]) -> str:
 
 
 def comment(text: str) -> list[str]:
-    """Lines of a comment."""
+    """Return the lines of a comment."""
     return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), _WIDTH - 2)]
 
 
 def literal(value: object) -> str:
-    """A setting as TOML has it."""
+    """Format a setting as TOML."""
     return quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
 def plain(text: str) -> str:
-    """Text for a comment: it can neither end its line nor show otherwise than it is read."""
+    """Make text safe for a comment: one line, without hidden characters."""
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def quoted(text: str) -> str:
-    """A string literal that Python and TOML both read as this very text; joints may have any name.
+    """Return a string literal that Python and TOML read as the same text, for any name of a joint.
 
-    Half characters, of names of files that are no UTF-8, are question marks: TOML has none.
+    Lone surrogates, from file names that are not UTF-8, become question marks, since TOML has none.
     """
     return '"' + "".join(map(_escaped, text)) + '"'
 

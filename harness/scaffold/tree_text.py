@@ -1,4 +1,4 @@
-"""system.py and the sidecar of a robot whose bodies are declared, each number with its line."""
+"""Write system.py and the sidecar of a robot: declared bodies, each number with its line."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "lift": ("share of its weight", ()),
     "dragged": ("by the medium", ()),
 })  # fmt: skip
-"""Fields of a body: their unit, and in which elements they stand."""
+"""Fields of a body: unit, and the elements that state them."""
 
 _PLACING = ("position", "rpy", "quaternion")
 
@@ -51,15 +51,15 @@ _FREE = MappingProxyType({"damping": "N m s/rad and N s/m", "armature": "kg m^2 
 def tree_text(
     name: str, title: str, file: str, told: BodyModel, where: Mapping[Key, str], compiled: str
 ) -> str:
-    """The whole of system.py; nothing of the model file stands in it but in literals.
+    """Return the text of system.py; text of the model file appears in literals only.
 
     Args:
-        name: of the system.
-        title: what it is.
+        name: name of the system.
+        title: description of the system.
         file: name of the model file.
-        told: its bodies.
-        where: where they stand in it.
-        compiled: who has compiled it; empty where the numbers are the file's own.
+        told: bodies of the robot.
+        where: places of the bodies in the file.
+        compiled: engine that compiled the numbers; empty if the file states them.
     """
     shown = plain(file)
     number = "Every number is as the file has it"
@@ -121,14 +121,14 @@ def tree_sidecar(
     settings: Sequence[str],
     own: Mapping[str, object],
 ) -> str:
-    """The sidecar: engines, what the format has no word for, and what is not compared.
+    """Return the sidecar: engines, settings that the format lacks, and parts that are not compared.
 
     Args:
         file: name of the model file.
-        engines: that run it.
-        left_out: engines that can't, and why.
-        settings: lines for a format that states no step and no gravity, `[settings]` among them.
-        own: settings with which it is held against bodies.
+        engines: engines that run it.
+        left_out: engines that can't run it, and why.
+        settings: lines for a format that states no time step and no gravity, with `[settings]`.
+        own: further settings of the comparison with bodies.
     """
     lines = [f"# The sidecar of {plain(file)}: settings that the file itself can't express."]
     lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
@@ -196,10 +196,10 @@ def _coupling(one: Coupling) -> str:
 
 
 def _said(one: Any, but: tuple[str, ...]) -> Iterator[tuple[str, object]]:
-    """Fields that are not at their default."""
+    """Yield the fields that differ from their defaults."""
     for field in fields(one):
         value = getattr(one, field.name)
-        # A zero with a sign is not the zero of the default.
+        # A signed zero differs from the default zero.
         if field.name not in but and repr(value) != repr(field.default):
             yield field.name, value
 
@@ -218,7 +218,7 @@ def _field(indent: int, key: str, value: object, unit: str, place: str) -> str:
 
 
 def _number(value: object) -> str:
-    """A number, a name, or what is made of such, as Python reads it to the last digit."""
+    """Format a number, a name, or a container of these as exact Python source."""
     if isinstance(value, str):
         return quoted(value)
     if is_dataclass(value):

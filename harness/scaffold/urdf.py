@@ -1,4 +1,4 @@
-"""A URDF as a mechanism."""
+"""Read a URDF as a mechanism."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def read_urdf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
     """Read links and joints; each number becomes a constant with its place.
 
     Raises:
-        NewError: naming file, line and what can't be read.
+        NewError: naming file, line and the unreadable part.
     """
     return _Reader(path, data, ledger).mechanism()
 
@@ -65,7 +65,7 @@ class _Reader:
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
 
     def _above(self, links: Mapping[str, RawElement]) -> dict[str, RawElement]:
-        """The joint that each link hangs on, by the link's name."""
+        """Return each link's parent joint, by the link's name."""
         above: dict[str, RawElement] = {}
         for joint in self._named("joint").values():
             for end in ("parent", "child"):
@@ -260,7 +260,7 @@ class _Reader:
         roll_pitch_yaw = self._three(origin, "rpy", "0 0 0")
         turns = []
         if sum(angle != 0 and quarter(angle) is None for angle in roll_pitch_yaw) > 1:
-            # As symbols, several angles at a place make formulas of many thousand terms.
+            # As symbols, several angles at a place give formulas of many thousand terms.
             self.remarks.append(
                 f"the rotation of {name} is kept as numbers: a wrong one makes the "
                 "case differ, but has no named cause"
