@@ -47,7 +47,7 @@ class Annotation:
 
     Attributes:
         level: `error`, `warning` or `notice`.
-        code: message code; empty if there is none.
+        code: message code; empty without one.
         file: the annotated file.
         line: line in the file, counted from 1; None for the whole file.
         locations: all known locations; the first one is at `line`.

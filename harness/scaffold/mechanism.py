@@ -73,7 +73,7 @@ class Body:
 
     @property
     def heavy(self) -> bool:
-        """Whether the body has mass or moments of inertia."""
+        """True if the body has mass or moments of inertia."""
         return self.mass != "0" or any(m != "0" for m in self.moments)
 
 

@@ -59,7 +59,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Plan:
-    """A rest position, whether it is exact, and the scenarios."""
+    """A rest position, whether it is approximate (`search`), and the scenarios."""
 
     rest: tuple[str, ...]
     search: bool

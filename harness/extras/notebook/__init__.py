@@ -1,1 +1,1 @@
-"""What a notebook asks for: trajectories, tables, plots, and two models held against each other."""
+"""Notebook functions: trajectories, tables, plots, and comparisons of two models."""

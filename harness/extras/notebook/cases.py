@@ -1,4 +1,4 @@
-"""The results of `check` as a table, a page and plots."""
+"""Results of `check` as a table, a page and plots."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ if TYPE_CHECKING:
 What = Literal["verdicts", "steps"]
 
 MOST_ROWS = 60
-"""Of a page; `to_frame` has all."""
+"""Maximum number of rows of a page; `to_frame` has all."""
 
 _OUTCOME = re.compile(rf" *({'|'.join(WORDS.values())}) +(.*)")
 _OF_WORD = {word: Outcome(name) for name, word in WORDS.items()}
 
 
 def columns(cases: Iterable[Case]) -> Mapping[str, list[object]]:
-    """A row a case; numbers that a case has not are nan."""
+    """Return table columns with one row per case; missing numbers are nan."""
     rows = [_row(case) for case in cases]
     heads = list(rows[0] if rows else _row(_NONE))
     return {head: [row[head] for row in rows] for head in heads}
@@ -56,7 +56,7 @@ _NONE = Case(system="", model="", scenario="", engine="", folder="", outcome=Out
 
 
 def _tenth(case: Case) -> Number:
-    """The step for a global error of 0.1 %."""
+    """Return the time step for a global error of 0.1 %."""
     run = case.full_run
     return None if run is None else {one.target: one.step for one in run.steps_for}.get(0.001)
 
@@ -89,7 +89,7 @@ def _number(value: Number) -> float:
 
 
 def page(results: Results) -> str:
-    """The table with verdicts, and beneath it what does not agree, with the causes."""
+    """Return the table of verdicts, followed by the problems with their causes."""
     heads = [
         *("system", "model", "engine", "scenario", "outcome"),
         *("discrepancy", "uncertainty", "global error", "step (s)", "order", "0.1 % at (s)"),
@@ -120,7 +120,7 @@ def _cells(case: Case) -> list[str]:
 
 
 def _troubles(results: Results) -> list[str]:
-    """As the terminal has them."""
+    """Return the problems as the terminal prints them."""
     text = StringIO()
     print_problems(paper(text, 10_000), results)
     return text.getvalue().splitlines()
@@ -140,12 +140,12 @@ def _told(text: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectories:
-    """The motions of a case at the shipped step, as far as `results.json` has them.
+    """The motions of a case at the file's time step, as far as `results.json` has them.
 
     Attributes:
-        simulated: of the model in its engine.
-        reference: of the equations, at the same times.
-        errors: the one minus the other.
+        simulated: motion of the model in its engine.
+        reference: motion of the equations, at the same times.
+        errors: simulated minus reference.
     """
 
     simulated: Trajectory
@@ -154,10 +154,10 @@ class Trajectories:
 
 
 def trajectories(results: Results, case: Case) -> Trajectories:
-    """The motions of a case.
+    """Return the motions of a case.
 
     Raises:
-        MotionError: where it has none, with the reason.
+        MotionError: if it has none, with the reason.
     """
     if case.series is None or case.full_run is None:
         raise MotionError(f"{case.id} has no motion: {case.outcome}, {case.reason}")
@@ -190,10 +190,10 @@ def trajectories(results: Results, case: Case) -> Trajectories:
 
 
 def plot(results: Results, what: What, ax: Axes | None) -> Axes:
-    """Draw verdicts, or errors by step.
+    """Draw verdicts, or errors over the time step.
 
     Raises:
-        ValueError: for anything else, or where no case has any.
+        ValueError: if `what` has another value, or no case has the data.
         ImportError: without matplotlib.
     """
     if what not in ("verdicts", "steps"):
@@ -211,7 +211,7 @@ def plot(results: Results, what: What, ax: Axes | None) -> Axes:
 
 
 def _verdicts(results: Results, cases: list[Case], ax: Any) -> None:
-    """Discrepancy and uncertainty of each case, on one logarithmic axis."""
+    """Draw discrepancy and uncertainty of each case on one logarithmic axis."""
     rows = range(len(cases))
     known = [case.verdict for case in cases if case.verdict is not None]
     ax.plot([_number(v.discrepancy) for v in known], rows, "o", label="discrepancy")
@@ -226,7 +226,7 @@ def _verdicts(results: Results, cases: list[Case], ax: Any) -> None:
 
 
 def _steps(_: Results, cases: list[Case], ax: Any) -> None:
-    """Global errors by step, and with a ring the shipped one."""
+    """Draw global errors over the time step, with a ring at the file's own step."""
     for case in cases:
         assert case.series is not None
         runs = case.series.full_runs

@@ -1,4 +1,4 @@
-"""What a trajectory shows of a mechanism's states: the states, the outputs, and the energy."""
+"""Columns of a trajectory: states, outputs and energy of a mechanism."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ ENERGY = "energy"
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of a mechanism: coordinates, rates, outputs of other names, T + V.
+    """The k columns of a mechanism: coordinates, rates, outputs with other names, T + V.
 
-    Of n coordinates there are k columns.
+    A mechanism has n coordinates.
     """
 
     declaration: System | TreeSystem
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of each, (k,)."""
+        """Names of the columns, (k,)."""
         return (*self._components, *(name for name, _, _ in self._besides), *self._energy)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of each, (k,)."""
+        """Units of the columns, (k,)."""
         own = [c.unit for c in self.declaration.coordinates]
         besides = (unit for _, unit, _ in self._besides)
         return (*own, *units_of_rates(own), *besides, *("J" for _ in self._energy))
 
     def values(self, times: Array, states: Array) -> Array:
-        """At times (S,) and states (S, 2n): (S, k)."""
-        with np.errstate(all="ignore"):  # what has blown up stays as it is
+        """Return the columns, (S, k), at times (S,) and states (S, 2n)."""
+        with np.errstate(all="ignore"):  # a diverged motion keeps inf and nan
             if isinstance(self.declaration, TreeSystem):
                 return np.concatenate([states, self._tree_energy(states)], axis=1)
             n = states.shape[1] // 2
@@ -58,9 +58,9 @@ class Columns:
         return np.concatenate([states, more], axis=1)
 
     def bounds(self, times: Array, states: Array, bound: Array) -> Array:
-        """Bounds of the errors of these values, (S, k), where those of the states are (S, 2n).
+        """Return error bounds of the columns, (S, k), from error bounds of the states, (S, 2n).
 
-        To first order, and what rounding adds.
+        The bounds are first-order, plus rounding.
         """
         if isinstance(self.declaration, TreeSystem):
             return np.concatenate([bound, self._tree_energy_error(states, bound)], axis=1)
@@ -80,7 +80,7 @@ class Columns:
 
     @cached_property
     def _besides(self) -> tuple[tuple[str, str, sp.Expr], ...]:
-        """Name, unit and expression of each output that is no component already."""
+        """Name, unit and expression of each output that is not a component."""
         return tuple(self._outputs(self.declaration))
 
     def _outputs(self, declaration: Declaration) -> Iterator[tuple[str, str, sp.Expr]]:
@@ -93,7 +93,7 @@ class Columns:
 
     @property
     def _energy(self) -> tuple[str, ...]:
-        """Its heading, which an output may have taken."""
+        """Header of the energy column; empty if an output has this name."""
         return (ENERGY if ENERGY not in {name for name, _, _ in self._besides} else "T + V",)
 
     @property
@@ -105,7 +105,7 @@ class Columns:
         return {s: sp.Float(value, 17) for s, value in self.declaration.values.items()}
 
     def _tree_energy(self, states: Array) -> Array:
-        """(S, 1)."""
+        """Return the energy, (S, 1)."""
         assert isinstance(self.declaration, TreeSystem)
         n, count = states.shape[1] // 2, len(states)
         power = TreeEquations(self.declaration).numeric_power
@@ -113,7 +113,7 @@ class Columns:
         return power(states[:, :n], states[:, n:], none, np.zeros((count, 1)))[:, :1]
 
     def _tree_energy_error(self, states: Array, bound: Array) -> Array:
-        """To first order, by differences, and rounding: (S, 1)."""
+        """Return first-order error bounds of the energy by differences, plus rounding: (S, 1)."""
         assert isinstance(self.declaration, TreeSystem)
         step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
         total = np.zeros((len(states), 1))
@@ -125,7 +125,7 @@ class Columns:
         return found
 
     def _tree_energy_rounding(self, states: Array) -> float:
-        """What long doubles make otherwise of the energies, at most, and a last digit."""
+        """Return the largest difference to long doubles in the energies, plus a last digit."""
         assert isinstance(self.declaration, TreeSystem)
         n = states.shape[1] // 2
         q, v = (part.T for part in (states[:, :n], states[:, n:]))

@@ -167,7 +167,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
 
 
 def _besides(found: comparison.Compared | None) -> Iterator[str]:
-    """What is in no row of the table: joints that turn the other way, inertias of no body."""
+    """Yield remarks beyond the table: joints with opposite axes, inertias without a body."""
     if found is None:
         return
     for name in found.turned:
@@ -196,7 +196,7 @@ def _short(value: float | str | None) -> str:
 
 
 def _name(where: SourceLine | None) -> str:
-    """A line with the file's name alone: its path is above."""
+    """Return a line with the file's name only; its path is in the header."""
     return "" if where is None else Path(str(where)).name
 
 
@@ -300,12 +300,12 @@ def _check_starts(starts: object) -> None:
 
 
 def _path(name: Name) -> Path:
-    """A file, or that of a built-in system."""
+    """Return the path of a file, or of a file of a built-in system."""
     path = Path(name)
     found = None if path.exists() else named_model(str(name))
     return path if found is None else found.folder / found.model
 
 
 def _as_argument(text: str) -> str:
-    """A message that speaks of an option of the command line, in Python's words."""
+    """Replace a command-line option in a message by the Python argument."""
     return _OPTION.sub(lambda found: f"{found[1].replace('-', '_')}=", text)

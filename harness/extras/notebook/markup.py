@@ -1,7 +1,7 @@
-"""HTML that a notebook shows, on paper as on a dark page: inline styles alone, and no script.
+"""HTML for notebooks, for light and dark pages: inline styles only, and no script.
 
-Text and rules take the colour of the page around them; a badge has a ground of its own, and says in
-words what its colour says.
+Text and rules inherit the page's colour. A badge has its own background colour and states the
+outcome in words.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ GROUNDS = {
     Outcome.UNRESOLVED: "#7a3a9a",
     Outcome.DIFFERS: "#b42318", Outcome.FAILED: "#7a0c1e",
 }  # fmt: skip
-"""Grounds of badges, on which white has a contrast of 6 and more."""
+"""Background colours of badges; white text has a contrast of at least 6."""
 
 _CELL = "padding:2px 10px;border:0;border-bottom:1px solid rgba(128,128,128,.35);"
 _LEFT, _RIGHT = "text-align:left;", "text-align:right;font-variant-numeric:tabular-nums;"
 _LINE = "#3d7fc1"
-"""On white as on black it has a contrast of 4 and more."""
+"""Line colour with a contrast of at least 4 on white and on black."""
 
 WIDTH, HEIGHT = 240, 34
-"""Of a small curve, pixels."""
+"""Size of a small curve, pixels."""
 
 _BUCKETS = 120
 
 
 def paper(text: TextIO, width: int) -> Console:
-    """A console that writes plain text, and not into the cell of a notebook, as rich would."""
+    """Return a console that writes plain text; rich would write into the notebook's cell."""
     return Console(file=text, width=width, color_system=None, emoji=False, force_jupyter=False)
 
 
 def badge(outcome: Outcome) -> str:
-    """An outcome, white on its colour."""
+    """Return an outcome as white text on its colour."""
     style = (
         f"background:{GROUNDS[outcome]};color:#fff;padding:1px 7px;border-radius:9px;"
         "font-size:85%;font-weight:600;white-space:nowrap"
@@ -53,24 +53,24 @@ def badge(outcome: Outcome) -> str:
 
 
 def block(*parts: str) -> str:
-    """Parts of a page under one another."""
+    """Stack parts of a page."""
     return f'<div class="crosscheck" style="max-width:100%;overflow-x:auto">{"".join(parts)}</div>'
 
 
 def line(text: str, *, strong: bool = False, faint: bool = False) -> str:
-    """A line of text, escaped."""
+    """Return a line of text, escaped."""
     style = "margin:4px 0;" + ("font-weight:600;" if strong else "")
     style += "opacity:.75;" if faint else ""
     return f'<div style="{style}">{escape(text)}</div>'
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """A table whose cells are HTML already, the first columns to the left and others to the right.
+    """Return a table of HTML cells; the first columns are left-aligned, the others right-aligned.
 
     Args:
         heads: headings, escaped here.
         rows: cells.
-        left: how many columns are words.
+        left: number of columns with text.
     """
 
     def cells(tag: str, row: Sequence[str]) -> str:
@@ -87,19 +87,20 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) ->
 
 
 def shown(value: float | None, form: str = "{:.4g}") -> str:
-    """A number; a dash where there is none."""
+    """Format a number; a dash if it is missing."""
     return "–" if value is None or not math.isfinite(value) else form.format(value)
 
 
 def curve(t: Array, values: Array, told: str, noise: float = 0.0) -> str:
-    """A small curve, (n,) over (n,), as SVG; broken where a value is not finite.
+    """Return a small curve, (n,) over (n,), as SVG, with gaps at values that are not finite.
 
-    Of many points the smallest and the largest of each stretch are drawn, so that no swing is lost.
+    For many points, the smallest and the largest of each stretch are drawn, so that no oscillation
+    is lost.
 
     Args:
-        t, values: of the points.
-        told: to who can't see it.
-        noise: what moves by no more is drawn as what stands still.
+        t, values: coordinates of the points.
+        told: text for screen readers.
+        noise: a curve with a smaller range is drawn as constant.
     """
     finite = np.isfinite(values)
     if not finite.any():
@@ -127,13 +128,13 @@ def curve(t: Array, values: Array, told: str, noise: float = 0.0) -> str:
 
 
 def _stretches(finite: NDArray[np.bool_]) -> list[Indices]:
-    """Indices of values between those that are not finite."""
+    """Return indices of the finite stretches."""
     indices = np.flatnonzero(finite)
     return [s for s in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1) if len(s) > 1]
 
 
 def _extremes(values: Array, stretch: Indices) -> list[int]:
-    """Of a stretch, ascending, those that a curve of this size can show."""
+    """Return ascending indices of the points of a stretch that a curve of this size can show."""
     if len(stretch) <= 2 * _BUCKETS:
         return [int(i) for i in stretch]
     kept = {int(stretch[0]), int(stretch[-1])}

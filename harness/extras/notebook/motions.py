@@ -1,4 +1,4 @@
-"""Motions as a worker process makes them: of a model in an engine, and of the equations."""
+"""Worker tasks that compute motions: of a model in an engine, and of the equations."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.solve import solve, start_of
 
 Start = tuple[tuple[str, float], ...]
-"""Coordinates and rates, each with its value; what is not named is zero."""
+"""Values of coordinates and rates by name; missing ones are zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """Which motion of a mechanism is meant.
+    """A requested motion of a mechanism.
 
     Attributes:
         subject: the mechanism.
-        scenario: name of a declared one, or a start.
+        scenario: name of a declared scenario, or a start.
         duration: seconds; None: the scenario's.
     """
 
@@ -56,12 +56,12 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Simulated:
-    """A motion, and how it is to be simulated.
+    """A motion and its simulation settings.
 
     Attributes:
         asked: the motion.
-        engine: that runs its file.
-        step: seconds; None: as it ships.
+        engine: engine that runs the file.
+        step: seconds; None: the file's own.
     """
 
     asked: Asked
@@ -74,9 +74,9 @@ class Solved:
     """A motion of the equations.
 
     Attributes:
-        declaration: of the mechanism.
+        declaration: declaration of the mechanism.
         motion: its reference motion.
-        reads: states of what it depends on, by name relative to the folder.
+        reads: states of its input files, by name relative to the folder.
     """
 
     declaration: System | TreeSystem
@@ -138,12 +138,12 @@ def solved(asked: Asked) -> Solved:
 
 @dataclass(frozen=True, kw_only=True)
 class _Source:
-    """A mechanism, as it is read.
+    """A mechanism that was read.
 
     Attributes:
-        declaration: of energies, or of bodies.
-        robot: the file that says it; None for a folder.
-        reads: states of what was read, by name relative to the folder.
+        declaration: energies or bodies.
+        robot: the robot file; None for a folder.
+        reads: states of the files that were read, by name relative to the folder.
     """
 
     declaration: System | TreeSystem
@@ -157,7 +157,7 @@ def _source(subject: Subject) -> _Source:
         with record_reads(subject.file.parent) as reads:
             robot = read_robot(subject.file)
             system = robot_system(robot)
-        # A compiler opens files out of Python's sight.
+        # A compiler opens files without Python's audit hooks.
         read = {**reads.states(), **part_digests(subject.file.absolute())}
         return _Source(declaration=system, robot=robot, reads=read)
     with record_reads(subject.folder) as reads:
@@ -167,10 +167,10 @@ def _source(subject: Subject) -> _Source:
 
 
 def _scenario(source: _Source, asked: Asked) -> Scenario:
-    """The scenario that is meant, with the duration that is asked.
+    """Return the requested scenario with the requested duration.
 
     Raises:
-        MotionError: with those that there are.
+        MotionError: listing the alternatives.
     """
     declaration, place = source.declaration, asked.subject.place
     if not isinstance(asked.scenario, str):
@@ -211,7 +211,7 @@ def _own(
 
 
 def _loaded(source: _Source, subject: Subject, engine: str) -> tuple[Model, CoordinateMap]:
-    """A model, and the map between its coordinates and the mechanism's."""
+    """Load a model, and return it with the map between its coordinates and the mechanism's."""
     file = subject.file
     assert file is not None
     if isinstance(source.declaration, System):
@@ -233,20 +233,20 @@ def _loaded(source: _Source, subject: Subject, engine: str) -> tuple[Model, Coor
 
 
 def told(start: Start) -> str:
-    """A start in words."""
+    """Format a start."""
     return ", ".join(f"{name} = {value:g}" for name, value in start) or "from zero"
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number, of Python or of numpy; a truth value is none."""
+    """Return whether a value is a real number of Python or numpy; a bool is not."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def start_from(given: Mapping[str, float]) -> Start:
-    """A start as it is sent to a worker.
+    """Convert a start for sending it to a worker.
 
     Raises:
-        MotionError: for what is no mapping of names to finite numbers.
+        MotionError: unless it maps names to finite numbers.
     """
     if not isinstance(given, Mapping):
         raise MotionError(

@@ -1,4 +1,4 @@
-"""Packages that are used where they are installed, and imported when they are asked for."""
+"""Optional packages, imported on first use."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 INSTALL = "pip install 'physics-crosscheck[notebook]'"
 
 FRAMES = ("pandas", "polars")
-"""Libraries of tables, the preferred one first."""
+"""Table libraries, in order of preference."""
 
 
 class MissingPackageError(ImportError):
-    """A package that is not installed; the message says what installs it."""
+    """An error about a package that is not installed; the message gives the install command."""
 
 
 def frame(columns: Mapping[str, Sequence[object] | Array], library: str = "") -> Any:
-    """A table of columns that are equally long.
+    """Build a table of columns of equal length.
 
     Args:
-        columns: by their headings.
-        library: "pandas" or "polars"; empty: the first of these that is installed.
+        columns: columns by their headings.
+        library: "pandas" or "polars"; empty: the first that is installed.
 
     Raises:
-        MissingPackageError: where it is not installed.
+        MissingPackageError: if it is not installed.
         ValueError: for another library.
     """
     if library not in ("", *FRAMES):
@@ -43,14 +43,14 @@ def frame(columns: Mapping[str, Sequence[object] | Array], library: str = "") ->
 
 
 def new_axes(rows: int, height: float) -> Any:
-    """A figure of panels above one another that share their abscissa, as an array of axes.
+    """Create a figure of stacked panels with a common x axis; return an array of axes.
 
     Args:
-        rows: how many.
-        height: of each, inches.
+        rows: number of panels.
+        height: height of each panel, inches.
 
     Raises:
-        MissingPackageError: where matplotlib is not installed.
+        MissingPackageError: without matplotlib.
     """
     if importlib.util.find_spec("matplotlib") is None:
         raise MissingPackageError(f"plot() needs matplotlib, which is not installed: {INSTALL}")

@@ -1,4 +1,4 @@
-"""What is named: a model in its system folder, a folder, or a robot's file alone."""
+"""Resolve names to a model in its system folder, a folder, or a robot file."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Subject:
     """A mechanism, and a file that models it.
 
     Attributes:
-        folder: where `system.py` declares it; None for a robot's file alone.
-        file: the model file; None where the folder is meant alone.
+        folder: folder with `system.py`; None for a robot file without one.
+        file: the model file; None for the folder as a whole.
     """
 
     folder: Path | None
@@ -33,23 +33,23 @@ class Subject:
 
     @property
     def place(self) -> Path:
-        """What messages name."""
+        """Path that messages name."""
         found = self.file or self.folder
         assert found is not None
         return found
 
     @property
     def base(self) -> Path:
-        """The folder that names of files are relative to."""
+        """Folder that file names are relative to."""
         return self.place.parent if self.folder is None else self.folder
 
 
 def model_named(name: Name) -> Subject:
-    """The model file that a name means.
+    """Return the model file that a name refers to.
 
     Raises:
-        MotionError: for what is none, with what is there.
-        TypeError: for what is no path.
+        MotionError: if there is no such model, with the alternatives.
+        TypeError: if the name is not a path.
     """
     check_text(name, "model", path=True)
     text = str(name)
@@ -72,11 +72,11 @@ def model_named(name: Name) -> Subject:
 
 
 def system_named(name: Name) -> Subject:
-    """The mechanism that a name means.
+    """Return the mechanism that a name refers to.
 
     Raises:
-        MotionError, FolderError: for what is none, with what is there.
-        TypeError: for what is no path.
+        MotionError, FolderError: if there is no such system, with the alternatives.
+        TypeError: if the name is not a path.
     """
     check_text(name, "system", path=True)
     text = str(name)
@@ -90,7 +90,7 @@ def system_named(name: Name) -> Subject:
 
 
 def sidecar_of(file: Path) -> Sidecar:
-    """The sidecar of a model file in its folder.
+    """Return the sidecar of a model file in its folder.
 
     Raises:
         SidecarError: naming file, key and remedy.
@@ -99,11 +99,11 @@ def sidecar_of(file: Path) -> Sidecar:
 
 
 def engine_for(subject: Subject, asked: str | None) -> str:
-    """The engine that is asked for, or the first that is installed of those that run a file.
+    """Return the requested engine, or the first installed engine that runs a file.
 
     Raises:
-        MotionError, FolderError, SidecarError: with those that run it, or what installs one.
-        TypeError: for what is no name.
+        MotionError, FolderError, SidecarError: with the engines that run it, or an install command.
+        TypeError: if the name is not a string.
     """
     assert subject.file is not None
     if asked is not None:

@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 TIME = "t (s)"
 
 TITLE = 95
-"""Characters to a line of a plot's title."""
+"""Maximum characters per line of a plot's title."""
 
 SAME = 1e-9
-"""Times are the same up to this share of the whole: steps are counted, and their sums rounded."""
+"""Relative tolerance of equal times: engines add up rounded steps."""
 
 ROUNDING = 1e-12
-"""Of a column's largest value: what moves by no more stands still."""
+"""Share of a column's largest value; a column with a smaller range is constant."""
 
 FEWEST = 2
-"""Times that two trajectories must share, for their difference to be one."""
+"""Minimum number of common times for a difference of two trajectories."""
 
 
 class MotionError(ValueError):
@@ -78,7 +78,7 @@ class Trajectory:
                 array.flags.writeable = False
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Arrays come from another process as ones that can be written to.
+        # Arrays from another process are writable.
         self.__dict__.update(state)
         self.__post_init__()
 
@@ -106,7 +106,7 @@ class Trajectory:
         """Return a column's name with its unit, such as `theta (rad)`.
 
         Raises:
-            KeyError: naming the columns that there are.
+            KeyError: if the column is unknown; the message lists the columns.
         """
         unit = self.units[self._index(name)]
         return name if unit == "1" else f"{name} ({unit})"
@@ -230,7 +230,7 @@ class Trajectory:
         cells = [escape(self.label(name)), *(shown(float(x), "{:.6g}") for x in sizes)]
         if self.uncertainty is not None:
             cells.append(shown(float(np.max(self.uncertainty_of(name))), "{:.1e}"))
-        # Of what is constant, as an energy may be, rounding is not to be seen.
+        # Hide rounding of a constant quantity, such as energy.
         noise = ROUNDING * float(np.max(np.abs(finite), initial=0.0))
         if self.uncertainty is not None:
             noise = max(noise, 2 * float(np.max(self.uncertainty_of(name))))

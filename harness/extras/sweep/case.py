@@ -1,7 +1,7 @@
-"""Cases of a sweep in a worker: the segments' verdict, and the error at the shipped step.
+"""Run cases of a sweep in a worker: the segments' verdict, and the error at the time step.
 
-What a sweep leaves out beside a run's case: the finer full runs, the next step, accelerations,
-series, linearizations, audit and coverage.
+A sweep omits these parts of a run: finer full runs, single steps, accelerations, series,
+linearizations, audit and coverage.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 @lru_cache(maxsize=16)
 def swept(folder: str, varied: frozenset[str], content: str) -> Source:
-    """A folder or a robot's file, prepared once a process.
+    """Prepare a folder or a robot file once per process.
 
     Args:
-        folder: of the system, or the file.
-        varied: names of the constants that are varied.
-        content: hash of what is in it: a worker that lives on takes no old one for it.
+        folder: folder of the system, or the file.
+        varied: names of the varied constants.
+        content: hash of its content, so that a long-lived worker uses no outdated copy.
 
     Raises:
         DeclarationError, SidecarError, RobotError: naming what is wrong and where.
@@ -41,7 +41,7 @@ def swept(folder: str, varied: frozenset[str], content: str) -> Source:
 
 @lru_cache(maxsize=16)
 def _loaded(folder: str, content: str) -> Source:
-    del content  # another one is another folder
+    del content  # changed content requires a new source
     path = Path(folder)
     if path.is_file():
         return SweptRobot(path)
@@ -54,9 +54,9 @@ def _loaded(folder: str, content: str) -> Source:
 
 
 def run_block(block: Block) -> tuple[SweepRow, ...]:
-    """Run some cases; one that can't be run is FAILED, with its reason."""
+    """Run some cases; one that can't run is FAILED, with its reason."""
     source = swept(block.folder, block.varied, block.content)
-    # What all cases of a model share is made first, so that no row's time has it.
+    # Prepare shared data first, so that no row's time includes it.
     for one in {(case.model, case.engine): case for case in block.cases}.values():
         source.prepare(one.model, one.engine)
     return tuple(_row(source, block, case) for case in block.cases)

@@ -1,8 +1,8 @@
-"""Designs of experiments: where in the ranges of the constants the draws lie.
+"""Designs of experiments: the positions of draws in the ranges of the constants.
 
-Each is a function of a seed and a draw's number, so that no more than a table of the draws is ever
-held: a Latin hypercube is made at once, 8 bytes a number; a Sobol sequence goes on from where it
-is; of random draws each has a generator of its own.
+Each design is a function of a seed and a draw's number, so memory never holds more than a table of
+the draws. A Latin hypercube is computed at once, with 8 bytes per number. A Sobol sequence
+continues from its current position. Each random draw has its own generator.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 MOST = 2**30
-"""Draws of a Sobol sequence, as scipy makes it."""
+"""Maximum number of draws of scipy's Sobol sequence."""
 
 
 class Design(StrEnum):
-    """How draws are spread over the ranges."""
+    """Design of an experiment: how draws cover the ranges."""
 
     LATIN = "latin"
     SOBOL = "sobol"
     RANDOM = "random"
     ALL = "all"
-    """Every combination of listed values: where no number of draws is told."""
+    """Design with every combination of listed values, used without a number of draws."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Draws:
-    """So many draws of some factors.
+    """A number of draws of some factors.
 
     Attributes:
-        factors: what is varied; none: one draw, which varies nothing.
-        design: how.
-        count: of draws.
-        seed: from which they follow.
+        factors: varied constants; none: one draw that varies nothing.
+        design: the design.
+        count: number of draws.
+        seed: random seed.
     """
 
     factors: tuple[Factor, ...]
@@ -50,7 +50,7 @@ class Draws:
     seed: int
 
     def at(self, draw: int) -> dict[str, float]:
-        """Values of the varied constants in a draw."""
+        """Return the values of the varied constants in a draw."""
         if not self.factors:
             return {}
         if self.design is Design.ALL:
@@ -77,7 +77,7 @@ class Draws:
 
     @cached_property
     def _table(self) -> Array:
-        from scipy.stats import qmc  # half a second to import
+        from scipy.stats import qmc  # takes half a second to import
 
         sampler = qmc.LatinHypercube(len(self.factors), seed=np.random.default_rng(self.seed))
         table: Array = sampler.random(self.count)
@@ -89,7 +89,7 @@ class Draws:
 
 
 class _Sobol:
-    """A scrambled Sobol sequence, asked for mostly in order."""
+    """A scrambled Sobol sequence, mostly accessed in order."""
 
     def __init__(self, size: int, seed: int) -> None:
         from scipy.stats import qmc
@@ -98,7 +98,7 @@ class _Sobol:
         self._sampler: Any = qmc.Sobol(size, scramble=True, seed=generator)
 
     def at(self, draw: int) -> Array:
-        """The point of a number."""
+        """Return the point of a number."""
         if draw < self._sampler.num_generated:
             self._sampler.reset()
         if draw > self._sampler.num_generated:
@@ -108,10 +108,10 @@ class _Sobol:
 
 
 def draws(factors: Sequence[Factor], design: Design, count: int | None, seed: int) -> Draws:
-    """The draws that are asked for; without a number of them every combination of listed values.
+    """Return the requested draws; without a number, every combination of listed values.
 
     Raises:
-        SweepError: where a range is given and no number of draws.
+        SweepError: if a range is given without a number of draws.
     """
     if not factors:
         return Draws(factors=(), design=Design.ALL, count=1, seed=seed)

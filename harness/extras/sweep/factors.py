@@ -1,4 +1,4 @@
-"""What `--vary` may say: a constant over a range, or at some values."""
+"""Values of `--vary`: a constant over a range, or at some values."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ ANY, TIMES = "*", "x"
 
 
 class SweepError(ValueError):
-    """A sweep that can't be planned; the message names what, where and the remedy."""
+    """An error in planning a sweep; the message gives the problem, the place and the remedy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Factor:
-    """A constant that is varied.
+    """A varied constant.
 
     Attributes:
-        name: of the constant; a `*` in it stands for anything.
-        low, high: ends of its range; equal to the least and the largest of `values`.
-        log: whether it is spread evenly in its logarithm.
-        values: the only ones that it takes; empty: the whole range.
-        relative: whether all of these are multiples of what is declared.
+        name: name of the constant; `*` matches any text.
+        low, high: ends of its range; the minimum and maximum of `values`.
+        log: whether it is uniform in its logarithm.
+        values: its only values; empty: the whole range.
+        relative: whether all of these are multiples of the declared value.
     """
 
     name: str
@@ -34,12 +34,12 @@ class Factor:
     relative: bool = False
 
     def of(self, constants: Mapping[str, float]) -> tuple[Factor, ...]:
-        """A factor for each constant that is meant, in what it is declared in; none is at nought.
+        """Return a factor for each matching constant, in declared units; none for zero constants.
 
-        A multiple of nought is no range: by a pattern such constants stay as they are.
+        A multiple of zero is not a range: a pattern leaves such constants unchanged.
 
         Raises:
-            SweepError: where it is named itself.
+            SweepError: if the name itself is of a zero constant.
         """
         pattern = re.compile(".*".join(map(re.escape, self.name.split(ANY))), re.DOTALL)
         found = []
@@ -64,7 +64,7 @@ class Factor:
         return Factor(name=name, low=low, high=high, log=self.log, values=values)
 
     def value(self, share: float) -> float:
-        """Its value at a share of its range, 0 to 1."""
+        """Return the value at a share of the range, 0 to 1."""
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         if self.log:
@@ -73,10 +73,10 @@ class Factor:
 
 
 def factor(text: str) -> Factor:
-    """Read NAME=LOW:HIGH, NAME=LOW:HIGH:log or NAME=V1,V2,...; `x0.8:x1.25` are multiples.
+    """Parse NAME=LOW:HIGH, NAME=LOW:HIGH:log or NAME=V1,V2,...; `x0.8:x1.25` are multiples.
 
     Raises:
-        SweepError: naming what can't be read.
+        SweepError: naming the invalid part.
     """
     name, sign, given = text.rpartition("=")
     name, given = name.strip(), given.strip()
@@ -102,10 +102,10 @@ def factor(text: str) -> Factor:
 
 
 def factors(texts: Sequence[str]) -> tuple[Factor, ...]:
-    """Read them all.
+    """Parse all factors.
 
     Raises:
-        SweepError: for a name that comes twice, too.
+        SweepError: for an invalid factor or a duplicate name.
     """
     found = tuple(map(factor, texts))
     names = [one.name for one in found]
@@ -116,10 +116,10 @@ def factors(texts: Sequence[str]) -> tuple[Factor, ...]:
 
 
 def meant(factors: Sequence[Factor], constants: Mapping[str, float]) -> tuple[Factor, ...]:
-    """What is varied of some constants, each by one factor.
+    """Return the factors of constants that exist, one per constant.
 
     Raises:
-        SweepError: where two mean one constant, or a range is none for it.
+        SweepError: if two factors match one constant, or a range is invalid for it.
     """
     found = [made for one in factors for made in one.of(constants)]
     names = [made.name for made in found]
@@ -130,7 +130,7 @@ def meant(factors: Sequence[Factor], constants: Mapping[str, float]) -> tuple[Fa
 
 
 def _numbers(parts: Sequence[str], text: str) -> tuple[tuple[float, ...], bool]:
-    """Numbers, and whether they are multiples."""
+    """Parse numbers, and return whether they are multiples."""
     times = [part.strip().startswith(TIMES) for part in parts]
     if len(set(times)) > 1:
         raise SweepError(f"--vary {text}: either all of its numbers have {TIMES!r} before, or none")

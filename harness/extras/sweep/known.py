@@ -1,4 +1,4 @@
-"""What is known of a case of a sweep so far, and how its engine's stepping is timed."""
+"""The known fields of a sweep's case, and timing of its engine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.sweep import SweepRow
 
 
 def blank(block: Block, case: Planned, reason: str) -> SweepRow:
-    """The row of a case that could not be run."""
+    """Return the row of a case that could not run."""
     return SweepRow(
         index=case.index,
         draw=case.draw,
@@ -35,18 +35,18 @@ def blank(block: Block, case: Planned, reason: str) -> SweepRow:
 
 
 class Known:
-    """What is known of a case so far, however it ends."""
+    """The known fields of a case, available however it ends."""
 
     def __init__(self, row: SweepRow) -> None:
         self.row = row
 
     def tell(self, **more: Any) -> None:
-        """Fields of the row."""
+        """Set fields of the row."""
         values = {name: getattr(self.row, name) for name in self.row.__struct_fields__}
         self.row = SweepRow(**{**values, **more})
 
     def tell_verdict(self, verdict: Verdict) -> None:
-        """What the segments say."""
+        """Set the fields that follow from the segments."""
         self.tell(
             outcome=verdict.outcome,
             reason=verdict.reason,
@@ -59,7 +59,7 @@ class Known:
 
     @contextmanager
     def timing(self, field: str) -> Iterator[None]:
-        """Processor time of what is done within, for a field of the row."""
+        """Measure the processor time of a block for a field of the row."""
         began = time.process_time()
         try:
             yield
@@ -68,17 +68,17 @@ class Known:
 
     @contextmanager
     def stepping(self, model: Timed) -> Iterator[None]:
-        """What the engine took, however it ends."""
+        """Record steps and time of the engine, however the block ends."""
         try:
             yield
         finally:
             self.tell(engine_seconds=model.seconds, steps=model.steps)
 
     def check_step(self, model: Model, case: Planned) -> None:
-        """Tell the model's step.
+        """Set the model's time step.
 
         Raises:
-            EngineError: where another one is asked for.
+            EngineError: if another step was requested.
         """
         self.tell(step=number(model.step))
         if case.step is not None and model.step != case.step:
@@ -89,7 +89,7 @@ class Known:
 
 
 def _digits(verdict: Verdict) -> float:
-    """That agree in every component; nan where nothing was judged."""
+    """Return the number of digits that agree in every component; nan without a judged one."""
     worst = max(verdict.largest_discrepancy, verdict.largest_uncertainty)
     if not math.isfinite(worst):
         return math.nan
@@ -97,7 +97,7 @@ def _digits(verdict: Verdict) -> float:
 
 
 class Timed(Model):
-    """A model whose stepping is counted and timed."""
+    """A model that counts and times its steps."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -107,13 +107,13 @@ class Timed(Model):
         self.epsilon = model.epsilon
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """The model's."""
+        """Return the model's exponents."""
         return self._model.exponents(varying_input)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """The model's, timed and counted."""
+        """Run the model, timed and counted."""
         began = time.process_time()
         found = self._model.rollout(q, v, h, n, force, every)
         self.seconds += time.process_time() - began
@@ -122,5 +122,5 @@ class Timed(Model):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The model's."""
+        """Warnings of the model."""
         return self._model.warnings

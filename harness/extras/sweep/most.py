@@ -1,4 +1,4 @@
-"""The few with the largest of something, of many that go by."""
+"""The few largest items of a stream."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Generic, Protocol, TypeVar
 
 
 class Numbered(Protocol):
-    """A row of a sweep, or what is made of some."""
+    """A row of a sweep, or a result made from rows."""
 
     @property
     def index(self) -> int:
-        """Its number in the plan."""
+        """Number in the plan."""
         ...
 
 
@@ -21,14 +21,14 @@ Item = TypeVar("Item", bound=Numbered)
 
 
 class Most(Generic[Item]):
-    """The items with the largest of something, at most so many; of equal ones the first numbers."""
+    """The largest items up to a maximum number; of equal ones, those with the lowest numbers."""
 
     def __init__(self, size: Callable[[Item], float | None], count: int) -> None:
         self._size, self._count = size, count
         self._heap: list[tuple[float, int, Item]] = []
 
     def add(self, one: Item) -> None:
-        """Take an item, unless it has no size."""
+        """Add an item, unless it has no size."""
         value = self._size(one)
         if value is None or math.isnan(value):
             return
@@ -39,5 +39,5 @@ class Most(Generic[Item]):
             heapq.heapreplace(self._heap, item)
 
     def items(self) -> list[Item]:
-        """The largest first."""
+        """Return the items, largest first."""
         return [one for *_, one in sorted(self._heap, reverse=True)]

@@ -1,8 +1,7 @@
-"""The plan of a sweep: how many cases there are, and which each is, from its number alone.
+"""The plan of a sweep: the number of cases, and each case from its number alone.
 
-Of each folder in turn: draw by draw, in each its scenarios, in each the models, engines and
-integrators, and last the steps. So cases that share a reference motion follow each other, and no
-more than one block of cases is ever made.
+The order is folders, draws, scenarios, then models with engines and integrators, and time steps.
+Cases with a common reference motion are consecutive, and only one block of cases is in memory.
 """
 
 from __future__ import annotations
@@ -19,25 +18,25 @@ from physics_crosscheck.harness.extras.sweep.survey import Pairing, Survey
 from physics_crosscheck.harness.jobs.limits import Limits
 
 MANY, FEW = 24, 4
-"""Names that are told of those there are: all of so many, else so few."""
+"""Maximum number of alternatives to list in full, and the number to list beyond that."""
 
 BLOCK = 16
-"""Cases that a worker is given at once, about; more than a draw's scenario has are split."""
+"""Approximate number of cases per worker task; larger groups of a draw and scenario are split."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepOptions:
-    """What a sweep is asked for.
+    """Options of a sweep.
 
     Attributes:
-        factors: constants that are varied.
-        design, count, seed: of the draws.
-        steps: shipped steps, seconds; empty: each model's own.
+        factors: varied constants.
+        design, count, seed: draws.
+        steps: time steps, seconds; empty: each model's own.
         integrators, engines, scenarios: names; empty: each model's own, all, all.
-        resolution: relative discrepancy to resolve.
-        jobs: worker processes.
-        limits: of a case.
-        scheduler: address of a cluster's; empty: this machine.
+        resolution: smallest relative discrepancy to detect.
+        jobs: number of worker processes.
+        limits: limits of a case.
+        scheduler: address of a cluster's scheduler; empty: this machine.
         command: words of the command line, without `--only`.
     """
 
@@ -61,9 +60,9 @@ class Part:
     """The cases of one folder.
 
     Attributes:
-        survey: of the folder.
-        draws: of its own constants.
-        steps: that its models are run at; None: their own.
+        survey: survey of the folder.
+        draws: draws of its constants.
+        steps: time steps of its models; None: their own.
         first: number of its first case.
     """
 
@@ -74,23 +73,23 @@ class Part:
 
     @property
     def shared(self) -> int:
-        """Cases of a draw and a scenario: they share a reference motion."""
+        """Number of cases of a draw and a scenario; they share a reference motion."""
         return len(self.survey.pairings) * len(self.steps)
 
     @property
     def count(self) -> int:
-        """Of its cases."""
+        """Number of its cases."""
         return self.draws.count * len(self.survey.scenarios) * self.shared
 
     @property
     def block(self) -> int:
-        """Cases of a block."""
+        """Number of cases of a block."""
         if self.shared >= BLOCK:
             return BLOCK
         return self.shared * (BLOCK // self.shared)
 
     def place(self, number: int) -> tuple[int, str, Pairing, float | None]:
-        """Draw, scenario, pairing and step of a case, by its number in the part."""
+        """Return draw, scenario, pairing and step of a case, by its number in the part."""
         rest, step = divmod(number, len(self.steps))
         rest, pairing = divmod(rest, len(self.survey.pairings))
         draw, scenario = divmod(rest, len(self.survey.scenarios))
@@ -107,25 +106,25 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """Of all cases."""
+        """Number of all cases."""
         return sum(part.count for part in self.parts)
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """Names of all that is varied."""
+        """Names of all varied constants."""
         names = (one.name for part in self.parts for one in part.draws.factors)
         return tuple(dict.fromkeys(names))
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What of the folders is not swept, a line each."""
+        """Parts of the folders that are not swept, a line each."""
         return tuple(line for part in self.parts for line in part.survey.left_out)
 
     def blocks(self, done: Sequence[int] | bytes) -> Iterator[Block]:
-        """Blocks of the cases that are not done yet, one after the other.
+        """Yield blocks of the cases that are not done, one at a time.
 
         Args:
-            done: a byte a case, 1 where it is done.
+            done: one byte per case, 1 if it is done.
         """
         for part in self.parts:
             for begin in range(0, part.count, part.block):
@@ -139,10 +138,10 @@ class Plan:
                     yield self._block(part, cases)
 
     def one(self, index: int) -> Block:
-        """The block of one case alone.
+        """Return the block of one case.
 
         Raises:
-            SweepError: where there is no such case.
+            SweepError: if there is no such case.
         """
         for part in self.parts:
             if part.first <= index < part.first + part.count:
@@ -180,8 +179,7 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
     """Plan the cases of some folders.
 
     Raises:
-        SweepError: where a name is that of nothing, a range leaves where a constant is declared to
-            be, or no case is left.
+        SweepError: for an unknown name, a range outside a constant's declared sign, or no cases.
     """
     _check_names(options, surveys)
     parts, first = [], 0
@@ -189,7 +187,7 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
         own = meant(options.factors, one.constants)
         for varied in own:
             _check_sign(varied, one)
-        # Segments of a robot's states are taken as the step goes to zero: none of them is shipped.
+        # Segments of a robot's states extrapolate to zero step, so none of them has a time step.
         steps: tuple[float | None, ...] = options.steps if one.signed and options.steps else (None,)
         drawn = draws(own, options.design, options.count, options.seed)
         part = Part(survey=one, draws=drawn, steps=steps, first=first)
@@ -227,7 +225,7 @@ def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
 
 
 def _told(name: str, known: Sequence[str]) -> str:
-    """Names that there are; of many those that are most like the one that was meant."""
+    """Return the available names; of many, those most similar to the given one."""
     if len(known) <= MANY:
         return ", ".join(known) or "none"
     near = get_close_matches(name, known, n=FEW, cutoff=0.0)
@@ -235,7 +233,7 @@ def _told(name: str, known: Sequence[str]) -> str:
 
 
 def _check_sign(varied: Factor, one: Survey) -> None:
-    """Equations are simplified with the sign that a constant is declared with."""
+    """Check that a factor keeps the declared sign, which the simplified equations assume."""
     if not one.signed:
         return
     positive = one.constants[varied.name] > 0

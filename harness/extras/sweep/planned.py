@@ -1,4 +1,4 @@
-"""What a worker is given: some cases of one system, or of one robot's file."""
+"""Tasks of a worker: some cases of one system or one robot file."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A case of the plan.
+    """A planned case.
 
     Attributes:
         index: its number.
         draw: number of its draw.
-        constants: that are varied, by name.
-        model, engine, scenario, integrator: the case.
-        settings: that choose its integrator.
-        step: shipped step, seconds; None: the model's own.
-        command: that runs it alone.
+        constants: values of varied constants, by name.
+        model, engine, scenario, integrator: names of the case.
+        settings: settings that select its integrator.
+        step: time step, seconds; None: the model's own.
+        command: command that runs it alone.
     """
 
     index: int
@@ -38,12 +38,12 @@ class Block:
     """Some cases of one system, for one worker.
 
     Attributes:
-        folder: of the system, or the robot's file.
-        content: hash of what is in it.
+        folder: folder of the system, or the robot file.
+        content: hash of its content.
         system: its name.
-        varied: names of all constants that are varied.
-        resolution: relative discrepancy to resolve.
-        cases: by index.
+        varied: names of all varied constants.
+        resolution: smallest relative discrepancy to detect.
+        cases: cases by index.
     """
 
     folder: str
@@ -54,5 +54,5 @@ class Block:
     cases: tuple[Planned, ...]
 
     def alone(self) -> Iterator[Block]:
-        """A block for each of its cases."""
+        """Yield one block per case."""
         return (replace(self, cases=(case,)) for case in self.cases)

@@ -1,4 +1,4 @@
-"""The last few things that were made: cases that share one follow each other."""
+"""A small cache: consecutive cases share most results."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Generic, TypeVar
 Value = TypeVar("Value")
 
 KEPT = 4
-"""So many a worker holds."""
+"""Size of a worker's cache."""
 
 
 class Recent(Generic[Value]):
-    """What was made last, by what it was made of."""
+    """The last few results, by their inputs."""
 
     def __init__(self) -> None:
         self._made: OrderedDict[Hashable, Value] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """It, made where it is not here."""
+        """Return a cached result, or make it."""
         if key not in self._made:
             self._made[key] = make()
             while len(self._made) > KEPT:

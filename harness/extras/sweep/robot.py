@@ -1,8 +1,7 @@
-"""A robot's file in a sweep: the numbers that it spells are what is varied.
+"""A robot file in a sweep, with the numbers of the file as constants.
 
-The file is read and its states are chosen once. A draw changes digits of a copy, and the tree that
-the same changes make of what was read; where the equations take the states then is found from where
-they take them now.
+The file is read and its states are chosen once. A draw changes digits in a copy and makes the same
+changes in the tree. The reference states of a draw are computed from those of the file.
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ from physics_crosscheck.reference.solving.samples import Samples
 
 @dataclass(frozen=True)
 class _Draw:
-    """The tree of a draw, and where its equations take the states."""
+    """The tree of a draw, and the reference states of its equations."""
 
     tree: Tree
     samples: Samples
 
 
 class SweptRobot(Source):
-    """A robot's file, and what its cases share.
+    """A robot file, and the data that its cases share.
 
     Args:
         file: the model file.
@@ -60,36 +59,36 @@ class SweptRobot(Source):
         self._draws = Recent[_Draw]()
 
     def varying(self, varied: frozenset[str]) -> SweptRobot:
-        """Other numbers of the same file, by their addresses."""
+        """Return the same file with other varied numbers, by their addresses."""
         other = copy(self)
         other._own, other._draws = varied & self._index.keys(), Recent[_Draw]()
         return other
 
     @property
     def name(self) -> str:
-        """The robot's."""
+        """Name of the robot."""
         return self._prepared.record.name
 
     @property
     def constants(self) -> Mapping[str, float]:
-        """Every number that says something of the bodies and joints, by its address."""
+        """Every number that affects bodies and joints, by its address."""
         numerals = self._numbers.numerals
         return {numerals[i].address: numerals[i].value for i in sorted(self._index.values())}
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """What its states are called."""
+        """Names of its states."""
         return (self._prepared.scenario,)
 
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """The file in every engine that reads it, or in those that are wanted."""
+        """Yield the file with every engine that reads it, or with the selected engines."""
         file = self._prepared.file
         for engine in (engines_reading if only else engines_to_run)(file.suffix):
             if not only or engine.name in only:
                 yield file.name, engine.name
 
     def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
-        """Load it as it is, and solve what its draws are solved from."""
+        """Load the unchanged file, and solve the equations that its draws start from."""
         if self._resolved is None:
             self._resolved = ReusedSegments(self._prepared.system, self._prepared.samples)
         if engine not in self._ways:
@@ -98,7 +97,7 @@ class SweptRobot(Source):
         return self._ways[engine]
 
     def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
-        """Every segment of the drawn robot; what motions don't resolve, accelerations decide."""
+        """Run every segment of the drawn robot; accelerations decide what motions can't resolve."""
         values = {self._index[name]: case.constants[name] for name in sorted(self._own)}
         with known.timing("reference_seconds"):
             drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))

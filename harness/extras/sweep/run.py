@@ -1,4 +1,4 @@
-"""A sweep from its options to its rows: folders are surveyed, cases planned, run, and kept."""
+"""Run a sweep: survey the folders, plan the cases, run them and store the rows."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 
 AHEAD = 2
-"""Blocks in flight for each worker: one that it has, and one that waits for it."""
+"""Blocks in flight per worker: a running one and a waiting one."""
 
 Progress = Callable[[int, int, SweepRow | None], None]
-"""Called with cases done, cases in all, and one of them."""
+"""Called with the number of finished cases, the total, and one finished case."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What is swept.
+    """Targets of a sweep.
 
     Attributes:
-        places: system folders, and robots' files.
-        models: of folders that are not meant whole, those that are.
+        places: system folders and robot files.
+        models: selected models of folders that are not swept whole.
     """
 
     places: Sequence[Path]
@@ -54,10 +54,10 @@ class Wanted:
 
 
 def crew(options: SweepOptions, wanted: Wanted) -> Executor:
-    """Who runs the jobs of a sweep: workers of this machine, or of a cluster.
+    """Return the executor of a sweep: workers of this machine or of a cluster.
 
     Raises:
-        ClusterError: for a cluster that can't be worked with.
+        ClusterError: if the cluster does not work.
     """
     return executor(
         jobs=options.jobs,
@@ -69,10 +69,10 @@ def crew(options: SweepOptions, wanted: Wanted) -> Executor:
 
 
 def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
-    """The plan of a sweep.
+    """Plan a sweep.
 
     Raises:
-        SweepError: naming what is wrong, where, and the remedy.
+        SweepError: giving the problem, the place and the remedy.
     """
     found: dict[str, Survey] = {}
 
@@ -102,7 +102,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
 
 
 def plan_record(whole: Plan) -> SweepPlan:
-    """What is kept of a plan."""
+    """Return the stored record of a plan."""
     options = whole.options
     told = {
         "vary": "; ".join(str(one) for one in options.factors),
@@ -134,17 +134,17 @@ def plan_record(whole: Plan) -> SweepPlan:
 
 
 def _content_seen(found: Survey) -> str:
-    """Hash of what is in a folder, and of what its code read or looked for elsewhere."""
+    """Hash the content of a folder and of other files that its code read or looked for."""
     if not found.reads:
         return found.content
     return digest_of(repr((found.content, sorted(found.reads.items()))).encode())
 
 
 def content_of(place: Path) -> str:
-    """Hash of what is in a system folder, or of a robot's file with all that it names.
+    """Hash the content of a system folder, or of a robot file with all files that it names.
 
     Raises:
-        SweepError: where a file can't be read.
+        SweepError: if a file can't be read.
     """
     try:
         if place.is_file():
@@ -158,7 +158,7 @@ def content_of(place: Path) -> str:
 
 @dataclass
 class _Running:
-    """What is done so far, and what follows."""
+    """Progress of a sweep, and its next jobs."""
 
     blocks: Iterator[Block]
     store: Store
@@ -167,13 +167,13 @@ class _Running:
     cases: int
 
     def next(self) -> Iterator[Job[Any]]:
-        """The job of the next block, if there is one."""
+        """Yield the job of the next block, if there is one."""
         block = next(self.blocks, None)
         if block is not None:
             yield self.job(block)
 
     def job(self, block: Block) -> Job[tuple[SweepRow, ...]]:
-        """Run a block; what a worker did not live through is run case by case."""
+        """Return the job of a block; if a worker dies, its cases run one by one."""
         return Job(
             task=Task(run_block, block),
             done=self._keep,
@@ -195,13 +195,13 @@ class _Running:
 def sweep(
     whole: Plan, out: Path, workers: Executor, progress: Progress, stop: Stop | None = None
 ) -> int:
-    """Run the cases of a plan that have no row yet; returns how many have one then.
+    """Run the planned cases without a row; return the number of rows.
 
-    What is done stays, however it ends; the same call goes on with what is missing.
+    Finished rows are kept, however it ends; the same call resumes the sweep.
 
     Raises:
-        SweepError: where the folder has rows of another plan.
-        OSError: where it can't be written.
+        SweepError: if the folder has rows of another plan.
+        OSError: if it can't be written.
     """
     record = plan_record(whole)
     with taken(out):
@@ -215,10 +215,10 @@ def sweep(
 
 
 def alone(whole: Plan, index: int, workers: Executor) -> SweepRow:
-    """The row of one case, run now; nothing is kept.
+    """Run one case now and return its row, without storing it.
 
     Raises:
-        SweepError: where there is no such case.
+        SweepError: if there is no such case.
     """
     block = whole.one(index)
     outcome = workers.outcome(workers.submit(run_block, block))

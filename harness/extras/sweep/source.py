@@ -1,4 +1,4 @@
-"""What cases of a sweep are drawn from, in a worker: a system's folder, or a robot's file."""
+"""Sources of a sweep's cases, in a worker: a system folder, or a robot file."""
 
 from __future__ import annotations
 
@@ -11,47 +11,47 @@ from physics_crosscheck.harness.extras.sweep.planned import Planned
 
 
 class Source(ABC):
-    """Models, and what numbers of theirs may be varied."""
+    """Models with numbers that can be varied."""
 
     signed: bool
-    """Whether a constant keeps the sign that it is declared with."""
+    """True if constants keep their declared signs."""
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """Of the system or the robot."""
+        """Name of the system or robot."""
 
     @abstractmethod
     def varying(self, varied: frozenset[str]) -> Source:
-        """The same with other constants varied; what doesn't depend on these is shared."""
+        """Return the source with other varied constants, sharing everything independent of them."""
 
     @property
     @abstractmethod
     def constants(self) -> Mapping[str, float]:
-        """What may be varied, with the values that are declared."""
+        """Constants that can be varied, with their declared values."""
 
     @property
     @abstractmethod
     def scenarios(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the scenarios."""
 
     @abstractmethod
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """Models, each with an engine that runs it, installed or not.
+        """Yield each model with each engine that runs it, installed or not.
 
         Args:
-            only: engines; empty: those that are meant.
+            only: engines; empty: the default ones.
 
         Raises:
-            SidecarError: for a model that can't be read.
+            SidecarError: if a model can't be read.
         """
 
     @abstractmethod
     def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
-        """Make what all cases of a model in an engine share, where that is not done yet.
+        """Prepare the data that all cases of a model in an engine share, once.
 
         Returns:
-            Its integrator, and others that the engine offers, with the settings that choose them.
+            Its integrator, and other integrators of the engine with the settings that select them.
 
         Raises:
             SidecarError, LocationError, EngineError, RobotError: naming file, place and remedy.
@@ -62,11 +62,11 @@ class Source(ABC):
         """Run a case.
 
         Args:
-            case: which.
-            resolution: relative discrepancy to resolve.
+            case: the case.
+            resolution: smallest relative discrepancy to detect.
             place: an empty folder, for a copy of the model with other numbers.
-            known: is told what is known, step by step.
+            known: receives results as they become known.
 
         Raises:
-            Exception: of any kind that says why it can't be run.
+            Exception: of any kind, with the reason why it can't run.
         """

@@ -1,8 +1,8 @@
-"""A folder of rows: Parquet files written whole, one every so often, and the plan beside them.
+"""A folder of rows: Parquet files written whole at intervals, and the plan.
 
-A Parquet file can't be appended to, so rows come in parts, each written beside its place and
-renamed: what is in the folder is always whole. Every reader of Parquet data sets reads the folder
-`rows` as one table.
+A Parquet file can't be appended to, so rows come in parts. Each part is written to a temporary file
+and renamed, so the folder never has an incomplete one. Every reader of Parquet data sets reads the
+folder `rows` as one table.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ ROWS = "rows"
 PLAN = "plan.json"
 
 PART = 500
-"""Rows of a part, at most."""
+"""Maximum number of rows per part."""
 
 SECONDS = 20.0
-"""After which a part is written however few rows it has: that much is done again at worst."""
+"""Maximum seconds between parts, and so the most work that an abort loses."""
 
 COLUMN = "constant_"
-"""What the columns of varied constants begin with: `constant_k`."""
+"""Prefix of the columns of varied constants: `constant_k`."""
 
 _TEXT = ("system", "model", "engine", "scenario", "integrator", "outcome", "reason", "command")
 _WHOLE = ("index", "draw", "steps")
 
 
 def arrow() -> Any:
-    """pyarrow, or what to do about it.
+    """Import pyarrow.
 
     Raises:
-        SweepError: where it is not installed.
+        SweepError: if it is not installed, with the install command.
     """
     try:
         import pyarrow
@@ -57,10 +57,10 @@ def arrow() -> Any:
 
 
 def read_plan(out: Path) -> SweepPlan | None:
-    """The plan of a folder of rows; None where there is none.
+    """Return the plan of a folder of rows; None without one.
 
     Raises:
-        SweepError: where it can't be read.
+        SweepError: if it can't be read.
     """
     path = out / PLAN
     try:
@@ -74,11 +74,11 @@ def read_plan(out: Path) -> SweepPlan | None:
 
 
 def begin(out: Path, plan: SweepPlan) -> None:
-    """Take a folder for a plan: an empty one, or one that has the same.
+    """Reserve a folder for a plan: an empty one, or one with the same plan.
 
     Raises:
-        SweepError: where it has another plan, or files that are none of a sweep's.
-        OSError: where it can't be written.
+        SweepError: if it has another plan, or files that are not part of a sweep.
+        OSError: if it can't be written.
     """
     before = read_plan(out)
     if before is None:
@@ -94,7 +94,7 @@ def begin(out: Path, plan: SweepPlan) -> None:
 
 
 def _difference(before: SweepPlan, now: SweepPlan) -> str:
-    """What tells two plans apart; empty where they are equal in all that rows follow from."""
+    """Return the difference of two plans; empty if they give the same rows."""
     for name in ("options", "folders", "versions"):
         one, other = getattr(before, name), getattr(now, name)
         for key in sorted({*one, *other}):
@@ -108,11 +108,11 @@ def _difference(before: SweepPlan, now: SweepPlan) -> str:
 
 
 class Store:
-    """Rows on their way into a folder.
+    """Rows to be written to a folder.
 
     Args:
-        out: folder, taken by `begin`.
-        plan: of the rows.
+        out: folder, reserved by `begin`.
+        plan: plan of the rows.
     """
 
     def __init__(self, out: Path, plan: SweepPlan) -> None:
@@ -120,20 +120,20 @@ class Store:
         self._schema = _schema(self._arrow, plan.constants)
         self._waiting: list[SweepRow] = []
         self._since = time.monotonic()
-        for left in self._folder.glob(".part-*"):  # of one that was killed as it wrote
+        for left in self._folder.glob(".part-*"):  # left by a process that was killed while writing
             left.unlink()
         numbers = [int(path.stem.partition("-")[2]) for path in parts(out)]
         self._next = max(numbers, default=-1) + 1
 
     def add(self, rows: Sequence[SweepRow]) -> None:
-        """Take rows, and write a part where enough of them wait."""
+        """Add rows, and write a part if enough are waiting."""
         self._waiting += rows
         late = time.monotonic() - self._since > SECONDS
         if len(self._waiting) >= PART or (late and self._waiting):
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits."""
+        """Write the waiting rows."""
         if self._waiting:
             table = self._arrow.Table.from_pylist(
                 [_flat(row) for row in self._waiting], schema=self._schema
@@ -150,12 +150,12 @@ class Store:
 
 
 def parts(out: Path) -> list[Path]:
-    """The files of rows, in the order in which they were written."""
+    """Return the files of rows, in the order of writing."""
     return sorted((out / ROWS).glob("part-*.parquet"))
 
 
 class RowsError(SweepError):
-    """Rows that can't be what a sweep wrote; names the file and the row."""
+    """An error about rows that no sweep wrote; names the file and the row."""
 
     def __init__(self, path: Path, why: str, row: int | None = None) -> None:
         place = str(path) if row is None else f"{path}: row {row}"
@@ -163,10 +163,10 @@ class RowsError(SweepError):
 
 
 def done(out: Path) -> bytearray:
-    """Return a byte a case, 1 where its row is there.
+    """Return one byte per case, 1 if its row exists.
 
     Raises:
-        RowsError: for rows that are damaged.
+        RowsError: if rows are damaged.
     """
     plan = plan_of(out)
     found = bytearray(plan.cases)
@@ -176,12 +176,12 @@ def done(out: Path) -> bytearray:
 
 
 def read_rows(out: Path) -> Iterator[SweepRow]:
-    """Return every row, a part of them in memory at a time.
+    """Yield every row, with one part in memory at a time.
 
     Raises:
-        SweepError: where there is no plan.
-        RowsError: for rows that are damaged: of another shape, of no case of the plan or of one
-            that has a row already, or of an outcome that contradicts their own numbers.
+        SweepError: without a plan.
+        RowsError: for damaged rows: a wrong shape, a case outside the plan, a duplicate, or an
+            outcome that contradicts the row's numbers.
     """
     plan = plan_of(out)
     found = bytearray(plan.cases)
@@ -189,7 +189,7 @@ def read_rows(out: Path) -> Iterator[SweepRow]:
         for number, flat in enumerate(_flat_rows(path), start=1):
             try:
                 row = _row(flat)
-            except (ValueError, TypeError) as error:  # msgspec's own among these
+            except (ValueError, TypeError) as error:  # includes msgspec's errors
                 raise RowsError(path, " ".join(str(error).split()), number) from None
             if why := _damage(row, plan, found):
                 raise RowsError(path, why, number)
@@ -201,7 +201,7 @@ def plan_of(out: Path) -> SweepPlan:
     """Return the plan of a folder of rows.
 
     Raises:
-        SweepError: where there is none, or it can't be read.
+        SweepError: if it is missing or can't be read.
     """
     plan = read_plan(out)
     if plan is None:
@@ -210,7 +210,7 @@ def plan_of(out: Path) -> SweepPlan:
 
 
 def _damage(row: SweepRow, plan: SweepPlan, found: bytearray) -> str:
-    """Return what shows that a row is not what a sweep wrote; empty: nothing does."""
+    """Return the evidence that no sweep wrote a row; empty for a valid row."""
     if not 0 <= row.index < plan.cases:
         return f"`index` is {row.index}, where the plan has the cases 0 to {plan.cases - 1}"
     if found[row.index]:
@@ -270,10 +270,10 @@ def _row(flat: dict[str, Any]) -> SweepRow:
 
 @contextlib.contextmanager
 def taken(out: Path) -> Iterator[None]:
-    """Meanwhile no other sweep writes into a folder.
+    """Lock a folder against other sweeps within this context.
 
     Raises:
-        SweepError: where one does.
+        SweepError: if another sweep has locked it.
     """
     out.mkdir(parents=True, exist_ok=True)
     with (out / ".lock").open("w") as file:
@@ -286,7 +286,7 @@ def taken(out: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def kept(store: Store) -> Iterator[Store]:
-    """A store whose last rows are written however the work ends."""
+    """Write the last rows of a store when the context ends, with or without an error."""
     try:
         yield store
     finally:

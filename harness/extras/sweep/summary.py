@@ -1,4 +1,4 @@
-"""What rows say together, in one pass and constant memory."""
+"""Summarize rows in one pass and constant memory."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
 
 TROUBLES, EXTREMES = 10, 3
-"""Cases that are told one by one: of those that did not agree, and of those with the fewest digits
-and the largest errors."""
+"""Listed cases: the worst without agreement; those with the fewest digits or largest errors."""
 
 POINTS = 2000
-"""Rows in a picture, at most: more are one blot."""
+"""Maximum number of points in a plot; more would overlap."""
 
 
 def _trouble(row: SweepRow) -> float | None:
-    """Of a case that does not agree: the worse the outcome and the discrepancy the larger."""
+    """Rank a case that does not agree: worse outcomes and larger discrepancies are larger."""
     if row.outcome is Outcome.AGREES:
         return None
     size = row.discrepancy or 0.0
@@ -53,7 +52,7 @@ class _Group:
 
 
 def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
-    """Go through all rows once."""
+    """Summarize all rows in one pass."""
     done = steps = 0
     outcomes, digits = Counter[str](), Counter[str]()
     groups: dict[tuple[str, str, str], _Group] = {}

@@ -1,4 +1,4 @@
-"""What a sweep finds in a folder or a file before it is planned: constants, scenarios, models."""
+"""Survey a folder or file before planning: constants, scenarios, models."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from physics_crosscheck.harness.modelfiles.path_states import merged
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyTask:
-    """What is wanted of a folder.
+    """A task to survey a folder.
 
     Attributes:
-        folder: of the system, or the robot's file.
-        content: hash of what is in it.
-        factors: what is varied.
+        folder: folder of the system, or the robot file.
+        content: hash of its content.
+        factors: varied constants.
         only: engines; empty: all.
-        models: files, with the engine that is meant of each, "" for all; empty: all.
+        models: files, each with its engine, "" for all; empty: all.
         scenarios, integrators: names; empty: all scenarios, each model's own integrator.
     """
 
@@ -39,7 +39,7 @@ class SurveyTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """A model in an engine, stepped by an integrator that some settings choose."""
+    """A model in an engine with an integrator, which some settings select."""
 
     model: str
     engine: str
@@ -49,21 +49,21 @@ class Pairing:
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """A system folder, or a robot's file, as a sweep sees it.
+    """Survey of a system folder or a robot file.
 
     Attributes:
-        folder: where it is.
-        content: hash of what is in it.
-        reads: states of what its code read or looked for, by name relative to the folder.
+        folder: its path.
+        content: hash of its content.
+        reads: states of files that its code read or looked for, by name relative to the folder.
         system: its name.
-        constants: all of them, as declared.
-        signed: whether they keep the signs that they are declared with.
-        scenarios: those that are wanted, of
-        known_scenarios: all of them.
+        constants: all constants, with declared values.
+        signed: whether they keep their declared signs.
+        scenarios: selected scenarios.
+        known_scenarios: all scenarios.
         pairings: models in engines, with integrators.
-        known_integrators: names of all integrators that its models have.
+        known_integrators: names of all integrators of its models.
         absent: engines that its models name and that are not installed.
-        without: models, with their engines, that have none of the integrators asked for.
+        without: models with engines that have none of the requested integrators.
     """
 
     folder: str
@@ -81,7 +81,7 @@ class Survey:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What is not swept, a line each."""
+        """Parts that are not swept, a line each."""
         absent = (f"{self.system}: {name} is not installed" for name in self.absent)
         others = ", ".join(self.known_integrators)
         without = (
@@ -92,12 +92,12 @@ class Survey:
 
 
 def survey(task: SurveyTask) -> Survey:
-    """Load a folder and its models once, in a worker: a declaration is a program.
+    """Load a folder and its models once, in a worker, since a declaration is a program.
 
     Raises:
-        DeclarationError, SidecarError, LocationError, EngineError, RobotError, SweepError: naming
-            what is wrong, where, and the remedy; a model that can't follow a varied constant among
-            it.
+        DeclarationError, SidecarError, LocationError, EngineError, RobotError, SweepError: giving
+            the problem, the place and the remedy, also for a model that can't follow a varied
+            constant.
     """
     with record_reads(Path(task.folder)) as seen:
         known = swept(task.folder, frozenset(), task.content).constants
@@ -128,12 +128,12 @@ def survey(task: SurveyTask) -> Survey:
 
 
 _READS: dict[tuple[str, str], dict[str, str]] = {}
-"""What was read of a folder of a content, which a worker reads once."""
+"""Files that were read for a folder's content; a worker reads each once."""
 
 
 def _with_earlier(task: SurveyTask, reads: Mapping[str, str]) -> Mapping[str, str]:
-    """What was read for a survey, with what this worker read for one before it."""
-    if Path(task.folder).is_file():  # a robot's: all that it names is in its content
+    """Merge the files read by a survey with those of earlier surveys in this worker."""
+    if Path(task.folder).is_file():  # the content of a robot file covers all files that it names
         return {}
     key = task.folder, task.content
     _READS[key] = merged(_READS.get(key, {}), reads)
@@ -143,7 +143,7 @@ def _with_earlier(task: SurveyTask, reads: Mapping[str, str]) -> Mapping[str, st
 def _pairings(
     task: SurveyTask, source: Source, runs: Iterable[tuple[str, str]]
 ) -> Iterator[Pairing]:
-    """Every model in every engine that is meant, with each of its integrators."""
+    """Yield each model in each selected engine, with each of its integrators."""
     for model, engine in runs:
         own, others = source.prepare(model, engine)
         yield Pairing(model=model, engine=engine, integrator=own, settings={})

@@ -56,9 +56,9 @@ class Prepared:
 
     Attributes:
         redrawn: its file.
-        coordinates: between the system and the engine.
-        integrator: its own, by name.
-        integrators: others that the engine offers for it, with the settings that choose them.
+        coordinates: map between the system and the engine.
+        integrator: name of its own integrator.
+        integrators: other integrators of the engine, with the settings that select them.
     """
 
     redrawn: ParametricModelFile
@@ -68,16 +68,16 @@ class Prepared:
 
 
 class Swept(Source):
-    """A system folder, and what its cases share.
+    """A system folder, and the data that its cases share.
 
     Attributes:
-        folder: where it is.
-        varied: names of the constants that are varied.
-        system: as it is declared.
+        folder: its path.
+        varied: names of the varied constants.
+        system: the declared system.
         family: its equations, for any constants.
     """
 
-    signed = True  # equations are simplified with it
+    signed = True  # the equations are simplified with the sign
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.varied = folder, frozenset[str]()
@@ -91,39 +91,39 @@ class Swept(Source):
         }
 
     def varying(self, varied: frozenset[str]) -> Swept:
-        """Its models follow other constants; the equations are the same."""
+        """Return the folder with other varied constants in its models; the equations are shared."""
         other = copy(self)
         other.varied, other._models, other._motions = varied, {}, Recent[Motion]()
         return other
 
     @property
     def own(self) -> frozenset[str]:
-        """Those of the varied constants that it has."""
+        """Varied constants of this system."""
         return self.varied & self.constants.keys()
 
     @property
     def needed(self) -> frozenset[str]:
-        """Those that its accelerations depend on."""
+        """Varied constants that its accelerations depend on."""
         found = set[sp.Basic]().union(*(e.free_symbols for e in self.family.equations.acceleration))
         return frozenset(c.name for c in self.system.constants if c.symbol in found)
 
     @property
     def name(self) -> str:
-        """The system's."""
+        """Name of the system."""
         return self.system.name
 
     @property
     def constants(self) -> Mapping[str, float]:
-        """All of them, as declared."""
+        """All constants, with declared values."""
         return {c.name: c.value for c in self.system.constants}
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the scenarios."""
         return tuple(one.name for one in self.system.scenarios)
 
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """Every model in every engine that its sidecar has."""
+        """Yield every model with every engine of its sidecar."""
         for one in self._sidecars.values():
             if isinstance(one, UnreadModel):
                 raise SidecarError(one.reason)
@@ -133,13 +133,13 @@ class Swept(Source):
                 yield one.model.name, engine
 
     def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
-        """Load it as it is; find its literals; compile its coordinates, and the motions' scale."""
+        """Load the unchanged model, find its literals, and compile coordinates and scales."""
         _ = self.declared_motions
         found = self.model(model, engine)
         return found.integrator, found.integrators
 
     def model(self, name: str, engine: str) -> Prepared:
-        """A model in an engine, prepared where it is asked for first.
+        """Return a model in an engine, prepared on first use.
 
         Raises:
             SidecarError, LocationError, EngineError: naming file, place and remedy.
@@ -158,14 +158,14 @@ class Swept(Source):
         return self._models[name, engine]
 
     def equations(self, constants: Mapping[str, float]) -> DrawnEquations:
-        """The equations at drawn constants."""
+        """Return the equations at drawn constants."""
         return self.family.with_constants(constants)
 
     def motion(self, draw: int, equations: DrawnEquations, scenario: str) -> Motion:
-        """The reference motion of a scenario in a draw.
+        """Return the reference motion of a scenario in a draw.
 
         Raises:
-            DeclarationError, ReferenceError: where there is none.
+            DeclarationError, ReferenceError: if no motion exists.
         """
         return self._motions.get(
             (draw, equations.values, scenario),
@@ -174,7 +174,7 @@ class Swept(Source):
 
     @cached_property
     def declared_motions(self) -> Mapping[str, Motion]:
-        """Those of all scenarios at the declared constants, for how far components move."""
+        """Motions of all scenarios at the declared constants, as scales of the components."""
         equations = self.family.with_constants({})
         scenarios: tuple[Scenario, ...] = self.system.scenarios
         return {one.name: solve_drawn(equations, one) for one in scenarios}
@@ -186,7 +186,7 @@ class Swept(Source):
         return found
 
     def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
-        """The segments of the drawn motion, and one run at the shipped step."""
+        """Run the segments of the drawn motion, and one full run at the time step."""
         equations = self.equations(case.constants)
         with known.timing("reference_seconds"):
             motion = self.motion(case.draw, equations, case.scenario)
@@ -245,7 +245,7 @@ class Swept(Source):
 
 
 def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:
-    """Load a model with another step and integrator, where these are asked for.
+    """Load a model with another step and integrator, if requested.
 
     Raises:
         EngineError: naming file, place and remedy.

@@ -1,4 +1,4 @@
-"""What a version of an engine makes another of a sweep's cases, row by row."""
+"""Differences of a sweep's cases between versions of an engine, row by row."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from physics_crosscheck.harness.extras.sweep.most import Most
 from physics_crosscheck.harness.records.sweep import SweepRow
 
 MOVED = 0.01
-"""A global error that has changed by more than this share of itself is another."""
+"""Minimum relative change of a global error to report."""
 
 TOLD = 5
-"""Cases that are told one by one."""
+"""Maximum number of listed cases."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,12 +24,12 @@ class Pair:
 
     @property
     def verdict(self) -> bool:
-        """Whether the outcome is another."""
+        """True if the outcomes differ."""
         return self.before.outcome is not self.after.outcome
 
     @property
     def limit(self) -> bool:
-        """Whether the discrepancies differ by more than both uncertainties."""
+        """True if the discrepancies differ by more than both uncertainties."""
         one, other = self.before, self.after
         sizes = one.discrepancy, other.discrepancy, one.uncertainty, other.uncertainty
         if any(size is None for size in sizes):
@@ -39,7 +39,7 @@ class Pair:
 
     @property
     def error(self) -> float:
-        """By what share of itself the error at the shipped step has changed; 0 without one."""
+        """Relative change of the error at the time step; 0 without one."""
         one, other = self.before.global_error, self.after.global_error
         if not one or other is None:
             return 0.0
@@ -47,12 +47,12 @@ class Pair:
 
     @property
     def index(self) -> int:
-        """The case's number in the plan."""
+        """Number of the case in the plan."""
         return self.after.index
 
     @property
     def size(self) -> float | None:
-        """The larger, the more it is to be looked at; None where nothing is another."""
+        """Rank of the difference, larger for a more important one; None without a difference."""
         if not (self.verdict or self.limit or self.error > MOVED):
             return None
         return 2 * self.verdict + self.limit + self.error / (1 + self.error)
@@ -60,12 +60,12 @@ class Pair:
 
 @dataclass
 class Moved:
-    """What is another between two versions.
+    """Differences between two versions.
 
     Attributes:
-        cases: that both have.
-        verdicts, limits, errors: cases of which these are others.
-        largest: those that are told, the most telling first.
+        cases: number of common cases.
+        verdicts, limits, errors: number of cases in which these differ.
+        largest: listed cases, most important first.
     """
 
     cases: int = 0
@@ -76,15 +76,15 @@ class Moved:
 
     @property
     def any(self) -> bool:
-        """Whether anything is another."""
+        """True if anything differs."""
         return bool(self.verdicts or self.limits or self.errors)
 
 
 def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
-    """Hold the rows of two versions against each other, by their numbers.
+    """Compare the rows of two versions, by their numbers.
 
-    A number's row is the same draw under both. Those of the version before are kept as they are
-    read: some 2 kB each.
+    Rows of one number have the same draw. The rows of the earlier version stay in memory, about 2
+    kB each.
     """
     known = {row.index: row for row in before}
     found = Moved()

@@ -1,1 +1,1 @@
-"""The same models under several versions of an engine."""
+"""Run the same models under several versions of an engine."""

@@ -1,4 +1,4 @@
-"""What `crosscheck versions` is asked for: versions of an engine, and the models it runs."""
+"""Arguments of `crosscheck versions`: versions of an engine, and the models it runs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.results.visible import visible
 
 _VERSION = re.compile(r"\d[\w.!+-]*")
-"""A version's number (PEP 440, loosely): nothing that pip could take for an option or a path."""
+"""A version number (loosely PEP 440) that pip can't mistake for an option or a path."""
 
 
 @dataclass(frozen=True)
 class AskedVersion:
-    """A version of the engine; `place` is an environment that has it, None: one is made."""
+    """A requested version of the engine; `place` is its environment, None creates one."""
 
     version: str
     place: Path | None = None
@@ -28,15 +28,15 @@ class AskedVersion:
 def asked_versions(
     words: Sequence[str], option: str = "--engine", least: int = 2
 ) -> tuple[str, tuple[AskedVersion, ...]]:
-    """An engine's name and its versions, as in `NAME 1.2.3 1.3=path/to/venv`.
+    """Parse an engine's name and its versions, as in `NAME 1.2.3 1.3=path/to/venv`.
 
     Args:
-        words: of the command line.
-        option: after which they stand.
-        least: so many versions are needed.
+        words: words of the command line.
+        option: option that they follow.
+        least: minimum number of versions.
 
     Raises:
-        FolderError: naming what is wrong, and the remedy.
+        FolderError: giving the problem and the remedy.
     """
     name, *given = words
     if name not in (known := engines()):
@@ -68,7 +68,7 @@ def _version(word: str, option: str) -> AskedVersion:
 
 @dataclass(frozen=True)
 class AskedModels:
-    """What runs in the engine, and what was named and does not, a sentence each."""
+    """Models that run in the engine, and a sentence for each named one that does not."""
 
     folders: tuple[Path, ...]
     robots: tuple[Path, ...]
@@ -76,10 +76,10 @@ class AskedModels:
 
 
 def asked_models(engine: str, folders: Sequence[Path], robots: Sequence[Path]) -> AskedModels:
-    """Those of the folders and files that an engine runs.
+    """Return the folders and files that an engine runs.
 
     Raises:
-        FolderError: where none does.
+        FolderError: if nothing runs in the engine.
     """
     left_out = []
     mine = []
@@ -100,7 +100,7 @@ def asked_models(engine: str, folders: Sequence[Path], robots: Sequence[Path]) -
 
 
 def _runs(folder: Path, engine: str) -> bool:
-    """Whether a sidecar names an engine, installed or not, or can't be read, which a run tells."""
+    """Return whether a sidecar names an engine, or can't be read (a run reports it)."""
     return any(
         not isinstance(one, Sidecar) or engine in (*one.engines, *one.absent)
         for one in model_files(folder)

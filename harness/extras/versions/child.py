@@ -1,4 +1,4 @@
-"""One version of an engine: what is asked of it is run in its environment, in this process."""
+"""Run a task in the environment of one engine version, in this process."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 
 def main(task: Path, found: Path) -> None:
-    """Do what a file asks for, and write what was found."""
+    """Run the task of a file, and write the result."""
     asked = decoded(task.read_bytes(), VersionTask)
     ran = _run(asked)
     out = Path(asked.out)
@@ -28,12 +28,12 @@ def main(task: Path, found: Path) -> None:
 
 
 def unusable(engine: str, wanted: str, package: str) -> str:
-    """Why this is not the version or the code that was asked for; empty where it is.
+    """Return why this is not the requested version or code; empty if it is.
 
     Args:
         engine: its name.
         wanted: the version.
-        package: where this package lies.
+        package: folder of this package.
     """
     here = str(IMPORT_ROOT)
     if here != package:
@@ -71,7 +71,7 @@ def _run(asked: VersionTask) -> Run:
 
 
 def _version_run(version: str, ran: Run) -> VersionRun:
-    """What the other version is held against."""
+    """Return the results that the other version is compared with."""
     return VersionRun(
         version=version,
         cases=ran.results.cases,

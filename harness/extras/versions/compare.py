@@ -1,7 +1,7 @@
-"""What changes from one version of an engine to the next: their records, case by case.
+"""Compare the records of two versions of an engine, case by case.
 
-A version is held against the one before it as the gate holds a run against what was accepted: on
-the segments that the earlier one was measured on, within the uncertainties of both.
+A version is compared with the one before it, as the gate compares a run with accepted results: on
+the segments of the earlier one, within the uncertainties of both.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ _WORST_FIRST: tuple[CaseChange, ...] = (
 
 
 def upgrade(before: VersionRun, after: VersionRun, engine: str, resolution: float) -> Upgrade:
-    """What changes from one version to another.
+    """Return the changes from one version to another.
 
     Args:
-        before: the earlier one.
-        after: the other, measured on the same segments too.
-        engine: name of both.
-        resolution: of both runs.
+        before: results of the earlier version.
+        after: results of the later version, also measured on the same segments.
+        engine: engine of both.
+        resolution: resolution of both runs.
     """
     both = _Both(before, after, engine, resolution)
     cases = [_case(was, now, both) for was, now in pairs(before.cases, after.cases)]
@@ -60,7 +60,7 @@ _Key = tuple[str, CaseId]
 
 
 class _Both:
-    """Two versions' runs, and what each has measured."""
+    """Two versions' runs, and the measurements of each."""
 
     def __init__(
         self, before: VersionRun, after: VersionRun, engine: str, resolution: float
@@ -70,11 +70,11 @@ class _Both:
         self._was, self._now = _by_case(before), _by_case(after)
 
     def measured(self, was: Case, now: Case) -> tuple[Measurement | str, Measurement | str]:
-        """What was measured of a case under each, or why it was not."""
+        """Return the measurement of a case under each version, or why it is missing."""
         return _measurement(self.before, self._was, was), _measurement(self.after, self._now, now)
 
     def entry(self, case: Case, measurement: Measurement, version: str) -> AcceptedCase:
-        """A case as the baseline would keep it."""
+        """Return a case as the baseline would store it."""
         depends = dependencies({}, self.engine, {self.engine: version}, self.resolution)
         return entry_of(case.id, case, measurement, depends)
 
@@ -94,9 +94,9 @@ def _by_case(run: VersionRun) -> Mapping[_Key, Measured]:
 def pairs(
     before: tuple[Case, ...], after: tuple[Case, ...]
 ) -> Iterator[tuple[Case | None, Case | None]]:
-    """The cases of two runs that are one and the same.
+    """Yield the pairs of equal cases of two runs.
 
-    A failure that stands for all cases of a model or a folder is paired with each of them.
+    A failure of a whole model or folder is paired with each of its cases.
     """
     there = {(case.folder, case.id): case for case in after}
     taken = set()
@@ -114,7 +114,7 @@ def pairs(
         stand_in = next((one for one in new if _stands_for(one, case)), None)
         others = [one for one in new if _stands_for(case, one)]
         if stand_in is None and others:
-            continue  # told with each of those
+            continue  # reported with each of its cases
         if stand_in is not None:
             told.add((stand_in.folder, stand_in.id))
         yield case, stand_in
@@ -125,13 +125,13 @@ def pairs(
 
 
 def _stands_for(failure: Case, case: Case) -> bool:
-    """Whether a failure of a whole model, or of a folder, takes a case with it."""
+    """Return whether a failure of a whole model or folder covers a case."""
     whole = failure.model in (case.model, "system.py")
     return failure.scenario == "-" and failure.folder == case.folder and whole
 
 
 def _case(was: Case | None, now: Case | None, both: _Both) -> VersionCase:
-    """What becomes of a case of which there is one at least."""
+    """Return the change of a case that at least one version has."""
     named = _named(was, now)
     bare = VersionCase(
         system=named.system,
@@ -153,7 +153,7 @@ def _case(was: Case | None, now: Case | None, both: _Both) -> VersionCase:
 
 
 def _named(was: Case | None, now: Case | None) -> Case:
-    """The one of the two that names more."""
+    """Return the case with the more specific name."""
     found = [case for case in (now, was) if case is not None]
     return next((case for case in found if case.scenario != "-"), found[0])
 
@@ -165,7 +165,7 @@ def _global_error(case: Case | None) -> float | None:
 def _unrun(
     was: Case | None, now: Case | None, both: _Both
 ) -> tuple[CaseChange, tuple[str, ...]] | None:
-    """What is said where one of the two, or both, could not be run; None where both were."""
+    """Return the change if one or both could not run; None if both ran."""
     before, after = both.before.version, both.after.version
     bad = [
         f"under {version} {_why(case)}"
@@ -192,9 +192,9 @@ class _Found:
 
     Attributes:
         then: the earlier one as an entry of a baseline.
-        measured: under the earlier one.
-        again: under the later one, on the same segments too.
-        difference: of the two, as the gate has it.
+        measured: measurement under the earlier one.
+        again: measurement under the later one, also on the same segments.
+        difference: difference of the two, as the gate computes it.
     """
 
     then: AcceptedCase
@@ -229,14 +229,14 @@ def _compared(bare: VersionCase, was: Case, now: Case, both: _Both) -> VersionCa
 
 
 def _found(was: Case, now: Case, both: _Both) -> _Found | str:
-    """Both versions of a case, or why they can't be compared."""
+    """Return both versions of a case, or why they can't be compared."""
     measured, other = both.measured(was, now)
     if isinstance(measured, str):
         return measured
     if isinstance(other, str):
         return other
-    # The scenario is the same by what was declared; where states are chosen by what an engine
-    # compiled, last digits may choose others.
+    # The declared scenario is the same. If an engine's compiled values choose the states,
+    # their last digits can lead to other states.
     again = replace(other, snapshot=measured.snapshot)
     then = both.entry(was, measured, both.before.version)
     present = both.entry(now, again, both.after.version)
@@ -245,7 +245,7 @@ def _found(was: Case, now: Case, both: _Both) -> _Found | str:
 
 
 def _kinds(bare: VersionCase, found: _Found) -> Iterator[CaseChange]:
-    """What changes of a case that was judged and measured under both."""
+    """Yield the changes of a case that was judged and measured under both."""
     here, snapshot = found.again.on_accepted, found.measured.snapshot
     told = False
     if bare.before is not bare.after:
@@ -263,7 +263,7 @@ def _kinds(bare: VersionCase, found: _Found) -> Iterator[CaseChange]:
 
 
 def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:
-    """What each version's verdict says for itself, where they say different things."""
+    """Yield the reason of each version's verdict if they differ."""
     if was.reason != now.reason:
         for case, version in ((was, both.before.version), (now, both.after.version)):
             if case.reason:
@@ -271,7 +271,7 @@ def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:
 
 
 def _next_state(was: Case, now: Case) -> str:
-    """What is said where the very next state is another outcome; empty where it is not."""
+    """Return the change of the outcome of a single step; empty without one."""
     one, other = was.stepping, now.stepping
     then, present = (None if s is None else s.outcome for s in (one, other))
     if then is present:

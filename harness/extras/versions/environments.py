@@ -1,8 +1,8 @@
-"""Environments, one a version of an engine: made once by `venv` and `pip`, and used again.
+"""Environments, one per version of an engine, created once by `venv` and `pip` and reused.
 
-An environment holds the engine, and what that needs and is not here or not in a version that fits;
-all else is found where this program finds it, by a `.pth` file. So two versions run under the very
-same code, of this package, of numpy and of scipy, and an environment takes seconds and not minutes.
+An environment holds the engine and those dependencies that are missing here or have an unsuitable
+version. A `.pth` file adds all other packages of this program. Two versions therefore run with the
+same code of this package, numpy and scipy, and creating an environment takes seconds.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results.visible import visible
 
 READY = "made-by-crosscheck.txt"
-"""Written last: an environment without it is half made, and is made anew."""
+"""Written last: an environment without it is incomplete and is created again."""
 
 _BESIDE = "packages-beside.pth"
 
 
 class EnvironmentError_(RuntimeError):  # noqa: N801, N818  # the plain name is Python's own
-    """An environment that can't be made or used; the message names version, reason and remedy."""
+    """An error in creating or using an environment; gives version, reason and remedy."""
 
 
 Execute = Callable[[Sequence[str]], tuple[int, str]]
-"""Runs a command; returns its exit code, and what it printed."""
+"""Runs a command; returns its exit code and its output."""
 
 Tell = Callable[[str], None]
 """Shows a line to the user."""
@@ -45,7 +45,7 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Requirement:
-    """A version of an engine: its name, that of its distribution, and the version's number."""
+    """A version of an engine: its name, the name of its distribution, and the version number."""
 
     engine: str
     distribution: str
@@ -53,7 +53,7 @@ class Requirement:
 
     @property
     def pinned(self) -> str:
-        """As pip has it."""
+        """Requirement in pip's syntax."""
         return f"{self.distribution}=={self.version}"
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ class Requirement:
 
 
 def execute(command: Sequence[str]) -> tuple[int, str]:
-    """Run a command without a terminal to ask at."""
+    """Run a command without a terminal for prompts."""
     done = subprocess.run(
         command,
         stdin=subprocess.DEVNULL,
@@ -75,16 +75,16 @@ def execute(command: Sequence[str]) -> tuple[int, str]:
 
 
 def site_folders() -> tuple[str, ...]:
-    """Where this program's packages are installed."""
+    """Return the folders of this program's packages."""
     user = [site.getusersitepackages()] if site.ENABLE_USER_SITE else []
     return tuple(path for path in (*site.getsitepackages(), *user) if Path(path).is_dir())
 
 
 def folder_name(wanted: Requirement) -> str:
-    """Of an environment, such as `engine-1.2.3-py3.11-0a1b2c3d`.
+    """Return the folder name of an environment, such as `engine-1.2.3-py3.11-0a1b2c3d`.
 
-    What it depends on is in its name: the interpreter, and every package that it is to find beside
-    its own. This package's code is not in it.
+    The name depends on the interpreter and on every package that the environment shares. It does
+    not depend on this package's code.
     """
     packages = sorted(
         f"{one.metadata['Name']}=={one.version}" for one in importlib.metadata.distributions()
@@ -96,22 +96,22 @@ def folder_name(wanted: Requirement) -> str:
 
 
 def interpreter(place: Path) -> Path:
-    """The interpreter of an environment, made or not."""
+    """Return the path of an environment's interpreter, which may not exist yet."""
     return place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
 def environment(wanted: Requirement, parent: Path, tell: Tell, run: Execute = execute) -> Path:
-    """The environment of a version: the one that is there, or a new one. Returns its folder.
+    """Return the folder of a version's environment, and create it if it is missing.
 
     Args:
         wanted: the version.
         parent: folder of all environments.
-        tell: is shown each command before it is run.
-        run: runs them.
+        tell: shows each command before it runs.
+        run: runs the commands.
 
     Raises:
-        EnvironmentError_: where it can't be made; nothing of it is left then.
-        OSError: as the file system has it.
+        EnvironmentError_: if it can't be created; nothing of it remains.
+        OSError: if a file can't be read or written.
     """
     place = parent.absolute() / folder_name(wanted)
     place.parent.mkdir(parents=True, exist_ok=True)
@@ -148,7 +148,7 @@ def _command(command: Sequence[str], wanted: Requirement, tell: Tell, run: Execu
     """Show a command and run it.
 
     Raises:
-        EnvironmentError_: with its last words, where it fails.
+        EnvironmentError_: with the end of its output if it fails.
     """
     shown = shlex.join(command)
     tell(f"  {shown}")
@@ -167,7 +167,7 @@ def _command(command: Sequence[str], wanted: Requirement, tell: Tell, run: Execu
 
 @contextlib.contextmanager
 def _locked(place: Path, tell: Tell) -> Iterator[None]:
-    """Nobody else makes this environment meanwhile."""
+    """Lock an environment against other processes within this context."""
     with place.with_name(f"{place.name}.lock").open("a") as file:
         if not hold(file.fileno()):
             tell(f"{visible(place.name)}: another program is making it; waiting")

@@ -1,4 +1,4 @@
-"""A process of an environment's interpreter, in which this program's packages are found as well."""
+"""Run code with an environment's interpreter and this program's packages."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ except ImportError as error:
 if problem := unusable(engine, version, package):
     end(problem)
 """
-"""What an environment's interpreter runs: the packages of this one come after its own."""
+"""Code of the environment's interpreter: this program's packages follow its own."""
 
 
 def launch(
@@ -44,17 +44,17 @@ def launch(
     words: Sequence[str],
     answers: Container[int] = (0,),
 ) -> int:
-    """Run code in an environment, in a process of its own; returns its exit code.
+    """Run code in an environment, in its own process; return its exit code.
 
     Args:
-        engine, version: that it must have.
+        engine, version: version that the environment must have.
         python: the environment's interpreter.
-        code: finds `words` in `rest`.
-        words: what it is given.
-        answers: exit codes that are its own; with any other it could not be done.
+        code: code to run; it finds `words` in `rest`.
+        words: arguments of the code.
+        answers: exit codes of the code; any other one is an error.
 
     Raises:
-        EnvironmentError_: where it can't be done, with the reason.
+        EnvironmentError_: if it can't run, with the reason.
     """
     here = f"{sys.version_info.major}.{sys.version_info.minor}"
     places, package = os.pathsep.join(site_folders()), str(IMPORT_ROOT)
@@ -76,10 +76,10 @@ def launch(
 
 
 def _surroundings() -> Mapping[str, str]:
-    """The environment variables of that process: a checkout comes first on its path.
+    """Return the environment variables of that process: a checkout comes first on its path.
 
-    Where this package is installed it is found with its dependencies, after the environment's own
-    packages: before them, the engine beside it would be the one that is run.
+    An installed package is found with its dependencies, after the environment's own packages.
+    Before them, the engine installed here would run instead.
     """
     here = str(IMPORT_ROOT)
     if here in {str(Path(place).resolve()) for place in site_folders()}:

@@ -1,4 +1,4 @@
-"""What changes of models beside their cases: linearizations, remarks, what could not be done."""
+"""Changes of models beyond their cases: linearizations, remarks and failures."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.versions import ModelChange, VersionModel, VersionRun
 
 _ALIKE = 1e-9
-"""Numbers of a remark that are this close, relatively, are the same."""
+"""Relative tolerance for equal numbers in remarks."""
 
 ROUNDING = 1e-14
-"""Of an entry of a linearization, relative to the largest."""
+"""Rounding of an entry of a linearization, relative to the largest entry."""
 
 Told = Iterator[tuple[ModelChange, str]]
 
 
 def changed_models(before: VersionRun, after: VersionRun) -> Iterator[VersionModel]:
-    """The models of both of which something changes."""
+    """Yield the common models that change."""
     there = {model.key: model for model in after.models}
     for was in before.models:
         now = there.get(was.key)
         if now is None:
-            continue  # its cases tell it
+            continue  # its cases report it
         told = [
             *_failures(was, now, before.version, after.version),
             *_linearizations(was, now),
@@ -42,7 +42,7 @@ def changed_models(before: VersionRun, after: VersionRun) -> Iterator[VersionMod
 
 
 def _failures(was: Model, now: Model, before: str, after: str) -> Told:
-    """What of a model's check could be done under one version alone."""
+    """Return the parts of a model's check that ran under one version only."""
     then, present = dict(was.failures), dict(now.failures)
     for what, why in present.items():
         if what not in then:
@@ -53,12 +53,12 @@ def _failures(was: Model, now: Model, before: str, after: str) -> Told:
 
 
 def _linearizations(was: Model, now: Model) -> Told:
-    """Linearizations that moved by more than both are uncertain."""
+    """Return linearizations that changed by more than both uncertainties."""
     there = {one.equilibrium: one for one in now.linearizations}
     for one in was.linearizations:
         other = there.get(one.equilibrium)
         if other is None:
-            continue  # that it failed is told
+            continue  # the failure is reported
         moved = [
             f"{name} by {size:.1e} ± {bound:.0e} of its largest entry"
             for name, size, bound in _moved(one, other)
@@ -75,7 +75,7 @@ def _linearizations(was: Model, now: Model) -> Told:
 def _moved(
     one: EngineLinearization, other: EngineLinearization
 ) -> Iterator[tuple[str, float, float]]:
-    """By how much each matrix moved, and how uncertain that is; nothing where that is not known."""
+    """Yield the change of each matrix and its uncertainty, if known."""
     for name, then, now, bounds in (
         ("A", one.a, other.a, (one.a_bound, other.a_bound)),
         ("B", one.b, other.b, (one.b_bound, other.b_bound)),
@@ -86,7 +86,7 @@ def _moved(
 
 
 def _distance(then: Rows, now: Rows) -> float | None:
-    """The largest difference of two matrices' entries, relative to the largest entry of both."""
+    """Return the largest difference of two matrices, relative to the largest entry of both."""
     was = [value for row in then for value in row]
     present = [value for row in now for value in row]
     if len(was) != len(present):
@@ -97,7 +97,7 @@ def _distance(then: Rows, now: Rows) -> float | None:
 
 
 def _remarks(was: Model, now: Model) -> Told:
-    """Remarks of one version alone, and those whose numbers are others."""
+    """Return remarks of one version only, and those whose numbers differ."""
     if was.audit is None or now.audit is None:
         return
     then, present = list(was.audit), list(now.audit)

@@ -1,4 +1,4 @@
-"""Where environments are kept, unless another place is told."""
+"""Default folder of environments."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from physics_crosscheck.harness.modelfiles.code_reads import user_cache
 
 
 def cache() -> Path:
-    """The user's folder for what can be made again."""
+    """Return the user's cache folder."""
     return user_cache() / "physics-crosscheck" / "environments"

@@ -1,4 +1,4 @@
-"""Models under several versions of an engine, each in its environment, and what changes.
+"""Run models under several versions of an engine, each in its environment, and compare.
 
 versions --environments--> interpreters --a process each--> runs --upgrade--> what changes
 """
@@ -46,13 +46,13 @@ main(*map(pathlib.Path, rest))
 
 @dataclass(frozen=True, kw_only=True)
 class VersionOptions:
-    """What `crosscheck versions` may be told beside models and versions.
+    """Options of `crosscheck versions` besides models and versions.
 
     Attributes:
-        out: folder for the report; each version's goes into a folder of it.
+        out: folder for the report; each version has a subfolder.
         environments: folder of all environments; None: the user's cache.
         resolution, jobs, limits, floating: as in `harness.run.Options`.
-        diagnose: whether models that differ are diagnosed, under each version.
+        diagnose: whether to diagnose models that differ, under each version.
     """
 
     out: Path
@@ -71,13 +71,13 @@ def run_versions(
     options: VersionOptions,
     tell: Tell,
 ) -> Versions:
-    """Run the models under each version, and hold each against the one before it.
+    """Run the models under each version, and compare each version with the one before it.
 
-    All environments are there before anything is run.
+    All environments are created before the first run.
 
     Raises:
-        EnvironmentError_: for a version that can't be had, or whose run ended.
-        OSError: as the file system has it.
+        EnvironmentError_: if a version is not available, or its run ended early.
+        OSError: if a file can't be read or written.
     """
     began = time.perf_counter()
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
@@ -107,17 +107,17 @@ def run_versions(
 
 
 def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, tell: Tell) -> str:
-    """The interpreter that has a version; an environment is made where there is none.
+    """Return the interpreter with a version; create an environment if none exists.
 
     Args:
         engine: its name.
         asked: the version.
-        environments: folder of all of them; None: the user's cache.
-        tell: is shown each command before it is run.
+        environments: folder of all environments; None: the user's cache.
+        tell: shows each command before it runs.
 
     Raises:
-        EnvironmentError_: for a version that can't be had.
-        OSError: as the file system has it.
+        EnvironmentError_: if a version is not available.
+        OSError: if a file can't be read or written.
     """
     if asked.place is not None:
         python = interpreter(asked.place).absolute()
@@ -137,7 +137,7 @@ def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, 
 
 
 def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:
-    """What the next version is to repeat of the last one."""
+    """Return the segments of the last version that the next one must repeat."""
     return tuple(
         Repeated(folder=one.folder, case=one.case, snapshot=one.measurement.snapshot)
         for run in runs
@@ -170,10 +170,10 @@ def _task(
 
 
 def _run(one: EngineVersion, task: VersionTask) -> VersionRun:
-    """Do a task in an environment, in a process of its own.
+    """Run a task in an environment, in its own process.
 
     Raises:
-        EnvironmentError_: where it can't be done, with the reason.
+        EnvironmentError_: if it can't run, with the reason.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
         asked, found = Path(scratch) / "task.json", Path(scratch) / "found.json"
