@@ -1,1 +1,1 @@
-"""Results for people: in a terminal, and as an HTML report."""
+"""Results for a terminal and as an HTML report."""

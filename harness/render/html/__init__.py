@@ -1,7 +1,7 @@
 """The HTML report, drawn from results alone.
 
-results --view--> strings, tables and packed plots --templates--> one HTML file; of many cases, a
-file of the overview and, beside it, files of cases, which it reads when they are looked at
+results --view--> strings, tables and packed plots --templates--> one HTML file. With many cases,
+the page has the overview only and loads the other cases on demand from files next to it.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ from physics_crosscheck.harness.render.html.view import Report, report
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 
 PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "figures", "motion")
-"""Files of `script/` that draw plots, which a page without plots does not need."""
+"""Files of `script/` that draw plots, omitted from a page without plots."""
 
 SCRIPTS = ("packs", "parts", *PLOTTING, "overview", "copying", "routes", "start")
-"""Files of `script/`, in the order in which they follow each other in one function."""
+"""Files of `script/`, in the order in which they are joined into one function."""
 
 ROWS = 500
-"""Of the list of cases at first, until all are asked for: to lay out ten thousand takes seconds."""
+"""Initial rows in the list of cases; ten thousand rows take seconds to lay out."""
 
 EARLY = 'document.documentElement.classList.add("js");'
-"""What runs before anything is shown: without it, everything stays readable."""
+"""Script that runs before rendering; without it, everything stays readable."""
 
 
 HEAD = 4096
-"""Bytes of a page in which its marker is looked for."""
+"""Number of bytes of a page in which its marker is searched."""
 
 _MARKERS = (b'<meta name="generator" content="physics-crosscheck">', b"<title>crosscheck: ")
-"""Of a page of this program, and of one that it wrote before pages named their generator."""
+"""Marker of a page of this program, and of older pages without a generator."""
 
 
 def is_own_page(path: Path) -> bool:
-    """Whether a file is a page of this program, as its marker has it.
+    """Return whether a file is a page of this program, by its marker.
 
     Raises:
-        OSError: for a file that can't be read.
+        OSError: if the file can't be read.
     """
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -64,13 +64,13 @@ def is_own_page(path: Path) -> bool:
 
 
 def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> None:
-    """Write the report of results: one HTML file that asks for nothing else.
+    """Write the report of results: one self-contained HTML file.
 
-    Of more than `WHOLE` cases, the cases' own pages are in a folder beside it, `index.parts` of
-    `index.html`, and nothing else is asked for.
+    With more than `WHOLE` cases, the pages of the cases are in a folder next to it, `index.parts`
+    for `index.html`.
 
     Raises:
-        OSError: as the file system has it; the page that was there is as it was.
+        OSError: if the file can't be written; an existing page stays unchanged.
     """
     found = report(results, path.parent, history)
     places, names = "", frozenset[str]()
@@ -81,7 +81,7 @@ def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> 
 
 
 def _parts(found: Report) -> Iterator[Part]:
-    """The files of a report's folders, and of its cases."""
+    """Yield the files of a report's folders and cases."""
     page = _environment().get_template("part.html")
     for group in found.groups:
         yield part_of_group(group, page.render(groups=[group], cases=()), found.packs)
@@ -90,22 +90,22 @@ def _parts(found: Report) -> Iterator[Part]:
 
 
 def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> str:
-    """The report of results as one HTML file; the same results and history give the same text.
+    """Return the report of results as HTML; the same results and history give the same text.
 
     Args:
-        results: of a run.
-        out: folder that it lies in, as its commands name it.
+        results: results of a run.
+        out: folder of the report, as its commands name it.
         history: cases in past runs.
     """
     return _page(report(results, out, history))
 
 
 def _page(found: Report, places: str = "") -> str:
-    """The page of a report.
+    """Return the page of a report.
 
     Args:
-        found: what it shows.
-        places: JSON of which file each case is in; empty where the page has them itself.
+        found: view of the report.
+        places: JSON with the file of each case; empty if the page contains all cases.
     """
     script = _inline(_script(plots=bool(found.packs)))
     elsewhere: set[str] = set()
@@ -129,13 +129,13 @@ def _page(found: Report, places: str = "") -> str:
 def template(
     name: str, running: Sequence[str] = (), reads: bool = False, /, **values: object
 ) -> str:
-    """A page in the report's style.
+    """Fill a template in the report's style.
 
     Args:
-        name: of its template.
-        running: scripts that it runs, beside the early one; none: it runs nothing at all.
-        reads: whether it may read scripts beside it.
-        values: what it shows.
+        name: name of the template.
+        running: scripts besides the early one; none: no script at all.
+        reads: whether the page may load scripts from its folder.
+        values: variables of the template.
     """
     return (
         _environment()
@@ -150,7 +150,7 @@ def template(
 
 @cache
 def _environment() -> jinja2.Environment:
-    """Kept, as compiling its pages takes longer than filling them."""
+    """Return the cached environment, as compiling templates takes longer than filling them."""
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
         autoescape=True,
@@ -172,7 +172,7 @@ def unbroken(text: object) -> Markup:
 
 
 def _script(plots: bool) -> str:
-    """Return the page's script, with what draws plots or without."""
+    """Return the page's script, with or without the plotting code."""
     names = [name for name in SCRIPTS if plots or name not in PLOTTING]
     parts = "\n".join(_resource(f"script/{name}.js") for name in names)
     return f'"use strict";\n(() => {{\n{parts}\n}})();\n'
@@ -183,15 +183,15 @@ def _resource(name: str) -> str:
 
 
 def _inline(script: str) -> str:
-    """A script as the content of a script element, which it must not end."""
+    """Escape a script for a script element."""
     return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
 
 def _policy(scripts: list[str], reads: bool) -> str:
-    """What the page may do: run these scripts, style itself, and load nothing from anywhere.
+    """Return the content security policy: run these scripts, apply own styles, load nothing.
 
-    Of a page with files of cases, scripts from where it is itself too: from its server, or where it
-    is a file from files, among which no policy tells one from another.
+    A page with files of cases also loads scripts from its own server. A page opened from disk loads
+    them from files, since no policy distinguishes one file from another.
     """
     hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     allowed = " ".join(f"'sha256-{each}'" for each in hashes) or "'none'"

@@ -1,4 +1,4 @@
-"""A badge: what a run came to, in a few words, as a picture or for shields.io to draw."""
+"""A badge with the verdict of a run, as a picture or as data for shields.io."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physics_crosscheck.harness.records.write import write_whole
 
 LABEL = "crosscheck"
 
-# Dark enough for white letters: contrast of 4.5 and more.
+# Dark enough for white letters: contrast of at least 4.5.
 _COLOURS = {"green": "#00694c", "orange": "#ab4300", "grey": "#5a6570"}
 _SHIELDS = {"green": "brightgreen", "orange": "orange", "grey": "lightgrey"}
 
@@ -26,7 +26,7 @@ def write_badge(path: Path, results: Results) -> None:
 
 
 def message(results: Results) -> tuple[str, str]:
-    """What the badge says, and its colour."""
+    """Return the text of the badge and its colour."""
     counts = Counter(case.outcome for case in results.cases)
     amiss = [case for case in results.cases if not case.passes and case.outcome != Outcome.ABSENT]
     if not results.cases or len(results.cases) == counts[Outcome.ABSENT]:
@@ -46,14 +46,14 @@ def message(results: Results) -> tuple[str, str]:
 
 
 def shields(results: Results) -> str:
-    """The badge as shields.io takes it from an address: https://shields.io/badges/endpoint-badge"""
+    """Return the badge as JSON for shields.io: https://shields.io/badges/endpoint-badge"""
     said, colour = message(results)
     badge = {"schemaVersion": 1, "label": LABEL, "message": said, "color": _SHIELDS[colour]}
     return json.dumps(badge) + "\n"
 
 
 def picture(results: Results) -> str:
-    """The badge as SVG, with the same words for who does not see it."""
+    """Return the badge as SVG, with the same words for screen readers."""
     said, colour = message(results)
     left, right = _width(LABEL), _width(said)
     whole = f"{LABEL}: {said}"
@@ -72,5 +72,5 @@ def picture(results: Results) -> str:
 
 
 def _width(text: str) -> int:
-    """Of a text in eleven pixels' Verdana, with its margins."""
+    """Return the width of a text in Verdana at 11 pixels, with margins."""
     return round(6.9 * len(text)) + 12

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.render.html.runs import (
 from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
 
 OVERLAID = 9
-"""Other runs in one plot at most: more can't be told apart."""
+"""Maximum number of other runs in one plot; more would be indistinguishable."""
 
 MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time step", "Energy"
 
@@ -28,18 +28,18 @@ MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time s
 def case_charts(
     run: Run, others: Sequence[Run], units: Sequence[str], reach: Sequence[float]
 ) -> tuple[Chart, ...]:
-    """The plots of a case.
+    """Return the plots of a case.
 
     Args:
-        run: its own.
-        others: those of other models and engines in its scenario.
-        units: of each component.
+        run: its run.
+        others: runs of other models and engines in its scenario.
+        units: unit of each component.
         reach: largest magnitude of each component in the system's motions.
     """
     half = len(run.reference) // 2
     names = run.series.components
     telling = names.index(run.verdict.component) if run.verdict.component in names else 0
-    # A series may be of nothing: then nothing leads.
+    # An empty series has no leading plot.
     motions = _led((_motion(run, others, i, units[i]) for i in range(half)), telling % max(half, 1))
     errors = _led((_error(run, i, units[i], reach[i]) for i in range(2 * half)), telling)
     return (
@@ -53,7 +53,7 @@ def case_charts(
 
 
 def _led(charts: Iterable[Chart], leading: int) -> list[Chart]:
-    """The same, of which one is seen before the others."""
+    """Mark the chart to show first."""
     return [replace(chart, lead=i == leading) for i, chart in enumerate(charts)]
 
 

@@ -1,4 +1,4 @@
-"""What the report shows of one case."""
+"""The view of one case in the report."""
 
 from __future__ import annotations
 
@@ -38,26 +38,26 @@ Fact = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class CaseView:
-    """One case.
+    """The view of one case.
 
     Attributes:
         id: its permalink.
-        outcome, symbol: what became of it.
+        outcome, symbol: its outcome.
         model, engine, scenario: its name.
-        judged: whether it ran to an end with a discrepancy.
-        chaotic: whether it agrees, and no step could follow its whole motion: what is a hair
-            apart at the start is far apart at the end, which is no fault.
-        digits: that agree in every component.
-        discrepancy, uncertainty: of the component that decides.
-        global_error: as the matrix shows it.
-        reason: for what is not AGREES.
-        stdout: what a failed case printed.
-        accepted: why its difference is accepted, where it is.
-        facts: titled lists of everything else, (title, ((what, value), ...)).
-        cost: what its step costs, in one sentence.
-        steps: (error, step that gives it).
+        judged: whether it finished with a discrepancy.
+        chaotic: whether it agrees but no time step can follow its whole motion. Small initial
+            differences grow large, which is not a fault.
+        digits: number of digits that agree in every component.
+        discrepancy, uncertainty: values of the component that decides.
+        global_error: global error as in the matrix.
+        reason: reason for an outcome other than AGREES.
+        stdout: output of a failed case.
+        accepted: reason for accepting its difference, if accepted.
+        facts: titled lists of all other facts, (title, ((label, value), ...)).
+        cost: cost of its time step, in one sentence.
+        steps: (error, time step for it).
         pack: id of its numbers and plots; empty without series.
-        sorts: of digits, E, U, global error and step, as numbers that sort.
+        sorts: sort keys of digits, E, U, global error and step.
     """
 
     id: str
@@ -85,19 +85,19 @@ class CaseView:
 
 
 def severity(case: Case) -> tuple[int, float]:
-    """Sorts cases worst first."""
+    """Return a sort key that puts the worst cases first."""
     discrepancy = case.verdict.discrepancy if case.verdict else None
     return -case.outcome.severity, -(discrepancy or 0.0)
 
 
 def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -> CaseView:
-    """The view of one case.
+    """Return the view of one case.
 
     Args:
         case: its record.
         identity: its permalink.
         pack: id of its numbers and plots; empty without series.
-        scenario: the system's record of its scenario; None where the system could not be read.
+        scenario: the system's record of its scenario; None if the system could not be read.
     """
     verdict, full_run = case.verdict, case.full_run
     judged = is_judged(case)
@@ -137,7 +137,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
 
 
 def is_judged(case: Case) -> bool:
-    """Whether a case ran to an end with a discrepancy."""
+    """Return whether a case finished with a discrepancy."""
     known = case.verdict is not None and case.verdict.discrepancy is not None
     return known and case.outcome is not Outcome.FAILED
 
@@ -147,14 +147,14 @@ def _global_error(full_run: FullRun | None) -> str:
 
 
 def digits_of(case: Case) -> str:
-    """How many digits agree, in every component; none are claimed of what was not judged."""
+    """Return how many digits agree in every component; none for a case that was not judged."""
     if case.verdict is None or not is_judged(case):
         return NOTHING
     return agreeing_digits(case.verdict.largest_discrepancy, case.verdict.largest_uncertainty)
 
 
 def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> tuple[str, ...]:
-    """Numbers that sort: what is missing is worse than any number."""
+    """Return sort keys; missing values sort as worst."""
     columns: list[float | None] = [None] * 5
     if verdict is not None:
         worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty or 0.0)
@@ -166,7 +166,7 @@ def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> t
 
 
 def _cost(full_run: FullRun, outcome: Outcome, chaotic: bool) -> str:
-    """What the step costs, and where the cost goes."""
+    """Return the cost of the time step, and its main part."""
     if full_run.global_error is None:
         return ""
     step, error = quantity(full_run.time_step, "s", 3), percent(full_run.global_error)
@@ -232,7 +232,7 @@ def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
 
 
 def _told(dynamics: ForwardDynamics) -> tuple[Fact, ...]:
-    """What the engine accelerates with, without a step."""
+    """Return facts about the accelerations that the engine computes without a step."""
     return (
         ("its own, by the equations", f"{dynamics.outcome} ({dynamics.component})"),
         ("states", str(dynamics.states)),
@@ -243,7 +243,7 @@ def _told(dynamics: ForwardDynamics) -> tuple[Fact, ...]:
 
 
 def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
-    """The engine's very next state."""
+    """Return facts about a single step of the engine."""
     rows = [
         ("engine's rule", stepping.rule),
         ("its next state, by the equations", f"{stepping.outcome} ({stepping.component})"),

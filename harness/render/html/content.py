@@ -1,4 +1,4 @@
-"""The numbers and plots of every case, system and diagnosis, packed for the page."""
+"""Numbers and plots of every case, system and diagnosis, packed for the page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from physics_crosscheck.harness.render.html.runs import Run, largest, runs
 
 @dataclass(frozen=True)
 class Track:
-    """Where the page finds a motion that it animates beside others: pack and key of each column."""
+    """Location of another animated motion: pack and key of each column."""
 
     t: tuple[str, str]
     engine: tuple[tuple[str, str], ...]
@@ -31,12 +31,12 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Where the page finds what it animates.
+    """Location of the data of an animation.
 
     Attributes:
-        system: id of the pack that has the sketch.
+        system: id of the pack with the sketch.
         t, reference, engine: keys of the case's own columns.
-        others: of the other models and engines.
+        others: motions of the other models and engines.
     """
 
     system: str
@@ -47,11 +47,11 @@ class Motion:
 
 
 Parts = tuple[Pack, tuple[Chart, ...], Mapping[str, object]]
-"""A pack, its charts, and what else it holds."""
+"""A pack, its charts, and its other content."""
 
 
 class _Packed(Mapping[str, str]):
-    """Packs as text, none of which is kept."""
+    """Mapping of packs that makes each text on access."""
 
     def __init__(self, packs: Mapping[str, Parts]) -> None:
         self._packs = packs
@@ -68,9 +68,9 @@ class _Packed(Mapping[str, str]):
 
 
 class Content:
-    """Packs of a report, under the ids of the elements that hold them.
+    """Packs of a report, by the ids of the elements that hold them.
 
-    Charts of one pack may show numbers of another, so they are all made before any is packed.
+    Charts of one pack can use numbers of another, so all charts are made before any pack is packed.
     """
 
     def __init__(self, results: Results, history: Sequence[Past] = ()) -> None:
@@ -100,24 +100,24 @@ class Content:
         }
 
     def case_pack(self, place: int) -> str:
-        """Id of the pack of the case at that place; empty without series."""
+        """Return the pack id of a case; empty without series."""
         run = self._runs[place]
         return "" if run is None else run.pack.id
 
     def system_pack(self, folder: str) -> str:
-        """Id of the pack of a folder's system."""
+        """Return the pack id of a folder's system."""
         return self._system_packs[folder]
 
     def folder_packs(self, folder: str) -> tuple[str, ...]:
-        """Ids of the packs of a folder's system, models and diagnoses."""
+        """Return the pack ids of a folder's system, models and diagnoses."""
         return tuple(self._folder_packs.get(folder, ()))
 
     def diagnosis_pack(self, place: int) -> str:
-        """Id of the pack of the diagnosis of the model at that place; empty without."""
+        """Return the pack id of a model's diagnosis; empty without one."""
         return self._diagnosis_packs[place]
 
     def packs(self) -> Mapping[str, str]:
-        """Every pack, by its id, packed when it is asked for."""
+        """Return every pack by its id, packed on access."""
         return _Packed(self._packs)
 
     def _keep(self, pack: Pack, charts: Iterable[Chart], **more: object) -> None:
@@ -142,7 +142,7 @@ class Content:
             self._keep(run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others))
 
     def _kept_history(self, results: Results, history: Sequence[Past]) -> str:
-        """Id of the pack that has what became of all cases; empty where nothing is to be drawn."""
+        """Return the pack id of the history of all cases; empty without plots."""
         pack = Pack("pack-history")
         charts = run_history(pack, results.cases, history)
         if charts:
@@ -150,7 +150,7 @@ class Content:
         return pack.id if charts else ""
 
     def _motion(self, run: Run, others: Sequence[Run]) -> Motion | None:
-        """Where the page finds what it animates; None without a sketch."""
+        """Return the location of the data of an animation; None without a sketch."""
         system = self._systems.get(run.case.folder)
         if system is None or system.sketch is None:
             return None
@@ -167,7 +167,7 @@ class Content:
         )
 
     def _units(self, run: Run) -> list[str]:
-        """Units of the components: the coordinates', then those of their rates."""
+        """Return the units of the components: coordinates, then rates."""
         system = self._systems.get(run.case.folder)
         if system is None:
             return ["?"] * len(run.reference)
@@ -200,7 +200,7 @@ def _address(column: Column) -> tuple[str, str]:
 
 
 def _reach(cases: Iterable[Case]) -> dict[str, list[float]]:
-    """Largest magnitude of each component over all cases of a folder."""
+    """Return the largest magnitude of each component over all cases of a folder."""
     found: dict[str, list[float]] = {}
     for case in cases:
         if case.series is not None:

@@ -1,4 +1,4 @@
-"""What the report says of a model that differs: the cause, what else it may be, and the line."""
+"""The view of a model that differs: its cause, alternatives, and source lines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, cause_se
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One line of a file."""
+    """A line of a file."""
 
     number: int
     text: str
@@ -24,7 +24,7 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class CauseView:
-    """One number that is wrong."""
+    """A wrong number."""
 
     name: str
     kind: str
@@ -35,7 +35,7 @@ class CauseView:
 
 @dataclass(frozen=True, kw_only=True)
 class ExplanationView:
-    """One cause, or a pair, in the order of the ranking: what it leaves, what it is tied with."""
+    """A cause or a pair of causes in ranked order, with residual and indistinguishable causes."""
 
     causes: tuple[CauseView, ...]
     left: str
@@ -44,17 +44,16 @@ class ExplanationView:
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisView:
-    """What is wrong with one model in one engine.
+    """The diagnosis of one model in one engine.
 
     Attributes:
         id: its permalink.
         sentence: the cause.
-        explained: whether it leaves no more than the uncertainty.
-        audit_first: whether no cause explains it, and reading finds something wrong.
-        explanations: ranked.
-        files: the model file, or its sidecar, with the lines about the marked ones; None stands
-            for what is left out.
-        audit: what was found by reading, (severity, message, where).
+        explained: whether the residual is within the uncertainty.
+        audit_first: whether the audit has findings and no cause explains the difference.
+        explanations: ranked explanations.
+        files: the model file or its sidecar, with the lines around marked ones; None for a gap.
+        audit: audit findings, (severity, message, where).
         cases: permalinks of the cases that differ, with their scenarios.
         pack: id of its numbers and plots; empty without.
     """
@@ -74,13 +73,13 @@ class DiagnosisView:
 
 
 CONTEXT = 4
-"""Lines shown before and after a marked one."""
+"""Number of lines shown before and after a marked one."""
 
 
 def diagnosis_view(
     model: Model, identity: str, pack: str, cases: Sequence[tuple[str, str]]
 ) -> DiagnosisView:
-    """The view of a model's diagnosis and audit.
+    """Return the view of a model's diagnosis and audit.
 
     Args:
         model: its record.
@@ -113,7 +112,7 @@ def diagnosis_view(
 
 
 def sentence(model: Model) -> str:
-    """The cause in one sentence; what is known instead where there is none."""
+    """Return the cause in one sentence, or other findings without one."""
     diagnosis = model.diagnosis
     if diagnosis is None:
         return shown(model.findings[0].message) if model.findings else ""
@@ -133,12 +132,12 @@ def sentence(model: Model) -> str:
 
 
 def named(causes: Iterable[Cause]) -> str:
-    """Names of causes that are one explanation together."""
+    """Return the names of the causes of one explanation."""
     return " and ".join(shown(cause) for cause in causes)
 
 
 def _blamed(model: Model) -> Iterator[SourceLine]:
-    """Lines of the cause, where it explains the motion, and of what the audit found."""
+    """Yield lines of the explaining cause and of audit findings."""
     if model.diagnosis is not None and model.diagnosis.explained:
         for explanation in model.diagnosis.explanations[:1]:
             for cause in explanation.causes:
@@ -171,7 +170,7 @@ def _number(value: float | None) -> str:
 
 
 def _short(where: SourceLine) -> str:
-    """As text, without the folders."""
+    """Format a line without its folders."""
     return shown(SourceLine(file=_path(where.file).rsplit("/", 1)[-1], line=where.line))
 
 
@@ -182,14 +181,14 @@ def _path(file: str) -> str:
 def _files(
     model: Model, blamed: Sequence[SourceLine]
 ) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
-    """The model file and its sidecar, those of them of which a line is blamed."""
+    """Return the model file and its sidecar, if they contain blamed lines."""
     texts = {model.model: model.text, f"{model.model}.toml": model.sidecar}
     found = ((file, _lines(text, _marked(blamed, file))) for file, text in texts.items())
     return tuple((shown(file), lines) for file, lines in found if lines)
 
 
 def _marked(blamed: Sequence[SourceLine], file: str) -> set[int]:
-    """Lines of a file; the others are of other files, or mean a whole file."""
+    """Return the blamed line numbers of a file."""
     return {
         where.line
         for where in blamed

@@ -1,6 +1,6 @@
-"""A sketch from results as SVG: shapes in their own coordinates, each put in place by a matrix.
+"""A sketch from results as SVG: shapes in their own coordinates, each placed by a matrix.
 
-The page moves them by matrices alone, so that what a spring looks like is told here once.
+The page only changes matrices, so shapes such as springs are defined only here.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from physics_crosscheck.harness.records.system import Shape, Sketch, SketchTree
 from physics_crosscheck.harness.render.html.text import shown
 
 ANNOTATIONS = ("measure", "angle")
-"""What explains the sketch and does not move with it."""
+"""Shapes that explain the sketch and do not move with it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeView:
-    """One shape: what to draw along (0, 0) to (1, 0), or about (0, 0), and where."""
+    """A shape: its path along (0, 0) to (1, 0) or about (0, 0), and its matrix."""
 
     number: int
     kind: str
@@ -28,7 +28,7 @@ class ShapeView:
 
 @dataclass(frozen=True, kw_only=True)
 class Label:
-    """A symbol, its index set lower."""
+    """A symbol with a subscript."""
 
     x: str
     y: str
@@ -38,12 +38,12 @@ class Label:
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A sketch, y down as SVG has it.
+    """A sketch with y down, as in SVG.
 
     Attributes:
         box: the view box.
-        size: of the letters.
-        description: what is to be seen, in words.
+        size: font size.
+        description: description in words.
     """
 
     box: str
@@ -59,10 +59,10 @@ GREEK = dict(zip(_NAMES.split(), "αβγδεζηθικλμνξπρστφχψω",
 
 
 def evaluate(tree: SketchTree | None, q: Sequence[float]) -> float:
-    """The value of a tree at positions q.
+    """Evaluate a tree at positions q.
 
     Raises:
-        ValueError: for no tree, and for an operation that is none.
+        ValueError: for a missing tree or an unknown operation.
     """
     if tree is None:
         raise ValueError("a shape lacks a place or a size")
@@ -125,7 +125,7 @@ def _pose(sketch: Sketch) -> list[float]:
 
 
 def _at(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
-    """A point, which is a pair of trees."""
+    """Return the coordinates of a point, which is a pair of trees."""
     if not isinstance(point, list) or len(point) != 2:
         raise ValueError(f"{point!r} is not a point")
     return evaluate(point[0], q), evaluate(point[1], q)
@@ -148,7 +148,7 @@ def _arc(shape: Shape, q: Sequence[float]) -> tuple[float, float, float]:
 
 
 def _matrix(shape: Shape, q: Sequence[float]) -> str:
-    """As script/motion.js has it: what follows from the shape's places."""
+    """Return the matrix of a shape from its places, as in script/motion.js."""
     if shape.kind == "angle":
         x, y = _at(shape.at, q)
         values = (1.0, 0.0, 0.0, 1.0, x, y)
@@ -225,7 +225,7 @@ def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
     elif shape.at is not None:
         x, y = _at(shape.at, q)
         if shape.kind == "disc":
-            # Below the centre, off the mark on the radius; beside a disc that is too small.
+            # Below the centre, off the mark on the radius; next to a disc that is too small.
             h = evaluate(shape.height, q)
             x, y = (x, y - 0.22 * h) if h > 0.2 * size else (x + 0.5 * h + 0.05 * size, y)
         elif shape.kind == "spiral":
@@ -235,7 +235,7 @@ def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
         length = math.hypot(x2 - x, y2 - y) or 1.0
         off = (0.045 if shape.kind == "measure" else 0.075) * size
         nx, ny = -(y2 - y) / length * off, (x2 - x) / length * off
-        # Above what lies, to the right of what hangs; below a damper: springs lie above it.
+        # Above a horizontal part, right of a hanging one; below a damper, as springs lie above it.
         side = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
         side = -side if shape.kind == "damper" else side
         x, y = (x + x2) / 2 + side * nx, (y + y2) / 2 + side * ny

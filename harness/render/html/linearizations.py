@@ -1,4 +1,4 @@
-"""What the report shows of linearizations: Taylor's, and every engine's own beside it."""
+"""The view of linearizations: the exact one, and each engine's own."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.html.text import NOTHING, complex_number, sci, shown
 
 RIGID = 1e-6
-"""Poles below this share of the largest are those of a rigid mode, which is a double root: rounding
-moves such a pole by the square root of epsilon."""
+"""Poles below this share of the largest belong to a rigid mode.
+
+Such a mode is a double root, and rounding moves its poles by the square root of epsilon.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EngineLinearView:
-    """An engine's own linearization of a model beside Taylor's: errors, and its poles with theirs.
+    """An engine's own linearization of a model, compared with the exact one.
 
     Attributes:
-        errors: of A, of B, of the transfer functions, of the mode shapes and of one step, and that
-            step's spectral radius.
-        poles: each with its distance from Taylor's.
+        errors: errors of A, B, transfer functions, mode shapes and one step, and that step's
+            spectral radius.
+        poles: each pole with its distance from the exact one.
     """
 
     model: str
@@ -48,12 +50,12 @@ class EngineLinearView:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearView:
-    """The linearizations about one equilibrium: Taylor's poles, then every engine's.
+    """The linearizations about one equilibrium: exact poles, then each engine's.
 
     Attributes:
         equations: the linear equations.
         transfers: transfer functions.
-        modes: (rad/s, Hz, shape, remark) without damping.
+        modes: undamped modes, (rad/s, Hz, shape, remark).
     """
 
     equilibrium: str
@@ -65,7 +67,7 @@ class LinearView:
 
 
 def linear_views(system: System, models: Sequence[Model]) -> tuple[LinearView, ...]:
-    """The views of a system's linearizations, with those of its models."""
+    """Return the views of a system's linearizations, with those of its models."""
     if system.derivation is None:
         return ()
     return tuple(_linear_view(one, system, models) for one in system.derivation.linearizations)
@@ -141,7 +143,7 @@ def _engine(model: Model, one: EngineLinearization) -> EngineLinearView:
 
 
 def _radius(one: DiscreteLinearization) -> str:
-    """How far a state grows in a step at most."""
+    """Return the largest growth factor of a state in one step."""
     return NOTHING if one.radius is None else f"{one.radius:.6f}"
 
 
@@ -154,7 +156,7 @@ def _complex(pole: Pole | EnginePole) -> complex:
 
 
 def _shown_poles(poles: Sequence[Pole | EnginePole]) -> list[int]:
-    """One of each conjugate pair, and every real pole."""
+    """Return the indices of one pole per conjugate pair and of every real pole."""
     return [i for i, pole in enumerate(poles) if (pole.imaginary or 0.0) >= 0.0]
 
 

@@ -1,8 +1,7 @@
-"""LaTeX as MathML: what a browser sets as a book would.
+"""Convert LaTeX to MathML, which browsers typeset.
 
-Results may come from anywhere. latex2mathml writes text as it stands, markup too; what is put on
-the page is therefore rebuilt from its tree, of the elements that mathematics needs alone, and its
-text is escaped.
+Results may come from an untrusted source, and latex2mathml copies text including markup. The output
+is therefore rebuilt from its tree: only elements that mathematics needs, with escaped text.
 """
 
 from __future__ import annotations
@@ -25,45 +24,45 @@ _PARTS = {"mfrac": 2, "mroot": 2, "msub": 2, "msup": 2, "mover": 2, "munder": 2,
 _KEPT = {"mo": ("stretchy", "fence", "form"), "mi": ("mathvariant",)}
 _VALUES = frozenset(["true", "false", "prefix", "postfix", "normal"])
 
-# The space keeps factors of several letters from running into each other.
+# The space separates factors of several letters.
 _TIMES = Markup('<mo rspace="0.14em">\u2062</mo>')
 _OF = Markup("<mo>\u2061</mo>")
 
 
 @lru_cache(maxsize=4096)
 def mathml(latex: str, block: bool = False) -> Markup:
-    """Mathematics as an element of the page; the LaTeX itself where it can't be read.
+    """Convert LaTeX to an element of the page; return the LaTeX itself if it can't be parsed.
 
     Args:
-        latex: a formula, without the signs that set it off from words.
-        block: whether it stands by itself.
+        latex: a formula without delimiters.
+        block: whether it is a separate block.
     """
     display = Markup(' display="block"') if block else Markup("")
     try:
         return Markup("<math{}>{}</math>").format(display, _group(convert_to_element(latex)))
-    except Exception:  # The converter raises whatever comes: IndexError, StopIteration, its own.
+    except Exception:  # The converter raises many types: IndexError, StopIteration, its own.
         return Markup("<code>{}</code>").format(shown(latex))
 
 
 def _group(element: Element) -> Markup:
-    """What is in an element, with the multiplication and application that LaTeX leaves out."""
+    """Convert the content of an element, with the omitted multiplication and application signs."""
     written = Markup("")
     before: Element | None = None
     for child in _bracketed(list(map(_bare, element))):
-        if child.tag == "mspace":  # TeX's thin space between factors: theirs is below
+        if child.tag == "mspace":  # TeX's thin space between factors; the spaces are added below
             continue
         if before is not None and before.tag in _OPERANDS and child.tag in _OPERANDS:
             written += _OF if _is_function(before) else _TIMES
         if before is not None and _sign(before) == "=" and _sign(child) in ("+", "−"):
-            child.set("form", "prefix")  # it is no operation there
+            child.set("form", "prefix")  # not an operation there
         written += _element(child)
         before = child
     return written
 
 
 def _bracketed(elements: list[Element]) -> list[Element]:
-    """The same with each matrix and its brackets as one: they grow as high as it, no higher."""
-    if len(elements) <= 3:  # one matrix alone
+    """Group each matrix with its brackets, so that the brackets grow to its height only."""
+    if len(elements) <= 3:  # a single matrix
         return elements
     grouped: list[Element] = []
     for element in elements:
@@ -85,7 +84,7 @@ def _element(element: Element) -> Markup:
         raise ValueError(f"{tag!r} is not a MathML element")
     if len(element) != _PARTS.get(tag, len(element)):
         raise ValueError(f"{tag!r} lacks a part")
-    text = html.unescape(element.text or "")  # signs are given as references
+    text = html.unescape(element.text or "")  # operators are given as references
     if text.startswith("\\"):
         raise ValueError(f"unknown command {text!r}")
     if tag in _GROUPS:
@@ -104,20 +103,20 @@ def _attributes(element: Element) -> Markup:
         for name in _KEPT.get(tag, ())
         if element.get(name) in _VALUES
     ]
-    if tag == "mover":  # dots and the like belong close above the letter
+    if tag == "mover":  # accents such as dots belong close above the letter
         kept.append(' accent="true"')
     return Markup("".join(kept))
 
 
 def _bare(element: Element) -> Element:
-    """An element without the groups of one around it: braces that hold nothing together."""
+    """Return an element without groups of one element around it."""
     while element.tag == "mrow" and len(element) == 1:
         element = element[0]
     return element
 
 
 def _is_function(element: Element) -> bool:
-    """Whether it is a name such as cos, or a power of one: what is beside it is its argument."""
+    """Return whether an element is a function name such as cos, or a power of one."""
     if element.tag == "msup":
         element = _bare(element[0])
     return element.tag == "mi" and len(html.unescape(element.text or "")) > 1

@@ -1,4 +1,4 @@
-"""Models by engines as one picture: what each comes to, what it costs, what it reads otherwise."""
+"""Table of models by engines: verdicts, costs, and notes about reading files."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC
 Pair = tuple[Case, CaseView]
 
 TOLD = frozenset({"reach", "unresolved", "rounded", "pose"})
-"""Kinds of notes that are of a model, and not of how an engine reads it."""
+"""Kinds of notes about the model itself, not about an engine's reading."""
 
 MOST = 8
-"""What is told of one engine at most."""
+"""Maximum number of notes per engine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,14 +32,14 @@ class Cell:
 
     Attributes:
         id: permalink of the worst case.
-        outcome, symbol: its own.
-        counts: how many scenarios have its outcome, of how many.
-        digits: the fewest.
-        tint: as many, for the colour; empty where none agree.
-        global_error: the largest, of motions that a step can follow.
-        cost: wall-clock time per second simulated, the longest; empty where none was kept.
+        outcome, symbol: outcome of the worst case.
+        counts: number of scenarios with this outcome, and of all scenarios.
+        digits: the fewest digits.
+        tint: the digits as colour; empty if none agree.
+        global_error: the largest global error of motions that a time step can follow.
+        cost: the longest wall-clock time per simulated second; empty if unknown.
         summary: all of these in words.
-        about: system, model and engine, as the list of cases has them.
+        about: system, model and engine, as in the list of cases.
     """
 
     id: str
@@ -59,11 +59,11 @@ class MatrixRow:
     """One model.
 
     Attributes:
-        id: of its system's page.
-        name: of its system.
+        id: id of its system's page.
+        name: name of its system.
         first: whether it is the first of its system.
         model: its file.
-        cells: by engine.
+        cells: cells by engine.
     """
 
     id: str
@@ -75,7 +75,7 @@ class MatrixRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """What an engine, or its adapter, makes of files beside what they say."""
+    """Notes on how an engine or its adapter reads files."""
 
     engine: str
     notes: tuple[str, ...]
@@ -86,9 +86,9 @@ class Matrix:
     """Models by engines, worst systems first.
 
     Attributes:
-        engines: of the columns.
+        engines: names of the columns.
         rows: the models.
-        readings: of the engines of which something is to be told.
+        readings: engines with notes.
     """
 
     engines: tuple[str, ...]
@@ -102,13 +102,13 @@ def matrix(
     ids: Mapping[str, str],
     names: Mapping[str, str],
 ) -> Matrix:
-    """The matrix of cases.
+    """Return the matrix of cases.
 
     Args:
         pairs: the cases, with their views.
-        models: in their engines.
-        ids: of each folder's page.
-        names: of each folder's system.
+        models: models in their engines.
+        ids: id of each folder's page.
+        names: name of each folder's system.
     """
     cells: dict[str, dict[str, dict[str, list[Pair]]]] = {}
     columns: Counter[str] = Counter()
@@ -145,7 +145,7 @@ def _worst(models: Mapping[str, Mapping[str, Sequence[Pair]]]) -> tuple[int, flo
 
 
 def _notes(engine: str, models: Sequence[Model]) -> tuple[str, ...]:
-    """Each once, those of most models first."""
+    """Return distinct notes, the most frequent first."""
     told = Counter(
         note.message
         for model in models
@@ -187,7 +187,7 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
 
 
 def _largest_error(pairs: Sequence[Pair]) -> str:
-    """The largest global error that says something of the step."""
+    """Return the largest global error that depends on the time step."""
     errors = [
         case.full_run.global_error
         for case, view in pairs
@@ -200,12 +200,12 @@ def _largest_error(pairs: Sequence[Pair]) -> str:
 
 
 def _pace(cost: float) -> str:
-    """Seconds, or milliseconds, for one simulated."""
+    """Format the time per simulated second."""
     return f"{cost:.2g} s/s" if cost >= 0.1 else f"{1e3 * cost:.2g} ms/s"
 
 
 def _cost(case: Case) -> float | None:
-    """Wall-clock seconds of the engine's for one simulated, at the shipped step."""
+    """Return the engine's wall-clock seconds per simulated second, at the model's time step."""
     series = case.series
     if series is None or not series.full_runs.seconds or not series.t:
         return None

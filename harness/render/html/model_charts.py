@@ -1,4 +1,4 @@
-"""The plots of a model, a system and a diagnosis: linear equations, and what explains a motion."""
+"""Plots of a model, a system and a diagnosis: linear equations and causes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from physics_crosscheck.harness.render.html.runs import Run, ends, largest, sing
 from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
 
 PAIRS = 6
-"""Pairs of output and input in one plot at most."""
+"""Maximum number of output-input pairs in one plot."""
 
 LINEAR, CAUSE = "Linear equations", "Does it explain the motion?"
 
 
 def responses(pack: Pack, model: Model, system: System) -> tuple[Chart, ...]:
-    """Frequency response of an engine's own linearization over the transfer functions."""
+    """Plot the frequency response of an engine's linearization and of the transfer functions."""
     pairs = [
         f"{shown(output.name)} / {shown(source.name)}"
         for output in system.outputs
@@ -40,7 +40,7 @@ def responses(pack: Pack, model: Model, system: System) -> tuple[Chart, ...]:
 
 
 def _grid(response: Sequence[Rows]) -> Array:
-    """A row a frequency, a column a pair of output and input."""
+    """Return a matrix of frequencies by output-input pairs."""
     return np.array([np.ravel(np.array(row, dtype=float)) for row in response])
 
 
@@ -76,7 +76,7 @@ def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Cha
 
 
 def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
-    """How far the linear equations hold: their error over amplitude."""
+    """Plot the error of the linear equations over amplitude."""
     found = system.derivation.linearity if system.derivation else ()
     if not found:
         return ()
@@ -112,12 +112,12 @@ def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
 
 
 def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
-    """What each hypothesis leaves of the discrepancy."""
+    """Plot the residual discrepancy of each hypothesis."""
     ranked = diagnosis.explanations
     if not ranked:
         return ()
     count = len(ranked)
-    # The best at the top.
+    # The best is on top.
     rows: Array = np.arange(count, dtype=np.float64)[::-1] + 0.5
     left = np.array([max(one.remaining, 1e-16) for one in ranked])
     floor = max(diagnosis.floor or 0.0, 1e-16)
@@ -157,11 +157,11 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
 def corrected(
     pack: Pack, motion: CorrectedMotion, runs: Mapping[str, Run], units: Sequence[str]
 ) -> Iterator[Chart]:
-    """The motion with the values that were found, and what they leave of the defects.
+    """Plot the motion with the fitted values, and the remaining defects.
 
     Args:
-        runs: of the model, by scenario.
-        units: of each component.
+        runs: runs of the model, by scenario.
+        units: unit of each component.
     """
     for one in motion.scenarios:
         run = runs.get(one.scenario)
@@ -175,7 +175,7 @@ def corrected(
 def _corrected(
     pack: Pack, motion: CorrectedMotion, one: CorrectedScenario, run: Run, i: int, unit: str
 ) -> Chart:
-    """Of the i-th coordinate."""
+    """Plot the i-th coordinate."""
     name, put_in = shown(run.series.components[i]), _values_put_in(motion.causes)
     then, now = _apart(motion, one, run.series, i)
     low, high = ends(values(run.series.reference[i]))
@@ -216,12 +216,12 @@ def _estimate(cause: Cause) -> str:
 def _apart(
     motion: CorrectedMotion, one: CorrectedScenario, series: Series, i: int
 ) -> tuple[float, float]:
-    """Largest distance from the curve on which a run should be, before and after.
+    """Return the largest distance of a run from its expected curve, before and after.
 
-    Before: of the engine from the reference. After: of the engine from the equations with the value
-    that was found, or of the file with it from the reference.
+    Before: engine to reference. After: engine to the equations with the fitted value, or the
+    corrected file to the reference.
     """
-    # scipy takes a part of a second, in every command.
+    # Importing scipy takes a part of a second, so only this function does.
     import scipy.interpolate
 
     t, engine, reference = values(series.t), single(series.engine[i]), values(series.reference[i])
@@ -230,7 +230,7 @@ def _apart(
     target = engine if motion.put_into == "equations" else reference
     known = np.isfinite(target)
     inside = (corrected_t <= t[known][-1]) & np.isfinite(fitted)
-    # The samples of the two don't coincide; a cubic is as good as the plot is smooth.
+    # The samples differ; a cubic is accurate enough for a smooth plot.
     at = scipy.interpolate.CubicSpline(t[known], target[known])(corrected_t[inside])
     return largest(engine - reference), largest(fitted[inside] - at)
 

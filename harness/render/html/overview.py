@@ -1,4 +1,4 @@
-"""What the overview shows: is it right, what to change if not, and what changed."""
+"""The overview: the verdict, the fixes, and the changes since the baseline."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from physics_crosscheck.harness.results.next_steps import changes_of, stated_cha
 from physics_crosscheck.harness.results.status import counted
 
 Link = tuple[str, str]
-"""A permalink, and what it says."""
+"""A permalink and its text."""
 
 SCENARIOS_LINKED = 6
-"""Cases that one trouble leads to at most."""
+"""Maximum number of cases linked from one issue."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fix:
-    """A number that is to be another: where it stands, what it is called, old and new."""
+    """A number to change: location, name, old and new value."""
 
     place: str
     name: str
@@ -45,12 +45,12 @@ class Fix:
 
 @dataclass(frozen=True, kw_only=True)
 class Remedy:
-    """What to change.
+    """A proposed fix.
 
     Attributes:
-        fixes: numbers; empty where none is known.
-        lines: of the change, each with the sign of a diff.
-        patch: a unified diff; empty where none is certain.
+        fixes: numbers to change; empty if unknown.
+        lines: changed lines with + and -.
+        patch: a unified diff; empty if a change is uncertain.
     """
 
     fixes: tuple[Fix, ...] = ()
@@ -59,23 +59,23 @@ class Remedy:
 
     @property
     def words(self) -> str:
-        """The numbers, a line each, where there is no patch."""
+        """The numbers, a line each, without a patch."""
         return "\n".join(f"{fix.place} from {fix.old} to {fix.new}" for fix in self.fixes)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trouble:
-    """Something to act on, once, however many cases it is seen in.
+    """An issue, listed once for all affected cases.
 
     Attributes:
-        id: where to read on; empty for nowhere.
-        outcome, symbol: of its cases; AUDIT for what was found by reading alone.
-        name: of what it is wrong with.
-        cases: how many.
-        sentence: what is wrong.
-        remedy: what to change.
-        links: cases in which it is seen.
-        more: how many it is seen in beyond these.
+        id: permalink of the details; empty without one.
+        outcome, symbol: outcome of its cases; AUDIT for findings without motion.
+        name: name of the affected model.
+        cases: number of cases.
+        sentence: the problem.
+        remedy: the proposed fix.
+        links: affected cases.
+        more: number of further affected cases.
     """
 
     id: str
@@ -91,7 +91,7 @@ class Trouble:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One case that is not as in the baseline."""
+    """A case that differs from the baseline."""
 
     id: str
     kind: str
@@ -101,7 +101,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """A case that stands out of those that agree: what of it, and how much."""
+    """An extreme case among those that agree: the quantity and its value."""
 
     id: str
     what: str
@@ -112,12 +112,12 @@ class Standing:
 def gathered(
     results: Results, views: Mapping[int, CaseView], diagnoses: Mapping[ModelKey, DiagnosisView]
 ) -> tuple[Trouble, ...]:
-    """What to act on, as the terminal gathers it: what is to be changed first, then the worst.
+    """Return the issues in the terminal's order: fixable ones first, then the worst.
 
     Args:
-        results: all of them.
-        views: of the cases, by the identity of their records.
-        diagnoses: of the models that differ, or have findings.
+        results: all results.
+        views: views of the cases, by the identity of their records.
+        diagnoses: diagnoses of the models that differ or have findings.
     """
     found = [(one.worst, *one.others) for one in troubles(results.cases)]
     causes = list(_causes(found, results, views, diagnoses))
@@ -142,7 +142,7 @@ def _causes(
     views: Mapping[int, CaseView],
     diagnoses: Mapping[ModelKey, DiagnosisView],
 ) -> Iterator[tuple[Trouble, set[ModelKey]]]:
-    """Each explained cause of cases that differ, with the models it is the cause of."""
+    """Yield each explaining cause of differences, with the models that it affects."""
     for alike in explained_alike(results.models):
         keys = {model.key for model in alike}
         cases = [case for group in groups for case in group if _told(case, keys)]
@@ -169,7 +169,7 @@ def _causes(
 
 
 def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
-    """Changes, and the patch that makes them; `whole`: are they all? Half a cause is no remedy."""
+    """Return changes with their patch; `whole`: whether they fix the model completely."""
     texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
     patch = unified(changes, texts) if whole and changes else ""
     if not _is_shown_as_is(patch):
@@ -182,7 +182,7 @@ def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
 
 
 def _is_shown_as_is(patch: str) -> bool:
-    """Return whether a page can show a patch, which applies only to the characters of the file."""
+    """Return whether a page can show a patch unchanged; otherwise it would not apply."""
     plain = patch.replace("\r\n", "\n")
     return shown(plain) == plain and "\ufffd" not in plain
 
@@ -197,7 +197,7 @@ def _fix(change: Wanted) -> Fix:
 
 
 def _linked(cases: Sequence[Case], views: Mapping[int, CaseView]) -> tuple[Link, ...]:
-    """Links to the first of some cases."""
+    """Return links to the first of some cases."""
     engines = {case.engine for case in cases}
     found = [views[id(case)] for case in cases[:SCENARIOS_LINKED]]
     return tuple(
@@ -211,7 +211,7 @@ def _unexplained(
     views: Mapping[int, CaseView],
     diagnoses: Mapping[ModelKey, DiagnosisView],
 ) -> Trouble:
-    """Cases that have one thing wrong, the worst first, and no cause that explains it."""
+    """Return the issue of cases with the same problem and without an explaining cause."""
     worst = cases[0]
     ran = worst.outcome is not Outcome.ABSENT
     diagnosis = diagnoses.get(worst.key) if worst.outcome is Outcome.DIFFERS else None
@@ -234,7 +234,7 @@ def _unexplained(
 
 
 def _stated(model: Model | None) -> Remedy:
-    """What reading finds is to be changed."""
+    """Return the changes that the audit proposes."""
     return Remedy() if model is None else _remedy(stated_changes(model), model, whole=True)
 
 
@@ -252,12 +252,12 @@ def _failure(model: Model, what: str, why: str) -> Trouble:
 def _audits(
     models: Sequence[Model], diagnoses: Mapping[ModelKey, DiagnosisView], told: set[ModelKey]
 ) -> Iterator[Trouble]:
-    """What reading finds of models that no cause has led to yet."""
+    """Yield audit findings of models without an explaining cause."""
     for alike in audited_alike(models):
         if any(model.key in told or model.accepted for model in alike):
             continue
         if any(model.unexplained_findings for model in alike):
-            continue  # its cases say so
+            continue  # its cases report it
         model = alike[0]
         view = diagnoses[model.key]
         yield Trouble(
@@ -281,7 +281,7 @@ _SAID = {
 
 
 def verdict(results: Results, found: Sequence[Trouble]) -> str:
-    """Is it right, in words, and if not, what to do."""
+    """Return the verdict in words and, on failure, what to do."""
     if not results.cases:
         return "Nothing was run."
     counts = Counter(case.outcome for case in results.cases)
@@ -296,7 +296,7 @@ def verdict(results: Results, found: Sequence[Trouble]) -> str:
 
 
 def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, ...]:
-    """What changed since the baseline, in the order of the record."""
+    """Return the changes since the baseline, in the order of the record."""
     ids = {case.id: view.id for case, view in pairs}
     return tuple(
         Change(
@@ -310,7 +310,7 @@ def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, .
 
 
 def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
-    """Of what agrees: where the fewest digits do, and where the step costs most."""
+    """Return the cases that agree with the fewest digits and with the largest global error."""
     agreeing = [
         (case, view)
         for case, view in pairs

@@ -1,7 +1,7 @@
-"""Numbers and charts of one part of the page, packed: unpacked by the page when they are looked at.
+"""Packed numbers and charts for parts of the page, which unpacks them on demand.
 
-JSON of rounded numbers, compressed, is smaller than their binary form: what a plot shows has three
-to six digits.
+Compressed JSON of rounded numbers is smaller than their binary form, since plots show three to six
+digits.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """Where numbers are: the id of a pack, and a key within it."""
+    """Location of numbers: the id of a pack, and a key in it."""
 
     pack: str
     key: str
@@ -29,14 +29,14 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """One curve; its role and its place among its kind say how it is drawn.
+    """A curve; its role and its place select colour and line style.
 
     Attributes:
-        label: entry of the legend; curves of one label are shown and hidden together.
-        role: how it is drawn, see `script/looks.js`.
-        place: number among those of its role: its colour, dash and marker.
-        x, y: its numbers; where values are signed and the axis is logarithmic, their size is drawn
-            and their sign is told by the mark.
+        label: legend entry; curves with the same label are shown and hidden together.
+        role: kind of curve, see `script/looks.js`.
+        place: number among those of its role, which selects colour, dash and marker.
+        x, y: its numbers; on a logarithmic axis, signed values are drawn by magnitude with the sign
+            as marker.
     """
 
     label: str
@@ -48,22 +48,22 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True)
 class Chart:
-    """One plot.
+    """A plot.
 
     Attributes:
-        part: heading under which it stands.
-        title: what it shows.
-        x_label, y_label: with units.
-        curves: in drawing order.
-        key: how to tell the curves apart.
-        summary: what is to be seen, in words with numbers.
+        part: heading above it.
+        title: quantity that it shows.
+        x_label, y_label: labels with units.
+        curves: curves in drawing order.
+        key: how to distinguish the curves.
+        summary: description in words with numbers.
         log_x, log_y: which axes are logarithmic.
         dates: whether x is a date, in milliseconds since 1970-01-01 UTC.
-        over_time: whether x is the time of the motion, shared with the other charts of the pack.
-        y_limits: part of the y axis to show at first; None shows all.
-        lead: whether it is shown at first, before all others of its pack.
+        over_time: whether x is the motion's time, shared with the other charts of the pack.
+        y_limits: initial range of the y axis; None shows all.
+        lead: whether it is shown first, before all others of its pack.
         over_error: whether it shows errors.
-        names: of the places on the y axis, where they are names: y counts them from 0.
+        names: labels of the y axis for named rows, counted from 0.
     """
 
     part: str
@@ -84,21 +84,21 @@ class Chart:
 
 
 class Pack:
-    """Columns of numbers under an id, to which charts of any pack may refer."""
+    """Columns of numbers under an id, which charts of any pack can use."""
 
     def __init__(self, identity: str) -> None:
         self.id = identity
         self._columns: dict[bytes, str] = {}
 
     def column(self, values: Sequence[float | None] | Array, digits: int) -> Column:
-        """Keep numbers, with so many digits; the same numbers are kept once."""
+        """Store numbers rounded to some digits; equal columns are stored once."""
         kept = [_rounded(value, digits) for value in np.asarray(values, dtype=float).tolist()]
-        # As text, a quarter of what lists of floats take: a report of many cases has 60 M numbers.
+        # Text takes a quarter of a list of floats; a large report has 60 million numbers.
         text = msgspec.json.encode(kept)
         return Column(pack=self.id, key=self._columns.setdefault(text, f"c{len(self._columns)}"))
 
     def packed(self, charts: Iterable[Chart] = (), **more: object) -> str:
-        """The pack, with `more` beside it, as text that a script element may hold."""
+        """Return the pack and `more` as text for a script element."""
         content: dict[str, object] = {
             "columns": {key: msgspec.Raw(text) for text, key in self._columns.items()},
             "charts": [self._record(chart) for chart in charts],
@@ -118,7 +118,7 @@ class Pack:
 
 
 def compressed(content: Mapping[str, object]) -> str:
-    """JSON, compressed, in letters that no element ends with; the same content, the same text."""
+    """Compress JSON to safe letters; the same content gives the same text."""
     data = msgspec.json.encode(content)
     return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
 

@@ -1,8 +1,9 @@
-"""Cases of a report that has many of them, in files beside the page that it reads when wanted.
+"""Files with the cases of a large report, which the page loads on demand.
 
-A page of ten thousand cases would be some 300 MB, of which a reader looks at a few. Where there are
-many, the page keeps the overview, a file each has the page of a folder with its diagnoses, and one
-the cases of a folder and a scenario, so many at most: those are drawn over each other.
+A page of ten thousand cases would take about 300 MB, of which a reader views little. For many
+cases, the page keeps the overview only. Each folder has a file with its page and diagnoses. The
+cases of a folder and a scenario share files with a maximum number of cases, since they are drawn
+together.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from physics_crosscheck.harness.render.html.packs import compressed
 from physics_crosscheck.harness.render.html.view import Beside, Group, ModelGroup
 
 WHOLE = 500
-"""Cases up to which a page is one file: 15 MB, which can be sent to somebody."""
+"""Maximum number of cases in a single-file page: 15 MB, small enough to send."""
 
 TOGETHER = 40
-"""Cases of a file at most: 1 MB, read and shown at once."""
+"""Maximum number of cases per file: 1 MB, loaded and shown at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """A case's own page, with what it stands in."""
+    """The page of a case and its context."""
 
     case: CaseView
     beside: Beside
@@ -40,12 +41,12 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A file of cases, as a script: a page from a disk may read nothing else.
+    """A file of cases as a script, the only type that a page on disk can load.
 
     Attributes:
-        name: of the file, by its content.
+        name: file name, by its content.
         text: its content.
-        ids: of the cases and the packs that it has.
+        ids: ids of its cases and packs.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Part:
 
 
 def divided(groups: Iterable[Group]) -> Iterator[tuple[Shown, ...]]:
-    """All cases, as they go into files."""
+    """Yield all cases, divided into files."""
     for group in groups:
         scenarios: dict[str, list[Shown]] = {}
         for model in group.models:
@@ -68,13 +69,13 @@ def divided(groups: Iterable[Group]) -> Iterator[tuple[Shown, ...]]:
 
 
 def part_of_cases(cases: Sequence[Shown], html: str, packs: Mapping[str, str]) -> Part:
-    """The file of some cases: their pages as HTML, and their packs."""
+    """Return the file of some cases: their pages as HTML, and their packs."""
     own = {one.case.pack: packs[one.case.pack] for one in cases if one.case.pack}
     return _part(html, own, [one.case.id for one in cases])
 
 
 def part_of_group(group: Group, html: str, packs: Mapping[str, str]) -> Part:
-    """The file of a folder: its page, which has the sketch of its motions, and its diagnoses."""
+    """Return the file of a folder: its page with the sketch of its motions, and its diagnoses."""
     diagnoses = [model.diagnosis for model in group.models if model.diagnosis]
     own = {name: packs[name] for name in group.packs}
     return _part(html, own, [group.id, *(diagnosis.id for diagnosis in diagnoses)])
@@ -88,22 +89,21 @@ def _part(html: str, own: Mapping[str, str], views: Sequence[str]) -> Part:
 
 
 def folder_of(page: Path) -> Path:
-    """Where the files of a page's cases are."""
+    """Return the folder of the files of a page's cases."""
     return page.with_name(f"{page.stem}.parts")
 
 
 def write_parts(page: Path, parts: Iterable[Part]) -> tuple[str, frozenset[str]]:
-    """Write the files of a page's cases: JSON of where each id is, and the files' names.
+    """Write the files of a page's cases; return JSON with the file of each id, and the file names.
 
-    Files of the page that was there stay: whoever has it open finds them until the new one is there
-    and `forget_parts` is asked to.
+    Files of the previous page stay for its open windows until `forget_parts` removes them.
 
     Args:
         page: the page's path.
-        parts: one after the other, none of which is kept.
+        parts: files, consumed one at a time.
 
     Raises:
-        OSError: as the file system has it; the page that was there is as it was.
+        OSError: if a file can't be written; the existing page stays unchanged.
     """
     folder = folder_of(page)
     page.parent.mkdir(parents=True, exist_ok=True)
@@ -122,10 +122,10 @@ def write_parts(page: Path, parts: Iterable[Part]) -> tuple[str, frozenset[str]]
 
 
 def forget_parts(page: Path, kept: Collection[str]) -> None:
-    """Remove files that a page has no longer, and their folder where that was all."""
+    """Remove files that a page no longer uses, and the folder if it is empty."""
     folder = folder_of(page)
     for old in folder.glob("*.js"):
         if old.name not in kept:
             old.unlink()
-    with contextlib.suppress(OSError):  # there is none, or there are files in it
+    with contextlib.suppress(OSError):  # missing, or not empty
         folder.rmdir()

@@ -1,4 +1,4 @@
-"""The plots of past runs: digits and global error over time, by the version of the engine."""
+"""Plots of past runs: digits and global error over time, by engine version."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from physics_crosscheck.harness.results.status import counted
 HISTORY = "Over time"
 
 MOST = 12
-"""Curves in one plot at most: more can't be told apart."""
+"""Maximum number of curves in one plot; more would be indistinguishable."""
 
 LAST = 6
-"""Commits that are named, the last ones."""
+"""Number of most recent commits to name."""
 
 DATE_DIGITS = 11
-"""Significant digits of a date in milliseconds: seconds are right."""
+"""Significant digits of a date in milliseconds: enough for seconds."""
 
 Rows = Sequence[tuple[float, float]]
 """(milliseconds since 1970-01-01 UTC, value)."""
 
 
 def by_case(history: Iterable[Past]) -> dict[CaseId, list[Past]]:
-    """Past runs of each case."""
+    """Group past runs by case."""
     found: dict[CaseId, list[Past]] = {}
     for one in history:
         found.setdefault(one.id, []).append(one)
@@ -37,7 +37,7 @@ def by_case(history: Iterable[Past]) -> dict[CaseId, list[Past]]:
 
 
 def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
-    """The plots of a case's past runs, a curve a version; none of fewer than two runs."""
+    """Plot a case's past runs with one curve per version; no plots for fewer than two runs."""
     dated = [(when, one) for one in past if (when := _when(one.time)) is not None]
     if len(dated) < 2:
         return ()
@@ -66,9 +66,9 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
 
 
 def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> tuple[Chart, ...]:
-    """The plots of whole runs, a curve an engine: its fewest digits, and its largest error.
+    """Plot whole runs with one curve per engine: its fewest digits and its largest error.
 
-    Runs of fewer than half of the present cases were of a choice of them, and are left out.
+    Runs of fewer than half of the present cases were partial and are omitted.
     """
     present = {case.id for case in cases}
     runs: dict[str, list[Past]] = {}

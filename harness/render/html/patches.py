@@ -1,4 +1,4 @@
-"""What is to be changed in a file, as text that a person can paste: lines, and a unified diff."""
+"""Proposed changes of a file as text to paste: lines, and a unified diff."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from physics_crosscheck.harness.results.places import is_spelled
 
 
 def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
-    """Return a unified diff that makes edits; empty where one of them is not certain.
+    """Return a unified diff that makes edits; empty if an edit is uncertain.
 
-    An edit is certain where the file still has the old text in the span of each location.
+    An edit is certain if the file still has the old text in the span of each location.
 
     Args:
-        edits: of one cause.
-        texts: (name, text) of the files that may be meant.
+        edits: edits of one cause.
+        texts: (name, text) of the files that may be edited.
     """
     parts, made = [], 0
     for name, text in texts:
@@ -40,7 +40,7 @@ def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
 
 
 def lines_of(patch: str) -> tuple[str, ...]:
-    """The lines of a diff that go and come, each with its sign, and not far to the right."""
+    """Return the removed and added lines of a diff with their signs, with less indentation."""
     rows = (row for row in _lines(patch) if not row.startswith(("--- ", "+++ ")))
     told = [(row[0], row[1:].rstrip("\r\n")) for row in rows if row.startswith(("-", "+"))]
     margin = min((len(text) - len(text.lstrip()) for _, text in told), default=0)
@@ -48,16 +48,16 @@ def lines_of(patch: str) -> tuple[str, ...]:
 
 
 def _lines(text: str) -> list[str]:
-    """Lines as `git` and `patch` count them: `str.splitlines` ends lines at more characters."""
+    """Split text into lines as `git` and `patch` do: `str.splitlines` splits at more characters."""
     *whole, last = text.split("\n")
     return [*(f"{line}\n" for line in whole), *([last] if last else [])]
 
 
 def _diff(path: str, before: Sequence[str], after: Sequence[str]) -> str:
-    """With three lines about it, as `git apply` and `patch -p1` take it from where one stands."""
-    # An absolute path is none that either takes.
+    """Return a diff with three lines of context for `git apply` and `patch -p1`."""
+    # Both reject an absolute path.
     name = path if not path.startswith("/") and ":" not in path else path.rsplit("/", 1)[-1]
-    end = "\t" if " " in name else ""  # a name with blanks ends at a tab
+    end = "\t" if " " in name else ""  # a tab ends a name with blanks
     rows = []
     for row in difflib.unified_diff(before, after, f"a/{name}{end}", f"b/{name}{end}"):
         rows.append(row if row.endswith("\n") else f"{row}\n\\ No newline at end of file\n")

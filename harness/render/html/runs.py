@@ -1,4 +1,4 @@
-"""Every case's numbers, packed once, for its own plots and for those of others beside it."""
+"""Numbers of each case, packed once for its own plots and for comparisons."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from physics_crosscheck.harness.render.html.text import quantity, shown
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One case's motion at its shipped step.
+    """One case's motion at the model's time step.
 
     Attributes:
         case: its record.
         verdict, full_run, series: the case's own.
         label: engine and file.
-        step: the shipped one.
-        pack: where its numbers are.
+        step: time step of the model.
+        pack: pack with its numbers.
         t: sample times.
-        reference, engine: components there.
-        error, seconds: of the full runs, coarsest first; seconds None where they were not taken.
+        reference, engine: components at these times.
+        error, seconds: values of the full runs, coarsest first; seconds can be None: not measured.
     """
 
     case: Case
@@ -44,7 +44,7 @@ class Run:
 
 
 def runs(cases: Sequence[Case]) -> list[Run | None]:
-    """The run of each case; None for those without series."""
+    """Return the run of each case; None without series."""
     return [_run(case, place) for place, case in enumerate(cases)]
 
 
@@ -72,30 +72,30 @@ def _run(case: Case, place: int) -> Run | None:
 
 
 def coarse_to_fine(runs: StepErrors) -> NDArray[np.intp]:
-    """The runs' places by falling step, as lines are drawn; the shipped step's is told first."""
+    """Return the order of the runs by decreasing step; the records start with the model's step."""
     return np.argsort(-values(runs.h))
 
 
 def values(row: Numbers) -> Array:
-    """Numbers of results; nan for those that are missing."""
-    # As floats, None is nan.
+    """Return numbers of results as an array; nan if missing."""
+    # Converting to float makes None nan.
     return np.array(row, dtype=float)
 
 
 def single(row: Numbers) -> Array:
-    """The same, without what is beyond the range of a plot: a motion that has blown up."""
+    """Return numbers; nan for those beyond plotting range, as in a diverged motion."""
     found = values(row)
     return np.where(np.abs(found) > np.finfo(np.float32).max, np.nan, found)
 
 
 def largest(row: Numbers | Array) -> float:
-    """Largest finite magnitude; 0 for none."""
+    """Return the largest finite magnitude; 0 without one."""
     found = np.abs(np.asarray(row, dtype=float))
     finite = found[np.isfinite(found)]
     return float(finite.max()) if finite.size else 0.0
 
 
 def ends(found: Array) -> tuple[float, float]:
-    """Least and largest finite value; zeros for none."""
+    """Return the minimum and maximum of the finite values; zeros without one."""
     finite = found[np.isfinite(found)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Pictures of many points and of counts as SVG, without a script."""
+"""Scatter plots and bar charts as SVG, without a script."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WIDTH, HEIGHT = 560.0, 300.0
 LEFT, RIGHT, TOP, BOTTOM = 62.0, 12.0, 10.0, 42.0
 
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7a7a00", "#999999")
-"""Okabe and Ito's, told apart by everyone; beside them each series has a mark of its own."""
+"""Colours of Okabe and Ito, safe for colour blindness; each series also has its own marker."""
 
 MARKS = (
     "M-3,0a3,3 0 1 0 6,0a3,3 0 1 0 -6,0",
@@ -23,15 +23,15 @@ MARKS = (
 )
 
 MAX_DIGITS = 17
-"""Digits that tell any two doubles apart."""
+"""Digits that distinguish any two doubles."""
 
 WIDE = 8.0
-"""Largest over smallest value from which on an axis is logarithmic."""
+"""Ratio of the largest to the smallest value that makes an axis logarithmic."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """A series' mark, for its legend."""
+    """A series' marker, for its legend."""
 
     label: str
     colour: str
@@ -40,7 +40,7 @@ class Mark:
 
 @dataclass(frozen=True, kw_only=True)
 class Tick:
-    """A number at an axis."""
+    """A labelled value on an axis."""
 
     at: str
     label: str
@@ -51,11 +51,11 @@ class Scatter:
     """Points over a quantity.
 
     Attributes:
-        title: what is over what.
-        x_label: of the axis below.
-        summary: the same in words.
-        points: (place, colour, path, outcome, what it is), a place as `x,y`.
-        x_ticks, y_ticks: numbers at the axes.
+        title: quantities of both axes.
+        x_label: label of the x axis.
+        summary: description in words.
+        points: (place, colour, path, outcome, description); a place is `x,y`.
+        x_ticks, y_ticks: labelled values on the axes.
     """
 
     title: str
@@ -68,7 +68,7 @@ class Scatter:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One point: the number of its series, its outcome, and what it is in words."""
+    """A point: the number of its series, its outcome, and a description."""
 
     x: float
     y: float
@@ -92,12 +92,12 @@ class _Axis:
         return _Axis(low - margin, high + margin, log)
 
     def share(self, value: float) -> float:
-        """Where a value is, 0 to 1."""
+        """Return the position of a value, 0 to 1."""
         at = math.log10(value) if self.log else value
         return (at - self.low) / (self.high - self.low)
 
     def ticks(self) -> list[float]:
-        """Some handy values."""
+        """Return some round values."""
         span = self.high - self.low
         if self.log and span >= 2:
             every = max(1, math.ceil(span / 6))
@@ -112,13 +112,13 @@ class _Axis:
 
 
 def mark(number: int, label: str) -> Mark:
-    """Of a series."""
+    """Return the marker of a series."""
     colour, path = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     return Mark(label=shown(label), colour=colour, path=path)
 
 
 def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> Scatter | None:
-    """Points on a logarithmic upward axis; None where there are none to be drawn."""
+    """Draw points with a logarithmic y axis; None without points to draw."""
     known = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y) and p.y > 0]
     if not known:
         return None
@@ -151,7 +151,7 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
 
 
 def labelled(values: Sequence[float], form: str) -> Iterator[tuple[float, str]]:
-    """Yield values with labels in as few digits as tell them apart.
+    """Yield values with labels, in as few digits as distinguish them.
 
     Args:
         values: of the ticks, all different.
@@ -167,7 +167,7 @@ def labelled(values: Sequence[float], form: str) -> Iterator[tuple[float, str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:
-    """A count, as a share of the largest, in per cent."""
+    """A count, as a share of the largest, in percent."""
 
     label: str
     count: int
@@ -176,7 +176,7 @@ class Bar:
 
 
 def bars(counts: Mapping[str, int]) -> tuple[Bar, ...]:
-    """Counts beside each other."""
+    """Return counts as bars."""
     most = max(counts.values(), default=1)
     return tuple(
         Bar(label=shown(name), count=count, share=f"{100 * count / most:.1f}", kind=shown(name))

@@ -1,4 +1,4 @@
-"""A page on a sweep, in the report's style; it runs no script."""
+"""A page on a sweep, in the report's style, without a script."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM}
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A case that is told by itself."""
+    """A listed case."""
 
     name: str
     outcome: str
@@ -61,7 +61,7 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """What the cases of a system show over each quantity that is varied."""
+    """Plots of a system's cases over each varied quantity."""
 
     system: str
     what: str
@@ -71,7 +71,7 @@ class Figures:
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """What is shown of each case: how it is called, and how it is read and told."""
+    """A plotted quantity of each case: its name, value and format."""
 
     what: str
     of: Callable[[SweepRow], float | None]
@@ -79,18 +79,18 @@ class Shown:
 
 
 def _known_to(row: SweepRow) -> float | None:
-    """The larger of a case's discrepancy and uncertainty."""
+    """Return the larger of a case's discrepancy and uncertainty."""
     return max((one for one in (row.discrepancy, row.uncertainty) if one is not None), default=None)
 
 
 AT_THE_STEP = Shown(what="error at dt", of=lambda row: row.global_error, told=percent)
 OF_SEGMENTS = Shown(what="larger of E and U", of=_known_to, told=sci)
-"""Of a robot's states no motion is run at the shipped step."""
+"""Quantity for robot states, which have no motion at the model's time step."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """The page; `figures` are of one system each: what they show, and the marks of its engines."""
+    """The page; each of `figures` has one system's plots and the markers of its engines."""
 
     title: str
     summary: str
@@ -110,7 +110,7 @@ def write_sweep(path: Path, found: SweepSummary) -> None:
 
 
 def render_sweep(found: SweepSummary) -> str:
-    """The page as HTML; the same rows give the same text."""
+    """Return the page as HTML; the same rows give the same text."""
     return template("sweep.html", page=_page(found), frame=FRAME)
 
 
@@ -152,7 +152,7 @@ def _cost(found: SweepSummary) -> str:
 
 
 def _figures(found: SweepSummary, system: str) -> Figures:
-    """What a system's cases show over each varied quantity."""
+    """Return the plots of a system's cases over each varied quantity."""
     rows = [row for row in found.sampled if row.system == system]
     what = AT_THE_STEP if any(row.global_error is not None for row in rows) else OF_SEGMENTS
     series = list(dict.fromkeys(f"{row.engine}, {row.integrator}" for row in rows))
@@ -171,7 +171,7 @@ def _figures(found: SweepSummary, system: str) -> Figures:
 def scatter_of(
     rows: list[SweepRow], series: list[str], name: str, what: Shown = AT_THE_STEP
 ) -> Scatter | None:
-    """What is shown over a constant, or over the step where no name is given."""
+    """Plot a quantity over a constant, or over the step if no name is given."""
     points = list(_points(rows, series, name, what))
     over = name or "the step"
     amiss = sum(p.outcome != Outcome.AGREES for p in points)

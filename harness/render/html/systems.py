@@ -1,4 +1,4 @@
-"""What the report shows of one system: equations, constants, errata, scenarios, files."""
+"""The view of one system: equations, constants, errata, scenarios, files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
 
 @dataclass(frozen=True, kw_only=True)
 class ModelFile:
-    """A model file as it was run.
+    """A model file of the run.
 
     Attributes:
         covers: what a verdict on it covers, in each engine.
@@ -37,13 +37,13 @@ class ModelFile:
 
 @dataclass(frozen=True, kw_only=True)
 class SystemView:
-    """One system; tables are rows of strings in the order of their columns.
+    """The view of one system; tables are rows of strings in column order.
 
     Attributes:
         drawing: its sketch; None without.
-        lagrangian: L = T - V, and what is not in it; this, the equations, the errata and the
-            linearizations are empty where nothing was derived.
-        equations: of motion.
+        lagrangian: L = T - V, and the other terms. This field, the equations, the errata and the
+            linearizations are empty if nothing was derived.
+        equations: equations of motion.
         pack: id of its numbers and plots.
     """
 
@@ -66,7 +66,7 @@ NOT_DERIVED = Derivation(energies={}, equations=(), linearizations=(), linearity
 
 
 def system_view(system: System, models: Sequence[Model], pack: str) -> SystemView:
-    """The view of a system and of the models in its folder.
+    """Return the view of a system and of the models in its folder.
 
     Args:
         pack: id of its numbers and plots.
@@ -103,7 +103,7 @@ def system_view(system: System, models: Sequence[Model], pack: str) -> SystemVie
 
 
 def _symbols(system: System) -> Iterator[tuple[Markup | str, ...]]:
-    """Of the outputs, the expression that each of them is."""
+    """Yield the outputs with the expression of each."""
     for what, quantities in (("coordinate", system.coordinates), ("input", system.inputs)):
         for one in quantities:
             yield mathml(one.latex), what, shown(one.unit), shown(one.description)

@@ -1,4 +1,4 @@
-"""How values and names are written: numbers short, names safe to look at, ids safe to link to."""
+"""Format values, names and ids: short numbers, safe names, linkable ids."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import string
 
 NOTHING = "–"
-"""What stands where there is no value."""
+"""Text for a missing value."""
 
 _SAFE = frozenset(string.ascii_letters + string.digits + "._-")
 # Embeddings, overrides, isolates and marks: they reorder the text around them.
@@ -14,9 +14,9 @@ _DIRECTION = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u
 
 
 def shown(value: object) -> str:
-    """Text as it can be put on a page: control and direction characters visible, not in force.
+    """Make text safe for a page: control and direction characters become visible.
 
-    Markup is left as it is; escaping it is the template's work.
+    Markup is unchanged; the template escapes it.
     """
     return "".join(_visible(c) for c in str(value))
 
@@ -35,19 +35,19 @@ def _visible(c: str) -> str:
 
 
 def slug(*parts: str) -> str:
-    """Parts of a name as one id, joined by slashes; different parts give different ids."""
+    """Join parts of a name to one id with slashes; different parts give different ids."""
     return "/".join("".join(c if c in _SAFE else f"~{ord(c):x}~" for c in part) for part in parts)
 
 
 def sci(value: float | None) -> str:
-    """Two digits and an exponent, as the terminal writes it."""
+    """Format two digits and an exponent, as in the terminal."""
     if value is None:
         return NOTHING
     return "0" if value == 0 else f"{value:.1e}"
 
 
 def percent(value: float | None) -> str:
-    """Per cent with three digits; what is far from one with an exponent instead."""
+    """Format percent with three digits; very small or large values get an exponent."""
     if value is None:
         return NOTHING
     if value == 0 or 1e-6 <= abs(value) < 100:
@@ -56,12 +56,12 @@ def percent(value: float | None) -> str:
 
 
 def quantity(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number and its unit."""
+    """Format a number with its unit."""
     return NOTHING if value is None else f"{value:.{digits}g}\u00a0{unit}".rstrip()
 
 
 def agreeing_digits(discrepancy: float | None, uncertainty: float | None) -> str:
-    """How many digits agree: -log10 max(E, U), rounded down, so that no digit is promised."""
+    """Return how many digits agree: -log10 max(E, U), rounded down to make no false claim."""
     if discrepancy is None or uncertainty is None:
         return NOTHING
     worst = max(discrepancy, uncertainty)
@@ -71,7 +71,7 @@ def agreeing_digits(discrepancy: float | None, uncertainty: float | None) -> str
 
 
 def complex_number(real: float | None, imaginary: float | None, paired: bool) -> str:
-    """A pole; `paired` says that its conjugate is one too. A real part of rounding is left out."""
+    """Format a pole, with `paired` for a conjugate pair, without a real part from rounding."""
     if real is None or imaginary is None:
         return NOTHING
     if abs(real) < 1e-9 * abs(imaginary):

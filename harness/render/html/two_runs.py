@@ -1,4 +1,4 @@
-"""A page on what moved from one run to another, in the report's style; it runs no script."""
+"""A page on the changes between two runs, in the report's style, without a script."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from physics_crosscheck.harness.results.status import counted
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A case; `links` lead to it in each run's report, empty where there is none."""
+    """A case; `links` lead to it in each run's report, empty if missing."""
 
     name: str
     kinds: str
@@ -40,7 +40,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """The page; `reports` are each run's time and the place of its own report."""
+    """The page; `reports` has each run's time and the path of its report."""
 
     title: str
     headline: str
@@ -53,18 +53,18 @@ class Page:
 
 
 def write_two_runs(path: Path, found: TwoRuns, folders: tuple[Path, Path]) -> None:
-    """Write the page; each run's report is linked from where it lies, if there is one.
+    """Write the page, with a relative link to each run's report if it exists.
 
     Args:
-        path: of the page.
-        found: what moved.
-        folders: of the earlier run's results and report, and of the later one's.
+        path: path of the page.
+        found: changes between the runs.
+        folders: folders with results and report of the earlier and the later run.
     """
     write_whole(path, render_two_runs(found, path.parent, folders))
 
 
 def render_two_runs(found: TwoRuns, place: Path, folders: tuple[Path, Path]) -> str:
-    """The page as HTML, to lie in the folder `place`."""
+    """Return the page as HTML, to be saved in the folder `place`."""
     pages = [folder / "index.html" for folder in folders]
     before, after = (
         Path(os.path.relpath(page, place)).as_posix() if page.is_file() else "" for page in pages

@@ -1,4 +1,4 @@
-"""A page on what upgrades of an engine change, in the report's style; it runs no script."""
+"""A page on the changes of engine upgrades, in the report's style, without a script."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from physics_crosscheck.harness.render.terminal.versions import advice, counts
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A case of which something changes."""
+    """A case that changes."""
 
     name: str
     kinds: str
@@ -30,7 +30,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Beside:
-    """A model of which something changes beside its cases."""
+    """A model that changes, apart from its cases."""
 
     name: str
     kinds: str
@@ -50,7 +50,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """The page; `reports` are each version's number and the place of its own report."""
+    """The page; `reports` has each version's number and the path of its report."""
 
     title: str
     advice: str
@@ -60,12 +60,12 @@ class Page:
 
 
 def write_versions(path: Path, found: Versions) -> None:
-    """Write the page; each version's report is linked from where it lies."""
+    """Write the page, with relative links to each version's report."""
     write_whole(path, render_versions(found, path.parent))
 
 
 def render_versions(found: Versions, place: Path) -> str:
-    """The page as HTML, to lie in a folder."""
+    """Return the page as HTML, to be saved in a folder."""
     page = Page(
         title=shown(f"{found.engine} {' -> '.join(one.version for one in found.versions)}"),
         advice=shown(advice(found).partition(";")[0]),

@@ -1,4 +1,4 @@
-"""What the report shows: results turned into strings and tables, ready for the template."""
+"""The view of the report: results as strings and tables, ready for the template."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from physics_crosscheck.harness.results.status import counted
 
 @dataclass(frozen=True, kw_only=True)
 class Count:
-    """One outcome: its sign, what it means, how many cases have it."""
+    """An outcome: its symbol, its meaning, and its number of cases."""
 
     outcome: Outcome
     symbol: str
@@ -45,7 +45,7 @@ class Count:
 
 @dataclass(frozen=True, kw_only=True)
 class Beside:
-    """Other cases that a reader may want next: (permalink, what)."""
+    """A link to a related case: (permalink, label)."""
 
     engines: tuple[tuple[str, str], ...]
     scenarios: tuple[tuple[str, str], ...]
@@ -53,7 +53,7 @@ class Beside:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelGroup:
-    """One model file in one engine, with its cases and what is wrong with it."""
+    """A model file in one engine, with its cases and its problems."""
 
     model: str
     engine: str
@@ -66,11 +66,11 @@ class Group:
     """One folder: its page, and those of its models.
 
     Attributes:
-        id: of its page.
-        name: of the system; with its folder where two systems have the same name.
-        models: one for each model file and engine.
-        about: the system itself; None where it could not be read.
-        packs: of the system, its models and its diagnoses.
+        id: id of its page.
+        name: name of the system, with its folder if another system has the same name.
+        models: one per model file and engine.
+        about: the system itself; None if it could not be read.
+        packs: packs of the system, its models and its diagnoses.
     """
 
     id: str
@@ -85,18 +85,18 @@ class Report:
     """The whole page.
 
     Attributes:
-        settings: (what, value) of the run.
+        settings: (label, value) of the run.
         absent: engines that are not installed.
-        verdict: whether all is right, and what to do if not, in words.
-        troubles: what to act on.
-        again: the command that tells whether it helped; empty where all passes.
-        standing: cases that stand out of those that agree.
-        changes: since the baseline; None without one.
-        baseline: which one.
+        verdict: the verdict in words, and what to do on failure.
+        troubles: issues to act on.
+        again: command that checks a fix; empty if all passes.
+        standing: extreme cases among those that agree.
+        changes: changes since the baseline; None without one.
+        baseline: name of the baseline.
         matrix: models by engines.
         cases: every case, worst first.
-        groups: in the order of the run.
-        history: id of the pack of past runs; empty where there are none.
+        groups: folders in the order of the run.
+        history: pack id of past runs; empty without past runs.
         packs: numbers and plots, by the ids of their elements.
     """
 
@@ -121,7 +121,7 @@ class Report:
 
 
 def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> Report:
-    """The view of results, whose page lies in the folder `out`, and of past runs."""
+    """Return the view of results and of past runs, for a page in the folder `out`."""
     systems = {system.folder: system for system in results.systems}
     names = _names(results, systems)
     ids = _Ids()
@@ -164,7 +164,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
 
 
 def _names(results: Results, systems: Mapping[str, System]) -> dict[str, tuple[str, str]]:
-    """Of each folder, in the order of the run: the system's name, and what it is called here."""
+    """Return the system's name and its displayed name, by folder in the order of the run."""
     folders = dict.fromkeys([*systems, *(case.folder for case in results.cases)])
     names = {case.folder: case.system for case in results.cases}
     names |= {folder: system.name for folder, system in systems.items()}
@@ -207,7 +207,7 @@ def _groups(
 
 
 class _Ids:
-    """Ids of which none is given twice: a repeated one gets a number."""
+    """Unique ids: a repeated one gets a number."""
 
     def __init__(self) -> None:
         self._given: Counter[str] = Counter()
@@ -215,7 +215,7 @@ class _Ids:
     def new(self, wanted: str) -> str:
         self._given[wanted] += 1
         count = self._given[wanted]
-        # No slug has an equals sign.
+        # Slugs contain no equals sign.
         return wanted if count == 1 else f"{wanted}={count}"
 
 
@@ -241,7 +241,7 @@ def _views(
 def _diagnoses(
     models: Sequence[Model], pairs: Sequence[Pair], ids: _Ids, content: Content
 ) -> dict[ModelKey, DiagnosisView]:
-    """Of the models that a motion or the audit finds wrong."""
+    """Return diagnoses of the models with a difference or an audit finding."""
     differing: dict[ModelKey, list[tuple[str, str]]] = {}
     for case, view in pairs:
         if case.outcome is Outcome.DIFFERS:
@@ -260,7 +260,7 @@ def _diagnoses(
 
 
 BESIDE = 12
-"""Links to other cases at most: a longer row is no help."""
+"""Maximum number of links to other cases; a longer row does not help."""
 
 
 def _model_groups(

@@ -1,4 +1,4 @@
-"""What two files say differently, for the terminal."""
+"""Print differences between two files in a terminal."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.versions import say
 
 MOST_SHOWN = 20
-"""Of each kind; the record has all."""
+"""Maximum number of each kind; the record has all."""
 
 SHARE = 0.99
-"""Of a discrepancy: what explains so much is the cause."""
+"""Share of a discrepancy that makes a difference its cause."""
 
 SIX_DIGITS = 5e-6
-"""By so much, relative, a number moves at most where it is written with six digits."""
+"""Maximum relative rounding of a number written with six digits."""
 
 MINOR = 1e-5
 """Relative difference below which a property is minor: one line counts them."""
@@ -53,13 +53,13 @@ def print_properties(
 
 
 def minor_line(count: int) -> str:
-    """Return what is printed of minor differences."""
+    """Return the line that counts minor differences."""
     noun = "difference" if count == 1 else "differences"
     return f"  {count} minor {noun} (below 1e-5), see --json"
 
 
 def is_explained(found: Compared) -> bool:
-    """Whether what the files say is the cause."""
+    """Return whether differences between the files are the cause."""
     moving = any(one.moves for one in found.properties)
     return moving and found.explained is not None and found.explained >= SHARE
 
@@ -76,7 +76,7 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
 
 
 def _folded(rows: Sequence[ComparedProperty]) -> list[str]:
-    """Return a line for each, for joints that are alike together, and one for minor ones."""
+    """Return a line per difference; equal ones of several joints and minor ones share a line."""
     minor = [one for one in rows[1:] if one.relative is not None and 0 < one.relative < MINOR]
     alike: dict[tuple[str, str], list[str]] = {}
     for one in rows:
@@ -96,7 +96,7 @@ def _folded(rows: Sequence[ComparedProperty]) -> list[str]:
 
 
 def _where(one: ComparedProperty) -> str:
-    """The line in A, and that in B where it is another."""
+    """Return the line in A, and the one in B if it differs."""
     told = [line_name(where) for where in (one.where_a, one.where_b) if where is not None]
     shown = ", ".join(dict.fromkeys(told))
     return f"{shown}  " if shown else ""
@@ -108,7 +108,7 @@ def line_name(where: SourceLine) -> str:
 
 
 def _print_share(console: Console, found: Compared) -> None:
-    """How much of the discrepancy the files' own equations make."""
+    """Print the share of the discrepancy that the files' own equations give."""
     if found.explained is None or found.off is None:
         return
     if is_explained(found):

@@ -1,4 +1,4 @@
-"""A comparison of two models, for the terminal."""
+"""Print a comparison of two models in a terminal."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ MOST_EXPLAINED = 0.5
 """Share of a discrepancy above which a difference is its cause."""
 
 FEW = 6
-"""So many differences without an effect are listed beside those with one."""
+"""Number of differences without an effect that are listed next to those with one."""
 
 VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in B(.*)")
-"""Of the sentence about a property: the subject, what of it, its value in A and in B."""
+"""Pattern of a sentence about a property: subject, property, value in A and in B."""
 
 
 def print_comparison(console: Console, comparison: Comparison) -> None:
@@ -69,7 +69,7 @@ def _print_failure(console: Console, comparison: Comparison) -> None:
 
 
 def _print_models(console: Console, comparison: Comparison, found: Compared) -> None:
-    """Print which files were compared, in which engines and runs, and what was not compared."""
+    """Print the compared files, engines and runs, and the parts that were not compared."""
     console.print()
     for label, model in zip("AB", comparison.models, strict=True):
         pull = ", ".join(f"{g:g}" for g in model.gravity or ())
@@ -93,7 +93,7 @@ def _print_models(console: Console, comparison: Comparison, found: Compared) -> 
 
 
 def _folded(notes: Sequence[str], models: Sequence[ComparedModel]) -> list[str]:
-    """Return notes, of those about both files in the same words the first alone."""
+    """Return notes; of equal ones about both files, only the first."""
     a, b = (Path(model.model).name for model in models)
     repeated = {note.replace(a, b) for note in notes if a in note}
     shown = []
@@ -106,7 +106,7 @@ def _folded(notes: Sequence[str], models: Sequence[ComparedModel]) -> list[str]:
 
 
 def _not_compared(found: Compared) -> str:
-    """Return a line on what the runs leave out, and which differences they cannot show."""
+    """Return a line on what the runs omit, and which differences they cannot show."""
     begin = f"{NOT_COMPARED}: "
     parts = [note.removeprefix(begin) for note in found.notes if note.startswith(begin)]
     silent = [one for one in found.untested if not one.startswith(NOT_COMPARED)]
@@ -117,7 +117,7 @@ def _not_compared(found: Compared) -> str:
 
 
 def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:
-    """Print the verdict, with the first cause and what to do, and by how much motions differ."""
+    """Print the verdict, with the first cause, the remedy, and the size of the difference."""
     outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
     size = f"{_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}"
     names = [Path(model.model).name for model in comparison.models]
@@ -142,7 +142,7 @@ def _print_outcome(console: Console, comparison: Comparison, found: Compared) ->
 
 
 def _cause(found: Compared, names: Sequence[str]) -> tuple[str, str]:
-    """Return the weightiest difference in a sentence, with lines and values, and the remedy."""
+    """Return the most important difference in a sentence, with lines and values, and the remedy."""
     if found.turned:
         turned = ", ".join(found.turned)
         verb = "turns" if len(found.turned) == 1 else "turn"
@@ -157,7 +157,7 @@ def _cause(found: Compared, names: Sequence[str]) -> tuple[str, str]:
 
 
 def _is_cause_a_term(compared: Compared) -> bool:
-    """Return whether a measured term is the best cause that is known."""
+    """Return whether a measured term is the best known cause."""
     if (
         compared.turned
         or _edit_that_explains(compared)
@@ -219,7 +219,7 @@ def _by_joint(found: Compared) -> str:
 
 
 def _rounded(size: float) -> float:
-    """Return six digits: what is alike keeps its order, whatever the last digits are."""
+    """Round to six digits, so that the order of equal values does not depend on rounding."""
     return float(f"{size:.5e}")
 
 
@@ -240,7 +240,7 @@ def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
 
 
 def _print_differences(console: Console, outcome: Outcome, found: Compared) -> None:
-    """Print the edits that were tried; minor ones, and those without an effect, as counts."""
+    """Print the tested edits; minor ones, and those without an effect, as counts."""
     named = outcome is Outcome.DIFFERS and not found.turned
     if named and found.differences == (_edit_that_explains(found),):
         return  # the verdict names it
@@ -268,7 +268,7 @@ def _print_differences(console: Console, outcome: Outcome, found: Compared) -> N
 
 
 def _is_minor(one: FileDifference) -> bool:
-    """Return whether a difference is rounding or moves motions little, and is not the cause."""
+    """Return whether a difference is rounding or has a small effect, and is not the cause."""
     if len(one.edits) != 1 or (one.explained or 0.0) > MOST_EXPLAINED or one.not_tried:
         return False
     if one.moved is not None and 0.0 < one.moved < MINOR:
@@ -288,7 +288,7 @@ def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:
 
 
 def _lines(edit: FileEdit) -> str:
-    """The line in A; that in B where it has another number; B's where A has no such line."""
+    """Return the line in A; B's line if the numbers differ or A has no such line."""
     if edit.where_a is None or edit.where_b is None:
         return ""
     a, b = (Path(str(where)).name for where in (edit.where_a, edit.where_b))

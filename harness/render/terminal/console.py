@@ -1,4 +1,4 @@
-"""The terminal that commands print to, and text that fits its width."""
+"""The terminal of commands, and text that fits its width."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.results.visible import visible, visible_lines
 
 LOG_COLUMNS = 100
-"""Columns of a log or a pipe, which have no width of their own."""
+"""Width of a log or a pipe, which have none of their own."""
 
 MIN_COLUMNS = 40
-"""A narrower terminal gets lines of this width."""
+"""Minimum width of lines, also in a narrower terminal."""
 
 _WORD_STYLES = {word: STYLES[outcome] for outcome, word in WORDS.items()}
 
 
 def terminal() -> Console:
-    """Return a console on standard output, in which only outcomes have colours."""
+    """Return a console on standard output with colours for outcomes only."""
     known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
     return Console(
         soft_wrap=False, highlight=False, emoji=False, width=None if known else LOG_COLUMNS
@@ -31,7 +31,7 @@ def terminal() -> Console:
 
 
 def print_status_lines(console: Console, lines: Iterable[str]) -> None:
-    """Print lines as they are, with the status word that begins some of them in its colour."""
+    """Print lines unchanged, except that a leading status word is coloured."""
     for line in lines:
         text = Text(visible(line))
         word, _, _ = line.strip().partition(" ")
@@ -42,7 +42,7 @@ def print_status_lines(console: Console, lines: Iterable[str]) -> None:
 
 
 def print_hint(console: Console, hint: str) -> None:
-    """Print how to look a code up, if there is one, in a line that does not stand out."""
+    """Print in faint style how to look a code up, if there is one."""
     if hint:
         console.print(hint, style="dim", soft_wrap=True)
 
@@ -50,14 +50,14 @@ def print_hint(console: Console, hint: str) -> None:
 def print_wrapped(
     console: Console, text: str, *, lead: str = "", style: str = "", indent: int = 0
 ) -> None:
-    """Print a text in lines of the console's width; a word longer than that stays whole.
+    """Print a text in lines of the console's width; longer words stay whole.
 
     Args:
         console: to print on.
-        text: without markup; each of its lines begins a new line.
-        lead: in front of the first line.
-        style: of the lead.
-        indent: columns in front of every other line.
+        text: text without markup; its line breaks are kept.
+        lead: text before the first line.
+        style: style of the lead.
+        indent: indentation of the other lines.
     """
     width = max(console.width, MIN_COLUMNS)
     for number, line in enumerate(visible_lines(text) or [""]):
@@ -73,7 +73,7 @@ def print_wrapped(
 def wrapped(text: str, width: int) -> list[str]:
     """Return the lines of a text of at most `width` columns, unless a word is wider.
 
-    What does not fit goes below, two columns to the right of where the text begins.
+    Continuation lines are indented by two more columns.
 
     Args:
         text: one line; its indentation is kept.
@@ -84,7 +84,7 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def _wrap(text: str, width: int, first: str, rest: str) -> list[str]:
-    """Return lines that begin with `first` and `rest`; no word, and no percentage, is divided."""
+    """Return lines that begin with `first` and `rest`, without splitting words or percentages."""
     lines = textwrap.wrap(
         text.replace(" %", "\u00a0%"),
         width,
@@ -97,11 +97,11 @@ def _wrap(text: str, width: int, first: str, rest: str) -> list[str]:
 
 
 def wrapped_command(words: Sequence[str], width: int) -> list[str]:
-    """Return a shell command on as many lines as it needs, each but the last ending in a backslash.
+    """Split a shell command into lines, each but the last ending in a backslash.
 
     Args:
-        words: of the command, each quoted already where it must be.
-        width: columns.
+        words: words of the command, already quoted.
+        width: maximum number of columns.
     """
     lines = [f"  {words[0]}"]
     for word in words[1:]:

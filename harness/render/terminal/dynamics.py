@@ -1,4 +1,4 @@
-"""Accelerations that engines compute without a step, against the equations."""
+"""Print engines' accelerations without a step, compared with the equations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from physics_crosscheck.harness.results.status import counted
 
 
 def dynamics_lines(cases: Iterable[Case]) -> list[str]:
-    """Return a line for all that agree; the reason of a case names one that differs."""
+    """Return one line for all that agree; a case that differs reports it as its reason."""
     alike = [
         (one.forward_dynamics, one)
         for one in cases

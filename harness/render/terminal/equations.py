@@ -1,4 +1,4 @@
-"""A system as a page to read: what `crosscheck derive` prints, of what was derived."""
+"""The page of derived equations that `crosscheck derive` prints."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Matrix:
     """A matrix of the linear equations.
 
     Attributes:
-        symbolic: of the constants' symbols; None where it has none, or is too long to read.
-        numbers: with their values put in.
+        symbolic: entries with symbols; None without symbols, or if too long to read.
+        numbers: entries with numeric values.
     """
 
     name: str
@@ -62,14 +62,13 @@ class DerivedEquilibrium:
     """The equations about one equilibrium.
 
     Attributes:
-        at: each position symbol and where it rests.
-        matrices: M, C, K, A, B; one without columns is left out.
-        damped: eigenvalue and complex shape of each mode; empty where nothing is damped.
-        moved: symbols that the series has for positions which do not rest at zero, each with what
-            it stands for.
-        series: both sides of each equation's Taylor series; None where the equations are linear
-            already, empty where it would be too long to read.
-        linearity: empty where the equations are linear already, or about it unstable.
+        at: each position symbol and its value at rest.
+        matrices: M, C, K, A, B; without empty ones.
+        damped: eigenvalue and complex shape of each mode; empty without damping.
+        moved: symbols of deviations from nonzero rest positions, each with its meaning.
+        series: both sides of each equation's Taylor series; None for linear equations, empty if too
+            long to read.
+        linearity: empty for linear equations, or about an unstable equilibrium.
     """
 
     name: str
@@ -87,15 +86,15 @@ class DerivedEquilibrium:
 
 @dataclass(frozen=True, kw_only=True)
 class DerivedSystem:
-    """Everything that is derived from a system without integrating a scenario.
+    """Everything derived from a system without integrating a scenario.
 
     Attributes:
         q, v, a: symbols of positions, velocities and accelerations.
         energies: T, V and D.
         forces: the generalized force of each coordinate.
         motion: both sides of each equation of motion.
-        kind: by the number of inputs and outputs.
-        order: of the Taylor series.
+        kind: kind of system by the number of inputs and outputs.
+        order: order of the Taylor series.
         errata: each published equation, with what it claims to be.
     """
 
@@ -120,7 +119,7 @@ class DerivedSystem:
 
 @dataclass(frozen=True, kw_only=True)
 class ShownBody:
-    """A declared body: what carries it, by which joints, and its mass in kg."""
+    """A declared body: its parent, joints, and mass in kg."""
 
     name: str
     parent: str
@@ -133,9 +132,9 @@ class ShownJoint:
     """A declared joint.
 
     Attributes:
-        body: that it carries.
-        limits: None where there are none.
-        damping, stiffness: of the first power, the second, ...
+        body: the body that it moves.
+        limits: None without limits.
+        damping, stiffness: coefficients of the first power, the second, ...
     """
 
     name: str
@@ -149,18 +148,18 @@ class ShownJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class DerivedTree:
-    """Everything that is derived from bodies: those of a declaration, or of a robot file.
+    """Everything derived from bodies of a declaration or a robot file.
 
     Attributes:
         q, v, a: symbols of positions, velocities and accelerations.
         pulls: names of tendons and actuators.
         couplings: names of the joints that follow others.
         omitted: statements of the file beyond the equations; empty for a declaration.
-        motion: both sides of each equation of motion; empty where these are left out.
-        left_out: why they are; empty where they are not.
+        motion: both sides of each equation of motion; empty if they are omitted.
+        left_out: why they are omitted; empty otherwise.
         home: position of each coordinate at which the mass matrix is shown.
-        mass: that matrix.
-        force: of each coordinate in that position at rest, a column.
+        mass: the mass matrix.
+        force: force of each coordinate in that position at rest, a column.
     """
 
     title: str
@@ -183,7 +182,7 @@ class DerivedTree:
 
 
 def describe(derived: DerivedSystem | DerivedTree, style: Literal["text", "latex"] = "text") -> str:
-    """Everything that is derived from a system, as a page of text or of LaTeX."""
+    """Return everything derived from a system, as a page of text or LaTeX."""
     symbols = derived.q, derived.v, derived.a
     page = "derive" if isinstance(derived, DerivedSystem) else "bodies"
     if style == "latex":
@@ -231,12 +230,12 @@ def _page(
     environment.filters |= filters
     environment.globals |= {"fraction": style.fraction, "rational": style.rational}
     text = environment.get_template(template).render(system=derived)
-    # What is left out leaves its blank lines.
+    # Omitted parts leave blank lines.
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
 
 def _forms(style: Style, matrix: Matrix) -> list[list[list[str]]]:
-    """A matrix with symbols, where it has any, and with numbers: rows of formulas."""
+    """Return a matrix with symbols, if it has any, and with numbers: rows of formulas."""
     forms = [[[style.number(value + 0.0) for value in row] for row in matrix.numbers]]
     if matrix.symbolic is not None:
         forms.insert(0, [[style.math(e) for e in row] for row in matrix.symbolic.tolist()])
@@ -259,7 +258,7 @@ def _mode_remark(mode: records.Mode) -> str:
 
 
 def _by_amplitude(found: Sequence[records.Linearity]) -> list[tuple[Number, ...]]:
-    """Rows of an amplitude and each mode's error there."""
+    """Return rows of an amplitude and each mode's error at it."""
     return list(zip(found[0].amplitudes, *(mode.errors for mode in found), strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Tables, formulas and matrices as a page has them: for a terminal, and in LaTeX."""
+"""Tables, formulas and matrices of a page: for a terminal, and in LaTeX."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 WIDTH = 100
-"""Columns of a terminal."""
+"""Width of a terminal in columns."""
 
 
 class Table(ABC):
-    """A table that a template fills row by row; its text leaves an empty column out."""
+    """A table that a template fills row by row; its text omits empty columns."""
 
     def __init__(self, *header: str) -> None:
         self.header = header
@@ -31,7 +31,7 @@ class Table(ABC):
 
 
 class TextTable(Table):
-    """A table in a terminal, not wider than it."""
+    """A table that fits the terminal's width."""
 
     def _text(self, rows: list[list[str]]) -> str:
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -39,7 +39,7 @@ class TextTable(Table):
             widths[widths.index(max(widths))] -= 1
         lines = []
         for row in rows:
-            # Whatever is too wide for its column goes on below.
+            # Cells wider than their column continue below.
             parts = [textwrap.wrap(c, w) or [""] for c, w in zip(row, widths, strict=True)]
             for i in range(max(map(len, parts))):
                 line = "  ".join(
@@ -52,7 +52,7 @@ class TextTable(Table):
 
 
 class LatexTable(Table):
-    """A `tabular` whose columns of long words are paragraphs."""
+    """A `tabular` whose columns with long texts are paragraphs."""
 
     def _text(self, rows: list[list[str]]) -> str:
         share = 0.7 if len(rows[0]) < 3 else 0.45
@@ -81,7 +81,7 @@ class Formulas(ABC):
 
 
 class TextFormulas(Formulas):
-    """Formulas in a terminal, one a line; a long one goes on below."""
+    """Formulas in a terminal, one per line; long ones continue below."""
 
     def __str__(self) -> str:
         return "\n".join(
@@ -107,16 +107,16 @@ class LatexFormulas(Formulas):
 
 
 def heading(text: str, line: str) -> str:
-    """A heading in a terminal, underlined."""
+    """Return an underlined heading."""
     return f"{text}\n{line * len(text)}"
 
 
 def text_matrix(name: str, forms: Sequence[Sequence[Sequence[str]]]) -> str:
-    """`name = matrix = matrix` in a terminal; forms that are too wide are left out but the last.
+    """Return `name = matrix = matrix`; forms that are too wide are omitted except the last.
 
     Args:
-        name: of the matrix.
-        forms: each is rows of formulas, all of one size.
+        name: name of the matrix.
+        forms: each is rows of formulas, all of the same size.
     """
     blocks = [_block(form) for form in forms]
     lines = []

@@ -1,4 +1,4 @@
-"""Text that is put into markup for a terminal."""
+"""Escape text for terminal markup."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from physics_crosscheck.harness.results.visible import visible_lines
 
 
 def escape(text: str) -> str:
-    """A text that shows as it is: no markup, no control characters; its lines stay lines."""
+    """Escape markup and control characters of a text, keeping its line breaks."""
     return _escape("\n".join(visible_lines(text)))

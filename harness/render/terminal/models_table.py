@@ -1,7 +1,7 @@
-"""The table of results: a row a model and engine, in as many columns as fit.
+"""The table of results: a row per model and engine, in as many columns as fit.
 
-No cell is cut. A column that is empty in all rows is left out. Where the terminal is too narrow,
-names get a line of their own, and a line below the table names the columns that did not fit.
+Cells are never truncated, and empty columns are omitted. In a narrow terminal, names get their own
+line, and a line below the table names the columns that did not fit.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from physics_crosscheck.harness.results.visible import visible
 NAMES = ("system", "model", "engine")
 
 COLUMNS = ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %")
-"""In the order of their importance."""
+"""Columns in order of importance."""
 
 DETAILS = ("status", "digits", "error", "uncertainty", *COLUMNS[2:])
 
 TENTH = 0.001
-"""The error that the last column's steps would give."""
+"""Target error of the last column's steps."""
 
 LARGE = 0.1
-"""From this error on, a motion for which no step is known is chaotic."""
+"""Minimum error at which a motion without a suitable time step is chaotic."""
 
 MAX_ROWS = 12
-"""With more, rows in which every case agrees are counted."""
+"""Maximum number of rows; with more, rows in which every case agrees are counted only."""
 
 GAP = "  "
 
@@ -50,10 +50,10 @@ class Row:
     """A model in an engine.
 
     Attributes:
-        names: of system, model and engine.
-        cells: by column, empty where there is nothing.
-        status: with colours.
-        agrees: whether every case does.
+        names: names of system, model and engine.
+        cells: cells by column, empty for missing values.
+        status: status with colours.
+        agrees: whether every case agrees.
     """
 
     names: tuple[str, ...]
@@ -67,7 +67,7 @@ def print_models(console: Console, cases: Iterable[Case], *, details: bool = Fal
 
     Args:
         console: to print on.
-        cases: of the run, those of a model and engine together.
+        cases: cases of the run, grouped by model and engine.
         details: whether to show every row, and errors with their uncertainties.
     """
     groups = itertools.groupby(cases, lambda case: case.id.of_model)
@@ -95,7 +95,7 @@ def print_models(console: Console, cases: Iterable[Case], *, details: bool = Fal
 
 
 def is_chaotic(case: Case) -> bool:
-    """Return whether a motion that agrees is far off at its end, whatever the time step."""
+    """Return whether a case agrees but its final error is large at every time step."""
     run = case.full_run
     if case.outcome is not Outcome.AGREES or run is None or (run.global_error or 0.0) < LARGE:
         return False
@@ -112,9 +112,9 @@ def _print_note(console: Console, note: str) -> None:
 
 
 def _print_rows(console: Console, rows: Sequence[Row], columns: list[str]) -> list[str]:
-    """Print a head and rows; return the columns that did not fit."""
+    """Print a header and rows; return the columns that did not fit."""
     widths = {name: max(len(name), *(len(row.cells[name]) for row in rows)) for name in columns}
-    # One system stands in the line above the table.
+    # A single system is named above the table.
     first = len({row.names[0] for row in rows}) == 1 and len(rows) > 1
     heads = NAMES[first:]
     names = [
@@ -200,7 +200,7 @@ def _error(error: Number, chaotic: bool) -> str:
 
 
 def _step_for_tenth(runs: Sequence[FullRun]) -> str:
-    """Return the step that gives every motion 0.1 %; none where it is unknown for one."""
+    """Return the time step for an error of 0.1 % in every motion; empty if unknown."""
     steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
     found = known(steps)
     return duration(min(found)) if found and len(found) == len(steps) else ""
@@ -209,8 +209,8 @@ def _step_for_tenth(runs: Sequence[FullRun]) -> str:
 def _sizes(cases: Sequence[Case]) -> tuple[Number, Number]:
     """Return a row's E and U.
 
-    Where cases differ, both belong to the component that decides the case that differs most, so
-    that E is above U; otherwise each is the largest of all cases, components and segments.
+    If cases differ, both belong to the deciding component of the case that differs most, so E is
+    above U. Otherwise each is the maximum over all cases, components and segments.
     """
     verdicts = [case.verdict for case in cases if case.verdict is not None]
     differing = [case.verdict for case in cases if case.verdict and case.outcome is Outcome.DIFFERS]

@@ -1,4 +1,4 @@
-"""Equations as a source writes them: primes and carets for the names that sympy has."""
+"""Equations in a source's notation: primes and carets instead of sympy's names."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 
 def primed(text: str, coordinates: Iterable[str]) -> str:
-    """What sympy prints of a system's equations, with x' for x_dot and ^ for **.
+    """Rewrite sympy's output with x' for x_dot and ^ for **.
 
     Args:
-        text: as sympy prints it.
-        coordinates: their names.
+        text: output of sympy.
+        coordinates: names of the coordinates.
     """
     for name in sorted(coordinates, key=len, reverse=True):
         text = text.replace(f"{name}_ddot", f"{name}''").replace(f"{name}_dot", f"{name}'")

@@ -1,4 +1,4 @@
-"""Problems for the terminal: the cause and the fix of each, once, however many cases it affects."""
+"""Problems in a terminal: cause and fix of each, once for all affected cases."""
 
 from __future__ import annotations
 
@@ -33,35 +33,35 @@ from physics_crosscheck.harness.results.places import placed, shown_line
 from physics_crosscheck.harness.results.status import counted, percent
 
 MAX_PROBLEMS = 40
-"""More are counted; the report lists them."""
+"""Maximum number of problems to print; the report lists all."""
 
 OUTPUT_LINES = 6
-"""The last lines that a failed case printed."""
+"""Number of last output lines of a failed case."""
 
 INDENT = 8
-"""Columns in front of what follows a problem's first line."""
+"""Indentation of the lines after a problem's first line."""
 
 MASSLESS = "massless"
-"""What an audit calls a link with inertia and without mass, in the finding's subject."""
+"""Subject of audit findings about a link with inertia and without mass."""
 
 SAME_FAULT = ("inertia", "stiffness", "damping", "acceleration", "linearization")
 """Kinds of findings without a line, about terms that the motions depend on."""
 
 Note = tuple[str, str]
-"""A label such as `cause`, or none, and its text."""
+"""A label such as `cause`, or an empty one, and its text."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing that is wrong.
+    """A problem.
 
     Attributes:
-        outcome: whose word and colour it has.
-        code: the message code of the cause, or else of what was observed.
+        outcome: outcome that gives its status word and colour.
+        code: message code of the cause, or else of the observation.
         name: the model file or the engines that it concerns.
-        headline: what was observed.
+        headline: the observation.
         notes: cause, place and fix.
-        output: what the engine printed.
+        output: output of the engine.
     """
 
     outcome: Outcome
@@ -77,7 +77,7 @@ def print_problems(console: Console, results: Results, *, details: bool = False)
 
     Args:
         console: to print on.
-        results: of the run.
+        results: results of the run.
         details: whether to list all cases, findings and residuals.
     """
     known = problems(results, details=details)
@@ -108,7 +108,7 @@ def problems(results: Results, *, details: bool = False) -> list[Problem]:
 
 
 def is_single_file(results: Results) -> bool:
-    """Return whether a run checks one model file alone, so that only engines need names."""
+    """Return whether a run checks a single model file, so that only engines need names."""
     places = {(case.folder, case.model) for case in results.cases}
     return len(places) == 1 and all(folder.endswith(model) for folder, model in places)
 
@@ -117,7 +117,7 @@ def _print_problem(console: Console, one: Problem, width: int) -> None:
     word = WORDS[one.outcome]
     lead = f"  {word}{' ' * (width - len(word))} "
     first = f"{one.name}  {one.headline}"
-    if len(lead) + len(first) > console.width:  # a name alone is easier to find
+    if len(lead) + len(first) > console.width:  # the file name is easier to find without folders
         print_wrapped(console, one.name, lead=lead, style=STYLES[one.outcome], indent=INDENT)
         print_wrapped(console, one.headline, lead=" " * INDENT, indent=INDENT)
     else:
@@ -161,7 +161,7 @@ def _engine_name(cases: Sequence[Case]) -> str:
 
 
 def _others(cases: Sequence[Case], details: bool) -> str:
-    """Return how many cases have the same problem; with details, which."""
+    """Return how many cases have the same problem; with details, their names."""
     models = dict.fromkeys(f"{case.system}/{case.model}" for case in cases)
     text = f"the same in {counted(len(cases) - 1, 'more case')}"
     if len(models) > 1:
@@ -204,7 +204,7 @@ def _explaining_codes(model: Model) -> list[str]:
 
 
 def difference(case: Case) -> str:
-    """Return how far a case that differs is off, in words."""
+    """Return the size of a case's difference, in words."""
     verdict, dynamics = case.verdict, case.forward_dynamics
     if verdict is None or verdict.discrepancy is None:
         return case.reason
@@ -217,7 +217,7 @@ def difference(case: Case) -> str:
 
 
 def _is_motion(verdict: Verdict) -> bool:
-    """Return whether a motion decides, and not what the engine's coordinates leave of the map."""
+    """Return whether a motion decides, and not the coordinate map of the engine."""
     e, u = verdict.discrepancy, verdict.uncertainty
     return e is not None and e > (u or 0.0) and e != verdict.map_residual
 
@@ -258,7 +258,7 @@ def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
     if cause.kind == "dropped":
         text = f"{model.engine} drops {cause}"
     notes = [(f"cause{engines}", with_code(cause.code, text))]
-    if cause.locations and not cause.replacement:  # a fix names them otherwise
+    if cause.locations and not cause.replacement:  # a fix uses other names
         notes.append(("", _places([(one, "") for one in cause.locations], "")))
     return notes
 
@@ -273,7 +273,7 @@ def _massless(cause: Cause, model: Model) -> list[AuditFinding]:
 
 
 def _places(places: Iterable[tuple[SourceLine | None, str]], folder: str) -> str:
-    """Return lines of files, each file named once: `a.urdf:12 link, :40 hand`."""
+    """Return lines of files, naming each file once: `a.urdf:12 link, :40 hand`."""
     parts, last = [], ""
     for where, name in places:
         if where is None:
@@ -307,7 +307,7 @@ def _fixes(model: Model, findings: Iterable[AuditFinding]) -> list[Note]:
 
 
 def _of_file(model: Model, findings: Iterable[AuditFinding]) -> list[AuditFinding]:
-    """Return findings with the paths of their lines seen from the working folder."""
+    """Return findings with the paths of their lines relative to the working folder."""
     return [
         replace(one, location=shown_line(model.folder, one.location)) if one.location else one
         for one in findings
@@ -320,7 +320,7 @@ def _finding_note(one: AuditFinding) -> Note:
 
 
 def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
-    """Return what the audit finds wrong, a problem a model file, less what a cause explains."""
+    """Return one problem per model file with audit findings that no cause explains."""
     files: dict[tuple[str, str], list[Model]] = {}
     for model in results.models:
         if model.findings and not model.accepted:
@@ -362,7 +362,7 @@ def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | Non
 
 
 def _poses_follow(wanted: Iterable[tuple[object, ...]], models: Sequence[Model]) -> bool:
-    """Return whether only poses are left, and the fixes of causes correct every number."""
+    """Return whether only poses remain, and the fixes of causes correct every number."""
     if any(kind != "pose" for kind, *_ in wanted):
         return False
     fixes = {note for model in models for note in _fixes(model, model.findings)}
@@ -376,7 +376,7 @@ def _poses_follow(wanted: Iterable[tuple[object, ...]], models: Sequence[Model])
 
 
 def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
-    """Return whether another problem states the same fault already: a cause, or a difference."""
+    """Return whether another problem already reports the same fault: a cause, or a difference."""
     for model in models:
         diagnosis = model.diagnosis
         if diagnosis is None or not diagnosis.explanations:
@@ -385,7 +385,7 @@ def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
             if any(one.is_like(known, 0.1) for known in model.unexplained_findings):
                 return True
             continue
-        # A default is a finding only beside a wrong term, and that follows from the cause.
+        # A default is reported only with a wrong term, which follows from the cause.
         if one.kind == "default" or (one.location is None and one.kind in SAME_FAULT):
             return True
         causes = diagnosis.explanations[0].causes
@@ -403,7 +403,7 @@ def _is_same(one: AuditFinding, cause: Cause) -> bool:
 
 
 def _is_same_place(one: SourceLine, other: SourceLine) -> bool:
-    """Return whether two lines are of the same number, or the same where no number is known."""
+    """Return whether two lines have the same number, or are equal if no number is known."""
     if Path(one.file).name != Path(other.file).name or one.line != other.line:
         return False
     return one.span is None or other.span is None or one.span == other.span

@@ -1,4 +1,4 @@
-"""Progress: a bar that names the phase at a terminal, plain lines elsewhere."""
+"""Progress: a bar with the phase in a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
 
 LOG_SECONDS = 5.0
-"""Seconds between two lines of a log at least."""
+"""Minimum seconds between two lines of a log."""
 
 Clock = Callable[[], float]
-"""Seconds from any start."""
+"""Returns seconds since any start."""
 
 
 class Progress:
-    """Progress of a run: a bar with the phase at a terminal; elsewhere a line now and then.
+    """Progress of a run: a bar with the phase in a terminal, occasional lines elsewhere.
 
     Args:
-        every: whether a log gets a line for each case instead.
-        clock: seconds since any start.
+        every: whether a log gets one line per case instead.
+        clock: returns seconds since any start.
     """
 
     def __init__(self, *, every: bool = False, clock: Clock = time.monotonic) -> None:
@@ -42,7 +42,7 @@ class Progress:
         return self
 
     def __call__(self, done: int, total: int, case: Case | None) -> None:
-        """Report that a case is done; after the last one, name what is still to be done."""
+        """Report a finished case; after the last one, name the remaining work."""
         if case is not None:
             if case.outcome is Outcome.DIFFERS:
                 self._differing[case.model] = None
@@ -56,7 +56,7 @@ class Progress:
             self.phase(f"diagnosing {names[0]}{more}" if names else "checking coverage")
 
     def phase(self, name: str) -> None:
-        """Name what is being done; how much of it there is, is not known."""
+        """Report a phase of unknown length."""
         self._counter.begin(visible(name))
 
     def __exit__(self, *_: object) -> None:
@@ -64,12 +64,12 @@ class Progress:
 
 
 class Counter:
-    """Progress of many small things: a bar at a terminal, a line every few seconds elsewhere.
+    """Progress of many small tasks: a bar in a terminal, a line every few seconds elsewhere.
 
     Args:
-        thing: the noun of one.
-        doing: what is done to them.
-        clock: seconds since any start.
+        thing: noun of one task's object.
+        doing: participle of the work.
+        clock: returns seconds since any start.
     """
 
     def __init__(self, thing: str, doing: str = "", clock: Clock = time.monotonic) -> None:
@@ -83,7 +83,7 @@ class Counter:
 
     @property
     def is_shown(self) -> bool:
-        """Whether there is a bar."""
+        """True if there is a bar."""
         return self._bar is not None
 
     def begin(self, phase: str) -> None:
@@ -94,7 +94,7 @@ class Counter:
             self._bar.update(self._bar.task_ids[0], description=phase, completed=0, total=None)
 
     def __call__(self, done: int, total: int, _: object, *, silent: bool = False) -> None:
-        """Report how many are done; a total of 0 is not known yet."""
+        """Report the number of finished tasks; a total of 0 is unknown."""
         if self._bar is not None:
             self._bar.update(
                 self._bar.task_ids[0],

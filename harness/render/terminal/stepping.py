@@ -1,4 +1,4 @@
-"""Single steps of engines at a model's own time step, against their own rule."""
+"""Print single steps of engines at the model's time step, compared with their own rule."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from physics_crosscheck.harness.results.status import counted
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:
-    """Return a line for all that follow their rule, then one for each model that does not.
+    """Return one line for all steps that follow their rule, then one per model that does not.
 
-    A case that differs as its step goes to zero is left out: its step differs too.
+    A case that differs in the limit of small steps is omitted: its single step differs too.
     """
     known = [(case, case.stepping) for case in cases if case.stepping is not None]
     alike = [(case, one) for case, one in known if one.outcome is Outcome.AGREES]

@@ -1,4 +1,4 @@
-"""The word and the colour of each outcome, the same everywhere in the terminal."""
+"""The status word and the colour of each outcome in the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sweep, for the terminal: outcomes, digits, worst cases, each with its command."""
+"""Print a sweep in a terminal: outcomes, digits, worst cases, each with its command."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.harness.results.visible import visible
 
 MAX_ROWS = 12
-"""Cases without agreement that are listed."""
+"""Maximum number of listed cases without agreement."""
 
 
 def print_sweep(console: Console, found: SweepSummary) -> None:
@@ -59,7 +59,7 @@ def print_sweep(console: Console, found: SweepSummary) -> None:
 
 
 def _print_groups(console: Console, found: SweepSummary) -> None:
-    """Print the outcomes as a list, where a table of them is wider than the console."""
+    """Print the outcomes as a list if a table would be too wide."""
     for one in found.groups:
         digits = "" if one.least_digits is None else f", {one.least_digits:.1f} digits"
         counts = ", ".join(_counts(one.outcomes))
@@ -71,7 +71,7 @@ def _print_groups(console: Console, found: SweepSummary) -> None:
 
 
 def verdict_line(found: SweepSummary) -> str:
-    """Return the verdict, how many cases ended in which way, and how many are left."""
+    """Return the verdict, the number of cases per outcome, and the number of remaining cases."""
     counts = ", ".join(_counts(found.outcomes))
     left = found.plan.cases - found.done
     more = f"; {left} not run yet" if left else ""
@@ -110,7 +110,7 @@ def row_lines(row: SweepRow) -> Iterator[str]:
 
 
 def _say(console: Console, line: str) -> None:
-    """Print a line, wrapped unless it is a command, with its status word in colour."""
+    """Print a line with its status word in colour, wrapped unless it is a command."""
     lines = [line] if line.startswith("  crosscheck ") else wrapped(line, console.width)
     print_status_lines(console, lines)
 

@@ -1,4 +1,4 @@
-"""Results for the terminal: the verdict, what to fix, the models, and one line that sums up."""
+"""Print results in a terminal: the verdict, the fixes, the models, and a summary line."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.harness.results.visible import visible
 
 GROWS = 1e-9
-"""By how much more than rounding the largest eigenvalue of a step is off the unit circle."""
+"""Minimum distance of a step's largest eigenvalue from the unit circle, above rounding."""
 
 GREEN_ROWS = 6
-"""Rows of a table that a run without problems shows at most."""
+"""Maximum number of table rows in a run without problems."""
 
 COUNTS_AT = 44
-"""The column at which a header's counts start, where there is room."""
+"""Column of a header's counts if there is room."""
 
 
 def print_results(
@@ -49,14 +49,15 @@ def print_results(
     details: bool = False,
     report: Path | None = None,
 ) -> None:
-    """Print what was run, the problems with their fixes, the models, and last the summary.
+    """Print the targets, the problems with their fixes, the models, and the summary.
 
     Args:
         console: to print on; lines are wrapped to its width.
-        results: of the run.
-        quiet: whether to print problems and the summary alone.
-        details: whether to print all that the report has: errors, coverage, linearizations, steps.
-        report: the page that was written.
+        results: results of the run.
+        quiet: whether to print problems and the summary only.
+        details: whether to print all details of the report: errors, coverage, linearizations,
+            steps.
+        report: path of the written page.
     """
     if not quiet:
         _print_header(console, results)
@@ -77,7 +78,7 @@ def print_results(
 
 
 def summary(results: Results) -> str:
-    """Return one line: how many cases agree, and to how many digits, or how many do not."""
+    """Return one line: how many cases agree and to how many digits, or how many do not."""
     counts = Counter(case.outcome for case in results.cases)
     reached = all(case.engine != "-" for case in results.cases)
     unit = "engine" if reached and is_single_file(results) else "case"
@@ -106,7 +107,7 @@ def summary(results: Results) -> str:
 
 
 def _failing(counts: Counter[Outcome], total: int, unit: str) -> list[str]:
-    """Return how many cases do not agree, by what became of them; the worst first."""
+    """Return the number of cases per failing outcome, the worst first."""
     verbs = {
         Outcome.FAILED: ("failed", "failed"),
         Outcome.DIFFERS: ("differs", "differ"),
@@ -126,7 +127,7 @@ def _verb(number: int, one: str, several: str) -> str:
 
 
 def _reservations(results: Results) -> list[str]:
-    """Return what a summary adds: faults that no case shows, failures, and what was left out."""
+    """Return the reservations of a summary: other faults, failures, and omitted parts."""
     parts = []
     differing = {(c.folder, c.model) for c in results.cases if c.outcome is Outcome.DIFFERS}
     faulty = {
@@ -165,7 +166,7 @@ def largest(case: Case) -> Number:
 
 
 def agreement(worst: Number) -> str:
-    """Return the end of pytest's summary: to what cases agree; empty where none does."""
+    """Return the end of pytest's summary: the agreement of cases; empty if none agrees."""
     return "" if worst is None else f"; all that agree do so to {worst:.1e}"
 
 
@@ -181,7 +182,7 @@ def case_line(done: int, total: int, case: Case) -> str:
 
 
 def _print_header(console: Console, results: Results) -> None:
-    """Print what was run, and how many cases have which status."""
+    """Print the targets, and how many cases have which status."""
     if is_single_file(results):
         folder = results.cases[0].folder
         title = next((one.title for one in results.systems if one.folder == folder), "")
@@ -213,7 +214,7 @@ def _print_models(console: Console, results: Results, details: bool) -> None:
 
 
 def _print_engines(console: Console, cases: Sequence[Case]) -> None:
-    """Print a line an engine in which every case of a folder agrees."""
+    """Print one line per engine in which every case of a folder agrees."""
     by_engine: dict[str, list[Case]] = {}
     for case in cases:
         by_engine.setdefault(case.engine, []).append(case)
@@ -267,7 +268,7 @@ def _print_list(console: Console, title: str, lines: Sequence[str]) -> None:
 
 
 def _linear(models: Iterable[Model]) -> list[str]:
-    """Return how close the engines' linearizations are; those that differ are findings."""
+    """Return the errors of engines' linearizations; differences are findings."""
     alike = [(model, one) for model in models for one in model.linearizations if not one.differs]
     lost = dict.fromkeys(str(model.id) for model, one in alike if one.a_bound is None)
     errors: list[tuple[float, Model, EngineLinearization]] = [
@@ -289,7 +290,7 @@ def _linear(models: Iterable[Model]) -> list[str]:
 
 
 def _single_steps(models: Iterable[Model]) -> list[str]:
-    """Return how close a linearized step is to the engine's rule, and where it grows."""
+    """Return the error of a linearized step against the engine's rule, and growing modes."""
     steps = [
         (model, one, one.one_step)
         for model in models
@@ -299,7 +300,7 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
     ruled = [
         (step.error, model)
         for model, _, step in steps
-        if step.error is not None and not step.differs  # the cases report what acts in a step
+        if step.error is not None and not step.differs  # the cases report effects within a step
     ]
     lines = []
     if ruled:
@@ -319,7 +320,7 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
 
 
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
-    """Print what changed since it was accepted; cases never accepted are in the report alone."""
+    """Print changes since the baseline; only the report lists cases that were never accepted."""
     changes = [one for one in baseline.changes if one.kind != "new"]
     alike: dict[tuple[str, str], list[BaselineChange]] = {}
     for change in changes[:MAX_PROBLEMS]:
@@ -335,7 +336,7 @@ def _print_changes(console: Console, baseline: BaselineChanges) -> None:
 
 
 def _print_last(console: Console, line: str, report: Path | None) -> None:
-    """Print the summary and the report's path, which stays whole, in one line if there is room."""
+    """Print the summary and the report's path on one line if they fit; the path is never split."""
     where = "" if report is None else f"Report: {shown_path(report)}"
     if where and len(line) + len(where) + 2 <= console.width:
         print_wrapped(console, f"{line}. {where}")

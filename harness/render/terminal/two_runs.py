@@ -1,4 +1,4 @@
-"""Two runs side by side: what moved from one to the other, and by how much."""
+"""Compare two runs: which cases changed, and by how much."""
 
 from __future__ import annotations
 
@@ -28,16 +28,18 @@ from physics_crosscheck.harness.results.next_steps import Change, changes_of
 from physics_crosscheck.harness.results.status import counted
 
 Kind = Literal["verdict", "new", "gone", "digits", "global error", "step"]
-"""What moves of a case; the worst first."""
+"""Kinds of changes of a case, the worst first."""
 
 KINDS: tuple[Kind, ...] = ("verdict", "gone", "new", "digits", "global error", "step")
 
 DIGITS_MOVED = 0.5
-"""Digits that come or go before a case has moved: rounding takes a few tenths on its own."""
+"""Minimum change in digits to report; rounding alone changes a few tenths."""
 
 ERROR_MOVED = 0.01
-"""Share of a global error by which it has moved: what an engine's version does to rounding, and a
-sensitive motion of rounding, is less."""
+"""Minimum relative change of a global error to report.
+
+Changes from rounding in an engine's version, or from rounding in a chaotic motion, are smaller.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +48,12 @@ class Movement:
 
     Attributes:
         id: its name.
-        kinds: what moves; empty: nothing.
-        before, after: outcomes; None: there is no such case.
-        digits: that agree in every component, in each; None where none is known.
-        global_error: in each.
-        step: the shipped one, in each, seconds.
-        reason: what the later run says of it.
+        kinds: kinds of changes; empty without a change.
+        before, after: outcomes; None if the run lacks the case.
+        digits: digits that agree in every component, in each run; None if unknown.
+        global_error: global error in each run.
+        step: the model's time step in each run, seconds.
+        reason: reason in the later run.
     """
 
     id: CaseId
@@ -65,7 +67,7 @@ class Movement:
 
     @property
     def worse(self) -> bool:
-        """Whether its verdict is a worse one, or fewer digits agree."""
+        """True if its verdict is worse or fewer digits agree."""
         if self.before is None or self.after is None:
             return False
         if self.before is not self.after:
@@ -75,13 +77,13 @@ class Movement:
 
 @dataclass(frozen=True, kw_only=True)
 class TwoRuns:
-    """What moved from one run to another.
+    """Changes from one run to another.
 
     Attributes:
-        before, after: when they were, UTC.
-        versions: (what, before, after) of those that are others; "none" where not installed.
-        mended, broken: causes that the earlier run names alone, and the later one: a line each.
-        cases: all, those that moved first.
+        before, after: times of the runs, UTC.
+        versions: (name, before, after) of those that differ; "none" if not installed.
+        mended, broken: causes in the earlier run only, and in the later one only: a line each.
+        cases: all cases, changed ones first.
     """
 
     before: str
@@ -93,12 +95,12 @@ class TwoRuns:
 
     @property
     def moved(self) -> tuple[Movement, ...]:
-        """The cases of which something moved."""
+        """The changed cases."""
         return tuple(case for case in self.cases if case.kinds)
 
 
 def two_runs(before: Results, after: Results) -> TwoRuns:
-    """Hold a run against an earlier one, by the names of their cases, wherever they lie."""
+    """Compare a run with an earlier one by the names of the cases, in any folder."""
     was, now = _named(before.cases), _named(after.cases)
     cases = [_movement(key[0], was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
     then, today = _causes(before), _causes(after)
@@ -113,7 +115,7 @@ def two_runs(before: Results, after: Results) -> TwoRuns:
 
 
 def headline(found: TwoRuns) -> str:
-    """One line: how many cases moved, and how."""
+    """Return one line: how many cases changed, and how."""
     counts = Counter(kind for case in found.moved for kind in case.kinds)
     said = {
         "verdict": "with another verdict", "new": "new", "gone": "gone",
@@ -127,7 +129,7 @@ def headline(found: TwoRuns) -> str:
 
 
 def digits_change(then: Number, now: Number) -> str:
-    """What becomes of the digits that agree."""
+    """Return the change in agreeing digits."""
     if then is None and now is None:
         return "-"
     before, after = ("-" if one is None else f"{one:.1f}" for one in (then, now))
@@ -172,7 +174,7 @@ def _print_table(console: Console, cases: Sequence[Movement]) -> None:
 
 
 def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:
-    """Cases by name; those of one name by their order."""
+    """Return cases by name and, for equal names, their order."""
     times: Counter[CaseId] = Counter()
     found = {}
     for case in cases:
@@ -190,7 +192,7 @@ def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
         kinds.append("new" if before is None else "gone")
     else:
         if before is not after:
-            kinds.append("verdict")  # digits and error go with it
+            kinds.append("verdict")  # digits and error change with it
         else:
             if None not in digits and abs((digits[1] or 0.0) - (digits[0] or 0.0)) >= DIGITS_MOVED:
                 kinds.append("digits")
@@ -225,7 +227,7 @@ def _apart(then: Number, now: Number) -> bool:
 
 
 def _causes(results: Results) -> list[str]:
-    """What each explained model file has wrong, a line a number."""
+    """Return the faults of each explained model file, a line per number."""
     lines = (
         f"{alike[0].system}/{_told(change)}"
         for alike in explained_alike(results.models)
@@ -240,7 +242,7 @@ def _told(change: Change) -> str:
 
 
 def _short(where: SourceLine) -> SourceLine:
-    """A line without its folders: they may be others in the other run."""
+    """Return a line without its folders, which can differ between runs."""
     return replace(where, file=where.file.replace("\\", "/").rpartition("/")[2])
 
 

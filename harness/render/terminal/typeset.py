@@ -1,7 +1,7 @@
-"""The one way in which an expression is written: as text for a person, and as LaTeX.
+"""Typeset expressions as text and as LaTeX, with common conventions.
 
-Both have the same conventions: derivatives of coordinates have primes or dots, sums keep the order
-that they are given in, numbers have six digits, a polynomial has falling powers.
+Derivatives of coordinates have primes or dots, sums keep their given order, numbers have six
+digits, and polynomials have falling powers.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from sympy.printing.latex import LatexPrinter, greek_letters_set, tex_greek_dict
 from sympy.printing.str import StrPrinter
 
 Terms: TypeAlias = Sequence[tuple[sp.Expr, sp.Expr]]
-"""A sum: coefficient and factor of each term, in their order."""
+"""A sum: coefficient and factor of each term, in order."""
 
 
 class Style(ABC):
-    """How expressions of a system are written.
+    """Format of a system's expressions.
 
     Args:
         q, v, a: symbols of its positions, velocities and accelerations.
@@ -49,30 +49,30 @@ class Style(ABC):
 
     @abstractmethod
     def derivative(self, name: str, order: int) -> str:
-        """A derivative of a coordinate by time, of order 0 to 2."""
+        """Format a time derivative of a coordinate, of order 0 to 2."""
 
     @abstractmethod
     def deviation(self, name: str) -> str:
-        """A coordinate's distance from an equilibrium."""
+        """Format a coordinate's distance from an equilibrium."""
 
     @abstractmethod
     def fraction(self, above: str, below: str) -> str:
-        """A quotient of two sums."""
+        """Format a quotient of two sums."""
 
     def math(self, expression: sp.Expr) -> str:
-        """An expression as it stands in a formula."""
+        """Format an expression for a formula."""
         return str(self._printer.doprint(_six_digits(sp.sympify(expression))))
 
     def number(self, value: float) -> str:
-        """A number with six digits."""
+        """Format a number with six digits."""
         return f"{value:.6g}"
 
     def bracket(self, formula: str) -> str:
-        """A formula in parentheses."""
+        """Put a formula in parentheses."""
         return f"({formula})"
 
     def complex_number(self, value: complex, pair: bool = False) -> str:
-        """A complex number, or the pair of it and its conjugate."""
+        """Format a complex number, or a conjugate pair."""
         if value.imag == 0:
             return self.number(value.real)
         imaginary = f"{self.number(value.imag)} {self.imaginary}"
@@ -82,15 +82,15 @@ class Style(ABC):
         return f"{self.number(value.real)} {sign} {imaginary}"
 
     def polar(self, value: complex) -> str:
-        """A complex number by its size and phase."""
+        """Format a complex number by magnitude and phase."""
         size = abs(value)
-        if size < 1e-9:  # a share of nothing has no phase
+        if size < 1e-9:  # the phase of zero is undefined
             return "0"
         degrees = round(math.degrees(cmath.phase(value)), 2) + 0.0
         return self.number(size) + self.phase.replace("#", f"{degrees:g}")
 
     def sum(self, terms: Terms) -> str:
-        """A sum in the order given."""
+        """Format a sum in the given order."""
         text = ""
         for coefficient, factor in terms:
             if _is(coefficient, 0):
@@ -112,12 +112,12 @@ class Style(ABC):
         return left if factor == 1 else f"{left}{self.times}{self.math(factor)}"
 
     def polynomial(self, expression: sp.Expr, variable: sp.Symbol) -> str:
-        """A polynomial in falling powers of a variable, its coefficients factored."""
+        """Format a polynomial in falling powers of a variable, with factored coefficients."""
         terms = sp.Poly(expression, variable).terms()
         return self.sum([(sp.factor(c), variable**power) for (power,), c in terms])
 
     def rational(self, expression: sp.Expr, variable: sp.Symbol) -> str:
-        """A quotient of polynomials, the highest power below with a positive coefficient."""
+        """Format a quotient of polynomials with a positive leading coefficient below."""
         above, below = sp.fraction(sp.together(expression))
         if sp.Poly(below, variable).LC().could_extract_minus_sign():
             above, below = -above, -below
@@ -137,19 +137,19 @@ class Text(Style):
         return _TextPrinter(names)
 
     def math(self, expression: sp.Expr) -> str:
-        """An expression, with carets for powers."""
+        """Format an expression, with carets for powers."""
         return super().math(expression).replace("**", "^")
 
     def derivative(self, name: str, order: int) -> str:
-        """A derivative, with primes."""
+        """Format a derivative with primes."""
         return name + "'" * order
 
     def deviation(self, name: str) -> str:
-        """A deviation, such as dx."""
+        """Format a deviation, such as dx."""
         return f"d{name}"
 
     def fraction(self, above: str, below: str) -> str:
-        """A quotient in one line."""
+        """Format a quotient in one line."""
         above = f"({above})" if " " in above else above
         below = f"({below})" if any(sign in below for sign in " */") else below
         return f"{above}/{below}" if " " not in above + below else f"{above} / {below}"
@@ -167,54 +167,54 @@ class Latex(Style):
         return _LatexPrinter(names)
 
     def derivative(self, name: str, order: int) -> str:
-        """A derivative, with dots."""
+        """Format a derivative with dots."""
         return latex_name(name, order)
 
     def deviation(self, name: str) -> str:
-        """A deviation, with a Delta."""
+        """Format a deviation with a Delta."""
         return rf"\Delta_{{{latex_name(name)}}}"
 
     def fraction(self, above: str, below: str) -> str:
-        """A quotient with a bar."""
+        """Format a quotient with a bar."""
         return rf"\frac{{{above}}}{{{below}}}"
 
     def number(self, value: float) -> str:
-        """A number, with a power of ten."""
+        """Format a number with a power of ten."""
         return latex_number(value)
 
     def bracket(self, formula: str) -> str:
-        """A formula in parentheses that grow with it."""
+        """Put a formula in parentheses that grow with it."""
         return rf"\left({formula}\right)"
 
     def matrix(self, rows: Sequence[Sequence[str]]) -> str:
-        """A matrix of formulas, in brackets."""
+        """Format a matrix of formulas in brackets."""
         body = r" \\ ".join(" & ".join(row) for row in rows)
         return rf"\begin{{bmatrix}} {body} \end{{bmatrix}}"
 
     def equation(self, text: str) -> str:
-        """An equation that was given as plain text, with primes and carets."""
+        """Format an equation given as plain text with primes and carets."""
 
         def word(match: re.Match[str]) -> str:
             name, primes = match.groups()
             return rf"\{name}" if name in _FUNCTIONS else latex_name(name, len(primes))
 
-        text = re.sub(r"\bd([A-Za-z]\w*)?/d(?=[A-Za-z])", r"d \1/d ", text)  # a derivative's d
+        text = re.sub(r"\bd([A-Za-z]\w*)?/d(?=[A-Za-z])", r"d \1/d ", text)  # the d of a derivative
         text = re.sub(r"([A-Za-z]\w*)('{0,2})", word, text)
         text = re.sub(r"\^(\d+)", r"^{\1}", text)
         return text.replace("*", " ").replace("±", r"\pm")
 
 
 def deviation(q: sp.Symbol) -> sp.Symbol:
-    """The symbol of a coordinate's distance from an equilibrium."""
+    """Return the symbol of a coordinate's distance from an equilibrium."""
     return sp.Symbol(f"{q.name}_deviation", real=True)
 
 
 def latex_name(name: str, dots: int = 0) -> str:
-    """A symbol's name: a Greek or single letter, or a word set upright, and its indices.
+    """Format a symbol's name: a Greek or single letter, or an upright word, with indices.
 
     Args:
-        name: as declared, such as `k_theta`, `m1` or `boom_mass`.
-        dots: above the letter: a dot stands above the letter alone, not above its index.
+        name: declared name, such as `k_theta`, `m1` or `boom_mass`.
+        dots: number of dots above the letter, without its index.
     """
     base, above, below = split_super_sub(name)
     letter = ("{}", r"\dot{{{}}}", r"\ddot{{{}}}")[dots].format(_word(base))
@@ -223,13 +223,13 @@ def latex_name(name: str, dots: int = 0) -> str:
 
 
 def latex_number(value: float) -> str:
-    """A number with six digits."""
+    """Format a number with six digits."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
     return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
 def latex_words(text: str) -> str:
-    """Words that must come out of LaTeX as they are."""
+    """Escape words for LaTeX."""
     for sign, written in _SPECIAL:
         text = text.replace(sign, written)
     return text
@@ -245,14 +245,14 @@ _SPECIAL = (
 
 
 def _six_digits(expression: sp.Expr) -> sp.Expr:
-    """The same with decimals for fractions of many digits, which numbers of a file turn into."""
+    """Replace fractions of many digits, which come from numbers of a file, by decimals."""
     fractions = (f for f in expression.atoms(sp.Rational) if f.q > 1)
     long = {f: sp.Float(f, 15) for f in fractions if max(abs(f.p), f.q) >= 10**6}
     return expression.xreplace(long)
 
 
 def _is(coefficient: sp.Expr, value: int) -> bool:
-    """Whether it is that number; sympy's 1.0 does not equal its 1."""
+    """Return whether a coefficient equals a number; sympy's 1.0 does not equal its 1."""
     return bool(coefficient == value or (coefficient.is_Float and float(coefficient) == value))
 
 

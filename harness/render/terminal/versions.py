@@ -1,4 +1,4 @@
-"""What upgrades of an engine change, for the terminal."""
+"""Print the changes of engine upgrades in a terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_TOLD = 40
 
 
 def print_versions(console: Console, found: Versions) -> None:
-    """Print the verdict with what to do, then what each upgrade changes, worst first."""
+    """Print the verdict with the remedy, then the changes of each upgrade, worst first."""
     say(console, advice(found))
     for one in found.upgrades:
         console.print()
@@ -40,7 +40,7 @@ def print_versions(console: Console, found: Versions) -> None:
 
 
 def counts(one: Upgrade) -> str:
-    """One line: how many cases changed, and to what the others are the same."""
+    """Return one line: how many cases changed, and how well the others agree."""
     parts = []
     if one.same:
         parts.append(f"{len(one.same)} unchanged{_alike(one.same)}")
@@ -74,7 +74,7 @@ def advice(found: Versions) -> str:
 
 
 def _alike(same: Sequence[VersionCase]) -> str:
-    """To what limits are the same, and how many of them to the last bit."""
+    """Return to what tolerance limits agree, and how many are bitwise equal."""
     known = [case for case in same if case.apart is not None and case.uncertainty is not None]
     if not known:
         return ""
@@ -109,7 +109,7 @@ def print_changes(
     Args:
         console: to print on.
         size: header of the fourth column.
-        rows: a case's name, what changed, its verdict in markup, its size, and its error at dt.
+        rows: name of the case, kind of change, verdict in markup, size, and error at dt.
     """
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("case", "changed", "verdict"):
@@ -128,7 +128,7 @@ def print_changes(
 
 
 def verdicts(before: Outcome | None, after: Outcome | None) -> str:
-    """What becomes of a verdict, in the terminal's colours."""
+    """Return the change of a verdict, in the terminal's colours."""
     if before is after:
         return _styled(after)
     return f"{_styled(before)} -> {_styled(after)}"
@@ -139,19 +139,19 @@ def _styled(outcome: Outcome | None) -> str:
 
 
 def limits(case: VersionCase) -> str:
-    """How far a case's limits are apart, and how sure that is."""
+    """Return the difference of a case's limits, and its uncertainty."""
     if case.apart is None or case.uncertainty is None:
         return "-"
     return f"{case.apart:.1e} ± {case.uncertainty:.0e}"
 
 
 def global_error(case: VersionCase) -> str:
-    """What becomes of the error at the shipped step, and its ratio."""
+    """Return the change of the error at the time step, and its ratio."""
     return error_change(case.global_error_before, case.global_error_after)
 
 
 def error_change(then: Number, now: Number) -> str:
-    """What becomes of a global error, and its ratio."""
+    """Return the change of a global error, and its ratio."""
     if then is None and now is None:
         return "-"
     if then == now:
@@ -171,6 +171,6 @@ def _print_messages(console: Console, case: VersionCase) -> None:
 
 
 def say(console: Console, text: str, style: str = "") -> None:
-    """Print a text, wrapped at the width of the console; no word is cut."""
+    """Print a text wrapped at the console's width, without splitting words."""
     for line in wrapped(text, console.width):
         console.print(f"[{style}]{escape(line)}[/]" if style else escape(line), soft_wrap=True)
