@@ -309,7 +309,7 @@ def seconds(text: str) -> float:
 
 
 def memory(text: str) -> float:
-    """Return GiB in which Python and an engine find room.
+    """Return a memory limit in GiB that is enough for Python and an engine.
 
     Raises:
         ArgumentTypeError: for anything else.

@@ -70,7 +70,7 @@ def _without_engine(model: ModelAudit) -> ModelAudit:
 
 
 def _print(console: Console, models: Sequence[ModelAudit], codes: list[str]) -> int:
-    """Print an audit that is the same in several engines, and note its message codes.
+    """Print an audit shared by several engines, and note its message codes.
 
     Returns:
         The exit code.

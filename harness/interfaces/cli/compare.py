@@ -1,4 +1,4 @@
-"""`crosscheck compare`: two models of one mechanism, without equations."""
+"""`crosscheck compare`: compare two models of one mechanism, without equations."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from physics_crosscheck.harness.render.terminal.console import print_hint, termi
 from physics_crosscheck.harness.results.messages import explain_hint
 
 JOBS = 1
-"""Worker processes: to start a second one takes longer than to ask both models in turn."""
+"""Worker processes; starting a second one takes longer than running both models in turn."""
 
 
 def main(options: argparse.Namespace) -> int:
-    """Compare, print what came out, and write the record."""
+    """Compare, print the result, and write the record."""
     created = datetime.datetime.now(datetime.UTC)
     try:
         pair = _pair(options)
@@ -59,10 +59,10 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _pair(options: argparse.Namespace) -> CompareOptions:
-    """What is to be compared.
+    """Return the comparison that the options select.
 
     Raises:
-        CompareError, SidecarError, NotInstalledError, UnreadableModelError: naming what is wrong.
+        CompareError, SidecarError, NotInstalledError, UnreadableModelError: giving the problem.
     """
     return CompareOptions(
         a=candidate("A", options.a, options.engine_a or options.engine, floating=options.floating),

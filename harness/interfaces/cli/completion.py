@@ -12,7 +12,7 @@ import shlex
 from collections.abc import Callable, Iterable
 
 COMPLETING = "_ARGCOMPLETE"
-"""Set where a shell asks for completions."""
+"""Environment variable that a shell sets to request completions."""
 
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
@@ -29,7 +29,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def words_before() -> list[str]:
-    """Return the words that are typed already, without the name of the program."""
+    """Return the typed words without the program's name."""
     line = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))]
     try:
         return shlex.split(line)[1:]
@@ -45,7 +45,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 def completed_by(action: argparse.Action, completer: Completer) -> None:
-    """Complete an argument with a function."""
+    """Set the completer of an argument."""
     action.completer = completer  # type: ignore[attr-defined]
 
 

@@ -9,6 +9,6 @@ from physics_crosscheck.harness.modelfiles.folders import builtin, system_folder
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run all of them; returns the exit code of `run`."""
+    """Run all of them; return the exit code of `run`."""
     options.folders = [str(folder) for folder in system_folders([str(builtin())])]
     return run.main(options)

@@ -1,4 +1,4 @@
-"""`crosscheck gate`: run what changed, and compare it with what was accepted."""
+"""`crosscheck gate`: run changed models, and compare them with accepted results."""
 
 from __future__ import annotations
 
@@ -107,10 +107,10 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
 
 
 def _named(names: Sequence[str], baseline: Path) -> list[Path]:
-    """Return the system folders and robot files that names mean.
+    """Return the named system folders and robot files.
 
     Raises:
-        FolderError: naming each that is not there, and the remedy.
+        FolderError: naming each missing one, and the remedy.
     """
     below = [file for name in names if name for file in robots_in(Path(name), baseline)]
     models = [name for name in names if (Path(name).parent / "system.py").is_file()]
@@ -124,12 +124,12 @@ def _named(names: Sequence[str], baseline: Path) -> list[Path]:
 
 
 class LateProgress(ExitStack):
-    """Progress as in `crosscheck run`, shown once a case runs."""
+    """Progress as in `crosscheck run`, shown only once a case runs."""
 
     _shown: Callable[[int, int, Case | None], None] | None = None
 
     def __call__(self, done: int, total: int, case: Case | None) -> None:
-        """Report that a case is done."""
+        """Report a finished case."""
         if self._shown is None:
             self._shown = self.enter_context(Progress())
         self._shown(done, total, case)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, NoReturn
 
 USAGE_ERROR = 2
-"""Exit code of wrong usage, as argparse has it."""
+"""Exit code of wrong usage, the same as argparse's."""
 
 GROUPS = (
     "Arguments",
@@ -29,18 +29,18 @@ GROUPS = (
 ARGUMENTS, OTHERS = GROUPS[0], GROUPS[-1]
 
 INTERRUPTED = {"128 + N": "Stopped by signal N; 130 means Ctrl-C."}
-"""The exit code that every command has that runs models."""
+"""Exit code of every command that runs models."""
 
 _HANGING = re.compile(r" *(?:\S+(?: \+ \S+)? {2,})?")
-"""The indentation of a line, with the term before two spaces that it explains."""
+"""Pattern of a line's indentation and the term before two spaces that it explains."""
 
 
 class CommandHelp(NamedTuple):
-    """The help of a command beside its options.
+    """The help of a command besides its options.
 
     Attributes:
-        description: two lines: what the command does, and what it writes or needs.
-        examples: command lines, by what they do.
+        description: two lines: the command's purpose, and its output or requirements.
+        examples: command lines, by purpose.
         exit_codes: meanings, by code.
     """
 
@@ -63,7 +63,7 @@ class CommandParser(argparse.ArgumentParser):
         self.add_argument("-h", "--help", action="help", help="Print this help and exit")
 
     def explain(self, about: CommandHelp) -> None:
-        """Add description, usage, examples and exit codes; all options must be declared."""
+        """Add description, usage, examples and exit codes; call it after declaring all options."""
         self.about, self.description = about, about.description
         self.usage = usage(self)
         examples = [f"  # {what}\n  {line}" for what, line in about.examples.items()]
@@ -72,11 +72,11 @@ class CommandParser(argparse.ArgumentParser):
         self.epilog = "\n".join(["Examples:", *examples, "", "Exit codes:", *codes])
 
     def error(self, message: str) -> NoReturn:
-        """Print what is wrong and where help is, and exit with 2."""
+        """Print the error and how to get help, and exit with 2."""
         self.exit(USAGE_ERROR, f"{self.prog}: {message}\nSee `{self.prog} --help`.\n")
 
     def reject_unknown(self, words: Iterable[str]) -> NoReturn:
-        """Exit with the message about words of a command line that mean nothing."""
+        """Exit with the message about unknown words of a command line."""
         messages = []
         for word in words:
             name = word.partition("=")[0]
@@ -88,7 +88,7 @@ class CommandParser(argparse.ArgumentParser):
         self.error(" ".join(messages))
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse a value that is no choice, and suggest the one that was meant."""
+        """Reject an invalid choice, and suggest a similar one."""
         choices = list(map(str, action.choices or ()))
         if not choices or value in choices:
             return
@@ -100,7 +100,7 @@ class CommandParser(argparse.ArgumentParser):
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Help whose texts keep their lines, each wrapped under its own beginning."""
+    """Help that keeps line breaks, with each line wrapped at its own indentation."""
 
     def __init__(self, prog: str, **more: Any) -> None:
         super().__init__(prog, max_help_position=26, **more)
@@ -132,7 +132,7 @@ def _wrapped(line: str, width: int) -> str:
 
 
 def group(command: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
-    """Return the option group of that title; a new one where the parser has none."""
+    """Return the option group of a title; create it if it is missing."""
     groups = (one for one in command._action_groups if one.title == title)
     return next(groups, None) or command.add_argument_group(title)
 
@@ -150,7 +150,7 @@ def usage(command: argparse.ArgumentParser) -> str:
 
 
 def metavar(action: argparse.Action) -> str:
-    """Return how help shows the values of an option or argument; empty where it takes none."""
+    """Return the values of an option or argument as help shows them; empty without values."""
     if action.nargs == 0:
         return ""
     name = action.metavar

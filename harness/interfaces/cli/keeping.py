@@ -1,4 +1,4 @@
-"""What a run leaves behind beside its results: its page, and a history where one is kept."""
+"""Further output of a run: its page, and its history if enabled."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import is_own_page
 
 PATIENCE = 10.0
-"""Seconds after which git is not waited for."""
+"""Timeout of git in seconds."""
 
 
 def check_page(page: Path) -> None:
-    """Refuse to replace a page that somebody else wrote, before anything is run.
+    """Reject an existing page of another program before anything runs.
 
     Raises:
         FolderError: naming the page and the remedy.
-        OSError: for a page that can't be read.
+        OSError: if the page can't be read.
     """
     if page.is_file() and not is_own_page(page):
         raise FolderError(
@@ -36,12 +36,12 @@ def check_page(page: Path) -> None:
 
 
 def keep_history(out: Path, results: Results, *, begin: bool) -> Sequence[Past]:
-    """Append a run to the history of its folder, and give all of it.
+    """Append a run to the history of its folder, and return the history.
 
     Args:
-        out: the folder of the run's results.
-        results: of the run; one that was stopped is not kept.
-        begin: whether a history is begun where there is none.
+        out: folder of the run's results.
+        results: results of the run; an interrupted run is not stored.
+        begin: whether to create a missing history.
     """
     if not (begin or (out / FOLDER).is_dir()):
         return ()
@@ -51,7 +51,7 @@ def keep_history(out: Path, results: Results, *, begin: bool) -> Sequence[Past]:
 
 
 def _commit() -> str:
-    """The commit of the repository that one stands in; empty where there is none."""
+    """Return the commit of the current repository; empty outside one."""
     try:
         told = subprocess.run(
             ["git", "rev-parse", "HEAD"], capture_output=True, text=True, timeout=PATIENCE

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.results.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print a name a line; returns 2 where a target can't be listed."""
+    """Print one name per line; return 2 if a target can't be listed."""
     check_engines(options.engine)
     matching(options.words)
     names = options.folders or models_below(Path())

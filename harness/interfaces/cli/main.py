@@ -1,7 +1,7 @@
 """The command line, `crosscheck COMMAND`; each command is a module of `harness.interfaces.cli`.
 
 The module of that name in `harness.interfaces.cli.parsers` declares its arguments and its help.
-Modules that only the work needs are imported after the arguments are parsed.
+Modules that parsing does not need are imported after it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ COMMAND_GROUPS: Mapping[str, Mapping[str, str]] = {
         "completion": "Print a shell completion script",
     },
 }
-"""What each command does, by its name, in the groups that help shows."""
+"""Purpose of each command by its name, in the groups that help shows."""
 
 COMMANDS = {name: text for group in COMMAND_GROUPS.values() for name, text in group.items()}
 
@@ -69,7 +69,7 @@ Exit codes:
 
 
 def program() -> int:
-    """Run the command line as a program of its own; return the exit code."""
+    """Run the command line as a program; return the exit code."""
     protect_streams()
     claim_defaults()
     code = main()
@@ -118,7 +118,7 @@ def _parse_and_run(given: Sequence[str]) -> int:
 
 
 def _check_first(parser: CommandParser, given: Sequence[str]) -> None:
-    """Refuse an unknown option in place of a command, before its value is taken for one."""
+    """Reject an unknown option in place of a command, before its value is read as a command."""
     first = given[0] if given else "-h"
     known = ("--help", "--version")
     if first == "-h" or not first.startswith("-"):
@@ -148,7 +148,7 @@ def _guarded(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    # Imported here: help alone needs no records, and they cost more than all the rest of it.
+    # Imported here: help alone needs no records, and they take longest to import.
     from physics_crosscheck.harness.baseline.store import BaselineError
     from physics_crosscheck.harness.jobs.executor import ClusterError
     from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -179,7 +179,7 @@ def build_parser(commands: Collection[str]) -> CommandParser:
     """Build the parser of the command line.
 
     Args:
-        commands: those whose arguments are declared, which imports what their values may be.
+        commands: commands whose arguments are declared, which imports the possible values.
     """
     parser = CommandParser(
         prog="crosscheck",

@@ -1,4 +1,4 @@
-"""`crosscheck mutate`: what the check would catch, shown by making models wrong on purpose."""
+"""`crosscheck mutate`: plant faults in models, and report which ones the check detects."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from physics_crosscheck.harness.render.terminal.progress import Counter
 
 
 def main(options: argparse.Namespace) -> int:
-    """Make every model of the targets wrong in every known way, and print the results.
+    """Plant every known fault in each model of the targets, and print the results.
 
-    Exit codes: 0; 1 where a fault that motions show was missed, or another step was taken for a
-    mistake; 3 where a model is not sound to begin with, or no fault could be tried.
+    Exit codes: 0; 1 if a fault that affects motions was missed, or another time step was reported
+    as a fault; 3 if an unmodified model fails, or no fault could be tested.
     """
     check_engines(options.engine)
     targets = resolve_targets(options.folders, standalone=options.standalone)

@@ -23,7 +23,7 @@ def main(options: argparse.Namespace) -> int:
         if options.model is None:
             write_folder(target, example(target.name))
         else:
-            # Reading a model needs sympy and engines, and an example neither.
+            # Reading a model needs sympy and engines; the example needs neither.
             from physics_crosscheck.harness.scaffold.from_model import from_model
 
             written = from_model(

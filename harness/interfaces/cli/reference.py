@@ -1,7 +1,7 @@
 """Reference pages of commands and settings, made from the parsers.
 
 `python -m physics_crosscheck.harness.interfaces.cli.reference docs/reference` writes both; a test
-fails where they are not current.
+fails if they are out of date.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _meaning_and_default(action: argparse.Action) -> tuple[str, str]:
 
 
 def _defaults(commands: Mapping[str, list[str]]) -> str:
-    """Return the default that most commands have, and the others with their commands."""
+    """Return the default of most commands, and other defaults with their commands."""
     common, *others = sorted(commands, key=lambda default: -len(commands[default]))
     text = "; ".join(f"{default} for {', '.join(commands[default])}" for default in others)
     return f"{common} ({text})" if text else common

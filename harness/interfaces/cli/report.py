@@ -1,4 +1,4 @@
-"""`crosscheck report`: HTML from results, without running anything; of two runs, what moved."""
+"""`crosscheck report`: HTML of existing results; for two runs, the changes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def main(options: argparse.Namespace) -> int:
     """Write index.html of one run, or changes.html of two.
 
     Raises:
-        FolderError: for more than two.
-        ResultsError: for results that can't be read.
+        FolderError: for more than two runs.
+        ResultsError: if results can't be read.
     """
     files = [one / "results.json" if one.is_dir() else one for one in options.results] or [DEFAULT]
     if len(files) > 2:

@@ -1,4 +1,4 @@
-"""`crosscheck review`: go through what the gate finds, one by one, and accept or reject it."""
+"""`crosscheck review`: show the gate's findings one by one, and accept or reject them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from physics_crosscheck.harness.results.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run what changed, ask, and write what was accepted; Ctrl-C writes nothing."""
+    """Run changed models, ask, and write accepted results; Ctrl-C writes nothing."""
     if in_ci() or not sys.stdin.isatty():
         print(
             "crosscheck: review needs a person at a terminal."
@@ -55,7 +55,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _summarize(found: GateResult, decided: Decisions) -> None:
-    """Print how many cases were decided which way, and the edits to undo."""
+    """Print the number of cases per decision, and the edits to undo."""
     counts = {
         "accepted": len(decided.reasons),
         "rejected": len(decided.rejected),
@@ -73,7 +73,7 @@ def _summarize(found: GateResult, decided: Decisions) -> None:
 
 
 def _undo(one: ChangedLine) -> str:
-    """Return what to do about a rejected edit."""
+    """Return the remedy of a rejected edit."""
     what = f"set it back to {one.old}" if one.old else "undo this edit"
     return f"{one.file}:{one.line} {one.edit or one.message}: {what}"
 

@@ -60,7 +60,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results], Results]) -> Ran:
-    """Run once; `among` puts the results among those that stay, which are written with them."""
+    """Run once; `among` merges the results into those that stay, which are written together."""
     check_page(options.out / "index.html")
     warn_unknown(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
@@ -111,7 +111,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
 
 
 def _print(results: Results, options: argparse.Namespace) -> None:
-    """Print results in the format that is wanted."""
+    """Print results in the selected format."""
     if options.format == "json":
         print(harmless_json(encoded(results)), end="")
         return
@@ -132,7 +132,7 @@ def _print(results: Results, options: argparse.Namespace) -> None:
 
 
 def _print_absent(lines: Sequence[str]) -> None:
-    """Name engines of extras that models name and that are not installed, in one line."""
+    """Print in one line the named engines that are not installed."""
     if lines:
         names = ", ".join(line.partition(":")[0] for line in lines)
         how = "`crosscheck engines` prints how to install them"
@@ -140,7 +140,7 @@ def _print_absent(lines: Sequence[str]) -> None:
 
 
 def _print_stopped(results: Results, out: Path, done: Journal) -> None:
-    """Print what is missing after a run that was stopped, and how to resume it."""
+    """Print the missing parts of an interrupted run, and how to resume it."""
     if done.trouble:
         print(f"crosscheck: {done.trouble}; a stopped run can't be resumed here", file=sys.stderr)
     if results.stopped:
@@ -152,9 +152,9 @@ def _print_stopped(results: Results, out: Path, done: Journal) -> None:
 def exit_code(results: Results, require_engines: bool) -> int:
     """Return the exit code of results.
 
-    Results without cases fail; accepted differences pass. An audit, linearization or diagnosis
-    that failed counts as a failure. A robot file that one engine refuses does not, where another
-    engine has a verdict.
+    Results without cases fail; accepted differences pass. An audit, linearization or diagnosis that
+    failed counts as a failure. A robot file that one engine rejects does not, if another engine has
+    a verdict.
     """
     refused = {(case.folder, case.id) for case in results.refusals}
     counting = [case for case in results.cases if (case.folder, case.id) not in refused]
@@ -167,7 +167,7 @@ def exit_code(results: Results, require_engines: bool) -> int:
         return FAIL
     if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED}:
         return DIFFER
-    # What the audit finds in a model whose difference was accepted is what was accepted.
+    # An accepted difference includes the audit findings of its model.
     accepted = {(case.folder, case.id.of_model) for case in results.cases if case.accepted}
     models = [model for model in results.models if (model.folder, model.id) not in accepted]
     return AGREE if all(model.passes for model in models) else DIFFER

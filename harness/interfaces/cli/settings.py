@@ -1,14 +1,11 @@
 """Settings of a project: defaults of options, `[tool.crosscheck]` in its pyproject.toml.
 
-[tool.crosscheck]
-folders = ["models"]
-engines = ["NAME"]
-resolution = 1e-9
+[tool.crosscheck] folders = ["models"] engines = ["NAME"] resolution = 1e-9
 
-The nearest file with such a table counts, from the working folder up to the root of its repository.
-Outside a repository, only the working folder counts. Paths start at the file's folder. The command
-line overrides the file. Others may have written it, so it can set no scheduler, which runs code on
-this machine, and no path outside its folder, where a run would write.
+The nearest file with such a table applies, from the working folder up to the root of its
+repository. Outside a repository, only the working folder is searched. Paths start at the file's
+folder. The command line overrides the file. Others may have written it, so it can set no scheduler,
+which runs code on this machine, and no path outside its folder, where a run would write.
 """
 
 from __future__ import annotations
@@ -29,7 +26,7 @@ FILE = "pyproject.toml"
 TABLE = "[tool.crosscheck]"
 
 Read = Callable[[object, Path], object]
-"""Returns the default that a value stands for; its ValueError says what the value must be."""
+"""Returns the default for a value; its ValueError states the expected value."""
 
 
 class SettingsError(ValueError):
@@ -41,10 +38,10 @@ class Setting:
     """One setting.
 
     Attributes:
-        argument: the argument whose default it sets, as argparse names it.
+        argument: argparse's name of the argument whose default it sets.
         kind: type of its value, as the documentation names it.
         read: converts its value.
-        commands: those that use it.
+        commands: commands that use it.
     """
 
     argument: str
@@ -279,4 +276,4 @@ _REFUSED: Mapping[str, str] = MappingProxyType(
         f" Use --scheduler ADDRESS, or set {arguments.SCHEDULER}.",
     }
 )
-"""Settings that the file can't have: the reason and the remedy."""
+"""Settings that the file can't contain: the reason and the remedy."""

@@ -1,6 +1,6 @@
-"""Standard streams whose reader is gone: `| head`, `>&-`. The work and its verdict continue.
+"""Standard streams whose reader has closed: `| head`, `>&-`. The run and its verdict continue.
 
-A full disk does not end the work either, but the printed text is incomplete then.
+A full disk does not end the run either, but the printed text is incomplete then.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import TextIO, cast
 def protect_streams() -> None:
     """Make the standard streams writable, however the shell left them.
 
-    A closed stream becomes the null device. Otherwise the next opened file would take its number,
-    and receive what a library prints.
+    A closed stream becomes the null device. Otherwise the next opened file would get its number,
+    and the output of libraries.
     """
     for number in (0, 1, 2):
         try:
@@ -31,7 +31,7 @@ def protect_streams() -> None:
 
 
 def output_error() -> str:
-    """Return why standard output is incomplete; empty where its reader just stopped reading."""
+    """Return why standard output is incomplete; empty if its reader just stopped reading."""
     stream = sys.stdout
     if not isinstance(stream, io.TextIOWrapper):
         return ""
@@ -41,7 +41,7 @@ def output_error() -> str:
 
 
 def _tolerant(stream: TextIO | None, number: int) -> TextIO:
-    """Return a stream like another that raises nothing once its reader is gone."""
+    """Return a stream like another that raises no error after its reader has closed."""
     wrapper = stream if isinstance(stream, io.TextIOWrapper) else None
     return cast(
         TextIO,
@@ -55,7 +55,7 @@ def _tolerant(stream: TextIO | None, number: int) -> TextIO:
 
 
 class _DiscardingFile(io.FileIO):
-    """A file that discards data once it can't be written any more."""
+    """A file that discards data after it becomes unwritable."""
 
     _is_broken = False
     error = ""

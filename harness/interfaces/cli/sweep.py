@@ -1,4 +1,4 @@
-"""`crosscheck sweep`: many cases of drawn constants, steps, integrators and engines, as rows."""
+"""`crosscheck sweep`: run many cases of drawn constants, steps, integrators and engines."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ JOBS = 2
 
 
 def main(options: argparse.Namespace) -> int:
-    """Plan, run what has no row yet, and tell what the rows say.
+    """Plan, run the cases without a row, and summarize the rows.
 
-    Exit codes: 0 where every case agrees; 1 where one differs or is unresolved; 2 for a sweep that
-    makes no sense; 3 where a case failed, or rows are damaged.
+    Exit codes: 0 if every case agrees; 1 if one differs or is unresolved; 2 for an invalid sweep; 3
+    if a case failed or rows are damaged.
     """
     try:
         if options.summary is not None:
@@ -72,7 +72,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _stopped(stop: Stop, out: Path) -> int:
-    """The exit code of a sweep that was stopped; 0 where it was not."""
+    """Return the exit code of an interrupted sweep; 0 if it finished."""
     if not stop.asked:
         return 0
     resume = f"The same command resumes the sweep; it reuses the rows in {out}."
@@ -81,7 +81,7 @@ def _stopped(stop: Stop, out: Path) -> int:
 
 
 def _wanted(options: argparse.Namespace) -> Wanted:
-    """The folders, models and robots' files that are meant."""
+    """Return the selected folders, models and robot files."""
     found = resolve_targets(options.folders, standalone=options.standalone)
     if found.named.faults:
         raise FolderError("; ".join(found.named.faults.values()))
@@ -107,7 +107,7 @@ def _asked(options: argparse.Namespace) -> SweepOptions:
 
 
 def _command(options: argparse.Namespace) -> list[str]:
-    """The command line in one spelling: what one case is reproduced with."""
+    """Return the normalized command line, which reproduces single cases."""
     words = ["crosscheck", "sweep", *options.folders]
     words += ["--standalone"] if options.standalone else []
     for name in ("vary", "integrator", "scenario", "engine"):

@@ -1,4 +1,4 @@
-"""`crosscheck sweep --versions`: the same cases under several versions of an engine."""
+"""`crosscheck sweep --versions`: run the same cases under several versions of an engine."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ sys.exit(program())
 
 
 def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
-    """Run a sweep in each version's environment, and tell what is another; returns the exit code.
+    """Run a sweep in each version's environment, and print differences; return the exit code.
 
     Args:
-        options: as they were given.
-        words: the command line in one spelling, from its program's name on.
+        options: the parsed options.
+        words: the normalized command line, from its program's name on.
     """
     only = options.only is not None
     engine, versions = asked_versions(options.versions, "--versions", least=1 if only else 2)
@@ -55,7 +55,7 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
             given += [*_local(options), "--out", str(out), "--under", engine, one.version]
             code = launch(engine, one.version, python, _CHILD, given, range(256))
             if code not in (AGREE, DIFFER, FAIL):
-                return code  # no sense, or stopped: it has said so
+                return code  # invalid or interrupted: already reported
             codes.append(code)
             outs.append(out)
     except EnvironmentError_ as error:
@@ -72,7 +72,7 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
 
 
 def _local(options: argparse.Namespace) -> list[str]:
-    """What of the words is no part of the plan, and goes to every version as well."""
+    """Return words that are not part of the plan and that every version also gets."""
     found = []
     if options.jobs:
         found += ["--jobs", str(options.jobs)]
@@ -83,7 +83,7 @@ def _local(options: argparse.Namespace) -> list[str]:
 
 
 def _told(name: str, before: Path, after: Path) -> bool:
-    """Print what is another from one version to the next; whether anything is."""
+    """Print the differences between two consecutive versions; return whether there are any."""
     plans = read_plan(before), read_plan(after)
     if not all(plans):
         return False

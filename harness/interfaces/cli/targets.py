@@ -1,4 +1,4 @@
-"""Targets of a command line: folders, robot files, and which of their cases."""
+"""Targets of a command line: folders, robot files, and the selection of their cases."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Targets:
     Attributes:
         named: folders, and unknown names.
         robots: robot files that run standalone.
-        choice: of their cases.
+        choice: selection of their cases.
     """
 
     named: NamedFolders
@@ -70,7 +70,7 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     """Return the folders, robot files and models that names mean, and the unknown names.
 
     Args:
-        names: of a command line; none: all built-in folders.
+        names: names on a command line; none: all built-in folders.
         standalone: whether files in a system folder are robot files, too.
 
     Raises:
@@ -100,7 +100,7 @@ def warn_unknown(named: NamedFolders) -> None:
 def with_unknown(code: int, named: NamedFolders) -> int:
     """Print the skipped targets at the end of a run; return the exit code.
 
-    An unknown target is wrong usage whatever the others came to, but hides no failure.
+    An unknown target is wrong usage, but a failure of the others takes precedence.
     """
     if not named.faults:
         return code

@@ -1,4 +1,4 @@
-"""`crosscheck versions`: the same models under several versions of an engine."""
+"""`crosscheck versions`: run the same models under several versions of an engine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from physics_crosscheck.harness.render.terminal.versions import print_versions
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run the models under each version, print what changes, write the report."""
+    """Run the models under each version, print the changes, write the report."""
     if len(options.engine) > 1:
         raise FolderError("--engine is given twice: one engine at a time")
     engine, versions = asked_versions(options.engine[0])
@@ -56,17 +56,17 @@ def main(options: argparse.Namespace) -> int:
 
 
 def code(found: Versions) -> int:
-    """The exit code: as the gate's, what could not be compared is no pass."""
+    """Return the exit code; as for the gate, a model that can't be compared does not pass."""
     if found.incomplete:
         return FAIL
     return DIFFER if found.changed else AGREE
 
 
 def _models(names: list[str], engine: str) -> AskedModels:
-    """What the names mean.
+    """Return the named models.
 
     Raises:
-        FolderError: where one means nothing, or nothing of it runs in the engine.
+        FolderError: if a name is unknown, or none of its models runs in the engine.
     """
     alone = robot_files(names)
     if alone.faults:

@@ -1,8 +1,8 @@
-"""`crosscheck run --watch`: save a file, see what its models do now.
+"""`crosscheck run --watch`: run models again when their files change.
 
-A model is run again where the content of a file that it is made of has changed: its own, its
-sidecar, a mesh, `system.py`, anything in the folder that no other model names, or what `system.py`
-has read or looked for elsewhere.
+A model runs again if the content of one of its files changes: the model file, its sidecar, a mesh,
+`system.py`, any file in the folder that no other model names, or a file elsewhere that `system.py`
+has read or looked for.
 """
 
 from __future__ import annotations
@@ -26,33 +26,33 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
 
 POLL = 0.25
-"""Seconds between two looks at the files; looking at a hundred takes a millisecond."""
+"""Seconds between two scans of the files; scanning a hundred takes a millisecond."""
 
 Place = tuple[str, str]
-"""A folder and a model in it. Without a model: all of the folder, or a robot's file alone."""
+"""A folder and a model in it. Without a model: the whole folder, or a robot file."""
 
 Hashes = Mapping[Place, Mapping[str, str]]
-"""Of the files that each is made of, by their paths; of what lies beside, by the folder's."""
+"""Hashes of the files of each place, by path; of the folder's other files, by the folder's."""
 
 Stamps = Mapping[str, tuple[int, int]]
-"""When each file was written, and its size."""
+"""Modification time and size of each file."""
 
 Reads = Mapping[str, Mapping[str, str]]
-"""What each folder's code read or looked for, by folder: states by name relative to it."""
+"""Files that each folder's code read or looked for, by folder: states by relative name."""
 
 MOST = 3
-"""Files that are named, of those that changed."""
+"""Maximum number of changed files to name."""
 
 
 @dataclass(frozen=True)
 class Ran:
-    """What became of a run.
+    """Result of a run.
 
     Attributes:
-        results: all that is known now.
-        code: with which the command ends.
-        stopped: whether it was stopped before its end.
-        reads: states of what each folder's code has read, by name relative to it.
+        results: all current results.
+        code: exit code of the command.
+        stopped: whether it was interrupted.
+        reads: states of files that each folder's code has read, by name relative to it.
     """
 
     results: Results
@@ -62,15 +62,15 @@ class Ran:
 
 
 Run = Callable[[Targets, Callable[[Results], Results]], Ran]
-"""Runs what is asked; what is written and returned is what the second makes of its results."""
+"""Runs targets; the second argument transforms the results before they are written and returned."""
 
 
 def watch(wanted: Targets, run: Run) -> int:
-    """Run all, then what changes, until it is stopped; returns the exit code of the last run."""
+    """Run all, then what changes, until interrupted; return the exit code of the last run."""
     before = _hashes(wanted)
     ran = run(wanted, lambda results: results)
     reads = dict(ran.reads)
-    before = _with_reads(before, reads)  # as they were when they were read
+    before = _with_reads(before, reads)  # states at the time of reading
     while not ran.stopped:
         files_watched = counted(len(_stamps(wanted, before)), "file")
         _say(f"watching {files_watched} for changes; press Ctrl-C to end")
@@ -92,7 +92,7 @@ def watch(wanted: Targets, run: Run) -> int:
 
 
 def _with_others(last: Results, again: set[Place]) -> Callable[[Results], Results]:
-    """Results of what was run again, with the others' as they were."""
+    """Return a function that merges new results with those of the unchanged models."""
     whole = {folder for folder, model in again if not model}
 
     def found(now: Results) -> Results:
@@ -105,7 +105,7 @@ def _with_others(last: Results, again: set[Place]) -> Callable[[Results], Result
 
 
 def _part(wanted: Targets, again: set[Place]) -> Targets:
-    """Of what is wanted, that which changed."""
+    """Return the targets that changed."""
     whole = {folder for folder, model in again if not model}
     models = dict(wanted.choice.models)
     for folder in map(str, wanted.folders):
@@ -124,11 +124,11 @@ def _part(wanted: Targets, again: set[Place]) -> Targets:
 def _wait(
     wanted: Targets, before: Hashes, reads: Reads
 ) -> tuple[Hashes, set[Place], Sequence[str]]:
-    """Wait until the content of a file changes; returns what is made of others now, and those.
+    """Wait until the content of a file changes; return the new hashes, changed places and files.
 
-    A file that is being written is waited for: what counts is what stands still for a moment.
+    A file must stay unchanged for a moment, so that a partly written one is not used.
     """
-    stamps: Stamps = {}  # what changed while it was run is found at the first look
+    stamps: Stamps = {}  # the first scan finds changes during the run
     while True:
         time.sleep(POLL)
         now = _stamps(wanted, before)
@@ -145,20 +145,20 @@ def _wait(
 
 
 def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
-    """Paths of what changed."""
+    """Yield the paths of changed files."""
     for place in sorted(again):
         old, new = before.get(place, {}), now.get(place, {})
         yield from (name for name in sorted({*old, *new}) if old.get(name) != new.get(name))
 
 
 def _hashes(wanted: Targets) -> Hashes:
-    """Of all that is wanted; under no model's name, what can't be read in a folder."""
+    """Return hashes of all targets; those of unreadable files have no model name."""
     found: dict[Place, Mapping[str, str]] = {}
     for folder in wanted.folders:
         whole = str(folder), ""
         try:
             scan = folder_files(folder)
-        except OSError as error:  # a file on its way, or gone
+        except OSError as error:  # being written, or deleted
             found[whole] = {str(error.filename or folder): UNREADABLE}
             continue
         for one in scan.models:
@@ -178,7 +178,7 @@ def _now(reads: Reads) -> Reads:
 
 
 def _with_reads(hashes: Hashes, reads: Reads) -> Hashes:
-    """With what the code of folders has read: a change of that is one of all models."""
+    """Add files that the code of folders has read: they affect all models of the folder."""
     found = dict(hashes)
     for folder, states in reads.items():
         named = {os.path.normpath(Path(folder, name)): states[name] for name in states}
@@ -188,7 +188,7 @@ def _with_reads(hashes: Hashes, reads: Reads) -> Hashes:
 
 
 def _of_robot(file: Path) -> list[str]:
-    """A robot's file, its sidecar, and the files that it names."""
+    """Return the paths of a robot file, its sidecar, and the files that it names."""
     try:
         named = named_files(file)
     except OSError:
@@ -197,7 +197,7 @@ def _of_robot(file: Path) -> list[str]:
 
 
 def _stamps(wanted: Targets, hashes: Hashes) -> Stamps:
-    """Of all files in the folders, and of all else that is hashed."""
+    """Return the stamps of all files in the folders, and of all other hashed files."""
     found = {}
     for path in {*_inside(wanted.folders), *(name for names in hashes.values() for name in names)}:
         try:
@@ -209,7 +209,7 @@ def _stamps(wanted: Targets, hashes: Hashes) -> Stamps:
 
 
 def _inside(places: Sequence[Path]) -> Iterator[str]:
-    """Files in folders and below, but hidden ones and caches."""
+    """Yield the files in folders at any depth, except hidden ones and caches."""
     for place in places:
         for base, folders, names in os.walk(place, followlinks=True):
             folders[:] = [f for f in folders if not f.startswith((".", "__pycache__"))]

@@ -1,4 +1,4 @@
-"""`--crosscheck-accept REASON`: what the selected cases do now becomes the baseline."""
+"""`--crosscheck-accept REASON`: write the current results of the selected cases to the baseline."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from physics_crosscheck.harness.results.github import in_ci
 
 
 class Accepting:
-    """What is to be accepted when all tests are done.
+    """Writes the baseline after all tests.
 
     Args:
-        config: of the session.
-        folders: that are tested.
-        asked: how cases are run.
+        config: configuration of the session.
+        folders: tested folders.
+        asked: settings for running cases.
 
     Attributes:
         told: lines for the end of the run.
@@ -49,9 +49,10 @@ class Accepting:
             )
 
     def accept(self, config: pytest.Config) -> bool | None:
-        """Write what passed into the baseline; None where nothing is to be accepted.
+        """Write passed cases into the baseline; return None if there is nothing to accept.
 
-        What changed is run once more: only what was just seen is accepted, by the gate's judgement.
+        Changed cases run once more, so that only results of these tests are accepted, judged by the
+        gate.
         """
         if not self._reason or hasattr(config, "workerinput"):  # xdist's workers have no reports
             return None
@@ -77,7 +78,7 @@ class Accepting:
 
 
 def _passed(config: pytest.Config) -> list[str]:
-    """Names of the cases whose tests passed."""
+    """Return the names of the cases whose tests passed."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     reports = [] if reporter is None else reporter.stats.get("passed", ())
     known = [dict(r.user_properties) for r in reports if r.when == "call"]

@@ -43,13 +43,13 @@ from physics_crosscheck.harness.results.status import Decision, TestStatus, stat
 from physics_crosscheck.harness.results.visible import visible_lines
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
-"""What -m reads as something else than a marker's name."""
+"""Words with another meaning in `-m` expressions than a marker's name."""
 
 NO_ENGINE = "-"
-"""Engine of a test that needs none."""
+"""Engine name of a test without an engine."""
 
 MOST_FIXES = 3
-"""Numbers to change that a message names."""
+"""Maximum number of changes in a message."""
 
 OURS = pytest.StashKey[set[str]]()
 
@@ -58,14 +58,14 @@ class SystemFile(pytest.File):
     """A folder's `system.py`. Collecting reads the declaration; it derives and judges nothing."""
 
     def collect(self) -> Iterator[CrosscheckItem]:
-        """Yield the folder's tests; one that fails for whatever can't be read."""
+        """Yield the folder's tests; an unreadable part becomes a failing test."""
         folder = self.path.parent
         system = self.config.stash[RUNNER].declared(folder)
         if isinstance(system, Failure):
             yield _unread(self, folder, folder.name, self.path.name, system)
             return
-        # What a library or a declaration warns of on import is told at the end of the run: where
-        # warnings are errors, that is meant for the project's own tests.
+        # Warnings of a library or a declaration during import are printed at the end of the
+        # run. Settings that turn warnings into errors are meant for the project's own tests.
         with warnings.catch_warnings():
             warnings.simplefilter("default")
             for warning in system.warned:
@@ -135,12 +135,12 @@ def _unread(
 
 
 def _plain(name: str) -> str:
-    """A name without what has a meaning in a test's id."""
+    """Remove characters from a name that have a meaning in a test's id."""
     return name.replace("::", ":").replace("[", "(").replace("]", ")")
 
 
 class CrosscheckItem(pytest.Item):
-    """A case; or an audit, if `scenario` is None.
+    """A case; or an audit, if `scenario` is unset.
 
     Attributes:
         target: the system folder, or the robot file.
@@ -178,7 +178,7 @@ class CrosscheckItem(pytest.Item):
             self.config.stash[RUNNER].prepared(self.target)
 
     def runtest(self) -> None:
-        """Run, and end as `status_of` says."""
+        """Run the test; `status_of` decides its result."""
         record = self.record()
         required = self.config.getoption("crosscheck_require_engines")
         decision = status_of(
@@ -195,14 +195,14 @@ class CrosscheckItem(pytest.Item):
             self.user_properties.append(("accepted", record.accepted))
         if decision.status is TestStatus.SKIP:
             skipped = pytest.skip.Exception(decision.reason)
-            # Told as a skip of the model file, not of this line.
+            # Report the skip at the model file, not at this line.
             skipped._use_item_location = True
             raise skipped
         if decision.status is TestStatus.FAIL and not self._is_accepted(record):
             self._fail(record, decision)
 
     def _is_accepted(self, record: Case | Model) -> bool:
-        """Whether the result is to be accepted: all but what could not run, and robot files."""
+        """Return whether to accept the result; robot files and cases that did not run can't be."""
         if not self.config.getoption("crosscheck_accept") or not isinstance(self.model, Sidecar):
             return False
         if isinstance(record, Model):
@@ -210,7 +210,7 @@ class CrosscheckItem(pytest.Item):
         return record.outcome in (Outcome.DIFFERS, Outcome.UNRESOLVED)
 
     def _demands(self, record: Case | Model) -> list[str]:
-        """What the project asks beyond agreement, and this case does not meet."""
+        """Return the project's further requirements that this case does not meet."""
         demands: list[str] = []
         if isinstance(record, Case) and record.outcome is Outcome.AGREES:
             for sentences in self.ihook.pytest_crosscheck_case(record=record):
@@ -218,7 +218,7 @@ class CrosscheckItem(pytest.Item):
         return demands
 
     def _judged_by(self, record: Case | Model) -> list[str]:
-        """Return the engines that have a verdict on a robot file that this engine refuses."""
+        """Return the engines that have a verdict on a robot file that this engine rejects."""
         if not isinstance(record, Case) or record.outcome is not Outcome.REFUSED:
             return []
         return self.config.stash[RUNNER].judged_by(record.id, self.target)
@@ -230,7 +230,7 @@ class CrosscheckItem(pytest.Item):
         return self.config.stash[RUNNER].hurdle(model, self.engine)
 
     def _fail(self, record: Case | Model, decision: Decision) -> None:
-        """End as a failure that names the cause."""
+        """Fail with a message that names the cause."""
         diagnosis: Diagnosis | None = None
         if isinstance(record, Case) and record.outcome is Outcome.DIFFERS and self.model:
             diagnosis = self.config.stash[RUNNER].diagnosis(self.target, self.model, self.engine)
@@ -263,7 +263,7 @@ class CrosscheckItem(pytest.Item):
         )
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """What is printed: the failure, no traceback; and in one line, with the literal's place."""
+        """Return the failure without a traceback, and one line for the short summary."""
         shown = super().repr_failure(excinfo, style)
         crash = getattr(shown, "reprcrash", None)
         if crash is not None and isinstance(excinfo.value, pytest.fail.Exception):
@@ -275,7 +275,7 @@ class CrosscheckItem(pytest.Item):
         return shown
 
     def record(self) -> Case | Model:
-        """Run the case or the audit; an audit that can't be had is a case that failed."""
+        """Run the case or the audit; an audit that can't run is a failed case."""
         assert self.model is not None
         runner, target = self.config.stash[RUNNER], self.target
         one = CaseId(
@@ -296,9 +296,9 @@ class CrosscheckItem(pytest.Item):
         return runner.marked(model, target)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Where it is: the model file; and its name as `crosscheck run` has it."""
+        """Return the model file, and the name as in `crosscheck run`."""
         if self.model is None:
-            # Not the id's ending, in which pytest's -v would take a dot for a separator.
+            # Not the end of the id: pytest's -v would read a dot as a separator.
             return self.path, 0, self.name.replace("/", ": ", 1)
         name = f"{self.system}/{self.file.name}/{self.scenario or 'audit'}"
         return self.file, 0, name if self.engine == NO_ENGINE else f"{name} [{self.engine}]"
@@ -312,15 +312,15 @@ class UnreadItem(CrosscheckItem):
         self._failure = failure
 
     def record(self) -> Case:
-        """Return the case that stands for its cases."""
+        """Return the placeholder for its cases."""
         one = CaseId(system=self.system, model=self.path.name, scenario="-", engine=NO_ENGINE)
         return failed_case(one, str(self.target), self._failure)
 
 
 def properties(case: Case) -> dict[str, str]:
-    """What a report has of a case by name: its outcome, and its numbers.
+    """Return the outcome and the numbers of a case by name, for a report.
 
-    The largest numbers too, which `figures` has not: those of the component that decides are told.
+    These include the largest numbers, which `figures` omits: those of the deciding component.
     """
     found = {"outcome": str(case.outcome), **figures(case)}
     if (worst := largest(case)) is not None:
@@ -329,7 +329,7 @@ def properties(case: Case) -> dict[str, str]:
 
 
 def _mark(item: pytest.Item, name: str) -> None:
-    """Mark an item by a name, unless that marker has a meaning already: a system named `skip`."""
+    """Mark an item by a name, unless that marker has a meaning already, such as `skip`."""
     name = re.sub(r"\W", "_", name).lstrip("_")
     ours = item.config.stash.setdefault(OURS, set())
     if not name or name in WORDS:

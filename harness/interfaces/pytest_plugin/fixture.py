@@ -1,4 +1,4 @@
-"""The fixture `crosscheck`: models that a test of a project runs."""
+"""The fixture `crosscheck`, with which tests of a project run models."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from physics_crosscheck.harness.interfaces.pytest_plugin.terms import terms
 
 
 class Checker:
-    """Runs models as `check` does, on the terms of the command line; the same ones once."""
+    """Runs models as `check` does, with the settings of the command line; each model once."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config, self._terms = config, terms(config)
@@ -28,16 +28,16 @@ class Checker:
         """Run models as `check` does; the results are true if all of them agree.
 
         Args:
-            paths: as of `check`, from the root folder.
-            engines, floating, model: as of `check`.
-            resolution: relative discrepancy to resolve; None: that of the command line.
+            paths: as for `check`, relative to the root folder.
+            engines, floating, model: as for `check`.
+            resolution: smallest relative discrepancy to detect; None: that of the command line.
 
         Raises:
             FolderError: for a path without a target, or an unknown engine.
         """
         root, terms = self._config.rootpath, self._terms
         names = target_names(paths)
-        # What is no path there is a built-in system's name, as for `check`.
+        # As for `check`, a name without a path is a built-in system.
         named = [str(root / name) if (root / name).exists() else name for name in names]
         wanted = terms.resolution if resolution is None else resolution
         key = tuple(named), tuple(engines), wanted, floating, model

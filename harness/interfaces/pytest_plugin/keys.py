@@ -1,4 +1,4 @@
-"""Keys of what the plugin keeps in pytest's configuration."""
+"""Keys of the plugin's data in pytest's configuration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""System folders and robot files that are meant, and what pytest collects for them."""
+"""System folders and robot files of a session, and the files that pytest collects for them."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ DECLARATION = "system.py"
 def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
     """Return the system folders at or below a path; without any, the robot files.
 
-    A bare name that is no path stands for the built-in system, as in `crosscheck run`.
+    A name that is not a path means the built-in system, as in `crosscheck run`.
 
     Args:
-        name: of the path; of a robot file it stands for this file.
-        unwanted: patterns of folder names that are not entered, pytest's `norecursedirs`.
+        name: name of the path; a robot file stands for itself.
+        unwanted: patterns of folder names to skip, pytest's `norecursedirs`.
 
     Raises:
-        FolderError: for a path with neither.
+        FolderError: if the path has neither.
     """
-    if not name:  # an unset variable, which would mean all there is
+    if not name:  # an unset variable, which would mean all targets
         raise FolderError("PATH is empty; name a folder, or . for all that lie here")
     path = Path(os.path.abspath(name))
     if path.name == DECLARATION and path.is_file():
         path = path.parent
-    if os.path.lexists(path / DECLARATION):  # a link to nowhere too: reading it says so
+    if os.path.lexists(path / DECLARATION):  # also a dangling link, which reading reports
         return [path]
     if not path.is_dir():
         return _named(name)
@@ -55,7 +55,7 @@ def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
 
 
 def _named(name: str) -> list[Path]:
-    """Return the robot file that a name means, or the built-in system."""
+    """Return the robot file or the built-in system of a name."""
     robots = NamedRobots([], [name], {}) if named_model(name) else robot_files([name])
     if robots.faults:
         raise FolderError("; ".join(robots.faults.values()))
@@ -63,13 +63,13 @@ def _named(name: str) -> list[Path]:
 
 
 def meant(config: pytest.Config) -> dict[str, list[Path]]:
-    """Return the targets by the path that was named, on the command line or else in the ini file.
+    """Return the targets by path, from the command line or else from the ini file.
 
     Robot files among pytest's own arguments are targets too: a shell writes `--crosscheck *.urdf`
     as one path of --crosscheck and such arguments.
 
     Raises:
-        pytest.UsageError: for a path without a target.
+        pytest.UsageError: if a path has no target.
     """
     named = config.getoption("crosscheck") or [str(p) for p in config.getini("crosscheck_paths")]
     if config.args_source is config.ArgsSource.ARGS:
@@ -86,7 +86,7 @@ def to_collect(config: pytest.Config, targets: dict[str, list[Path]]) -> list[st
 
     `--crosscheck PATH` counts as an argument PATH: without others, nothing else is collected. An
     argument inside PATH, such as a test's id, selects from it. The ini file's paths, like
-    `testpaths`, serve where the command line names nothing.
+    `testpaths`, apply if the command line names nothing.
     """
     asked = bool(config.getoption("crosscheck"))
     named = config.args_source is config.ArgsSource.ARGS
@@ -99,7 +99,7 @@ def to_collect(config: pytest.Config, targets: dict[str, list[Path]]) -> list[st
         roots = [Path(name).resolve(), *(target.resolve() for target in found)]
         if named and any(path.is_relative_to(root) for path in inside for root in roots):
             continue
-        # Not what pytest comes by anyway: pytest 8 loses tests where arguments overlap.
+        # Skip paths that pytest collects anyway: pytest 8 loses tests if arguments overlap.
         given += [
             str(file)
             for file in (one / DECLARATION if one.is_dir() else one for one in found)
@@ -117,7 +117,7 @@ def _enters(name: str, unwanted: Sequence[str]) -> bool:
 
 
 def _reached(folder: Path, start: Path, unwanted: Sequence[str]) -> bool:
-    """Whether pytest, collecting `start`, enters a folder."""
+    """Return whether pytest, collecting `start`, enters a folder."""
     if not folder.is_relative_to(start):
         return False
     return all(_enters(name, unwanted) for name in folder.relative_to(start).parts)

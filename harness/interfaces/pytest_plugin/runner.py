@@ -1,6 +1,6 @@
-"""Where the tests of one pytest process are run: one worker process, and what is known already.
+"""Run the tests of one pytest process in one worker process, with cached results.
 
-A system or robot is prepared once and a model diagnosed once, however many tests ask for it.
+A system or robot is prepared once and a model diagnosed once, for all tests that need them.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ Value = TypeVar("Value")
 
 
 class CaseRunner:
-    """Runs one case or audit at a time, apart from pytest: a crash there is an outcome here."""
+    """Runs one case or audit at a time outside pytest, so that a crash is only an outcome."""
 
     def __init__(self, resolution: float, limits: Limits, baseline: Path | None) -> None:
         self._resolution, self._limits, self._baseline = resolution, limits, baseline
         if baseline is not None:
-            read_baseline(baseline)  # one that can't be believed ends the session before it begins
+            read_baseline(baseline)  # an untrusted baseline ends the session at its start
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
@@ -60,7 +60,7 @@ class CaseRunner:
         return hurdle(self._engines, engine, model)
 
     def declared(self, target: Path) -> Declared | Failure:
-        """Return the names of a declaration or of a robot file."""
+        """Return the names of a declaration or robot file."""
         return self._ask(declared, target)
 
     def prepared(self, target: Path) -> Preparation | Failure:
@@ -75,9 +75,9 @@ class CaseRunner:
         return self._prepared[target]
 
     def case(self, one: CaseId, target: Path, model: Sidecar | Path) -> Case:
-        """Run a case; one that the baseline knows has the reason that it was accepted with.
+        """Run a case; if the baseline accepts it, add the reason.
 
-        A case of a robot file runs once, however many tests ask for it.
+        A case of a robot file runs once for all tests that need it.
         """
         if isinstance(model, Sidecar):
             return self._run(one, target, model)
@@ -122,7 +122,7 @@ class CaseRunner:
         target: Path,
         measured: Callable[[Snapshot], Measurement | Failure],
     ) -> Case:
-        """A case as it came out; with the reason that it was accepted with, if it is known."""
+        """Return a case with its outcome, and with the reason of its acceptance if there is one."""
         if isinstance(case, Failure):
             return failed_case(one, str(target), case)
         if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
@@ -136,7 +136,7 @@ class CaseRunner:
         return case
 
     def _before(self, target: Path) -> Accepted | None:
-        """Return what was accepted of a folder, read once; a robot file has no baseline."""
+        """Return the accepted results of a folder, read once; a robot file has no baseline."""
         if target not in self._accepted:
             self._accepted[target] = (
                 accepted(self._baseline, (target,), self._resolution) if target.is_dir() else None
@@ -144,12 +144,12 @@ class CaseRunner:
         return self._accepted[target]
 
     def marked(self, model: Model, target: Path) -> Model:
-        """A model with the reason for which what its audit finds was accepted, if it was."""
+        """Return a model with the reason for accepting its audit findings, if there is one."""
         before = self._before(target) if model.findings else None
         return mark_models((model,), before)[0]
 
     def audit(self, target: Path, model: Sidecar | Path, engine: str) -> Audit | Failure:
-        """Audit a model, or say why it can't be."""
+        """Audit a model, or return why it can't be audited."""
         found = self.prepared(target)
         if isinstance(found, Failure):
             return found
@@ -164,7 +164,7 @@ class CaseRunner:
         return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
 
     def diagnosis(self, target: Path, model: Sidecar | Path, engine: str) -> Diagnosis:
-        """Name the cause of what a model does wrong, from its motions in every scenario; once."""
+        """Diagnose a model once from its motions in every scenario."""
         key = model_path(model), engine
         if key not in self._diagnoses:
             found = self.prepared(target)
@@ -180,7 +180,7 @@ class CaseRunner:
         return self._diagnoses[key]
 
     def close(self) -> None:
-        """End the worker process, if one was needed, with what it is doing."""
+        """End the worker process, if there is one, and its task."""
         if self._workers is not None:
             self._workers.close()
             self._workers = None

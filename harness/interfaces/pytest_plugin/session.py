@@ -1,4 +1,4 @@
-"""What a pytest session with something to check has: collection, one runner, a summary."""
+"""Parts of a pytest session with targets: collection, one runner, a summary."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ABOUT = (
 
 
 class CrosscheckSession:
-    """The part of the plugin that is registered where there is something to check."""
+    """The part of the plugin that is registered if there are targets."""
 
     def __init__(self, config: pytest.Config) -> None:
         asked = terms(config)
@@ -57,7 +57,7 @@ class CrosscheckSession:
         return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """End the worker process; a run whose cases were all skipped tested nothing: no pass."""
+        """End the worker process; a run whose cases were all skipped tested nothing and fails."""
         self._runner.close()
         if session.exitstatus == pytest.ExitCode.OK and untested(session.config):
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
@@ -65,7 +65,7 @@ class CrosscheckSession:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Tell how the cases came out, what was accepted, and what was not run."""
+        """Print the outcomes, the accepted results, and the skipped tests."""
         summarize(terminalreporter)
         for line in self._accepting.told:
             terminalreporter.write_line(line)

@@ -1,4 +1,4 @@
-"""What the command line of pytest says of how cases are run."""
+"""Settings for running cases, from pytest's command line."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from physics_crosscheck.harness.jobs.limits import Limits
 
 @dataclass(frozen=True)
 class Terms:
-    """How cases are run.
+    """Settings for running cases.
 
     Attributes:
-        resolution: relative discrepancy to resolve.
-        limits: of a task.
-        baseline: folder where known differences are looked up.
+        resolution: smallest relative discrepancy to detect.
+        limits: limits of a task.
+        baseline: folder of the accepted differences.
     """
 
     resolution: float
@@ -28,10 +28,10 @@ class Terms:
 
 
 def terms(config: pytest.Config) -> Terms:
-    """What the options say.
+    """Return the settings of the options.
 
     Raises:
-        pytest.UsageError: for one that is out of range.
+        pytest.UsageError: if one is out of range.
     """
     try:
         return Terms(

@@ -1,4 +1,4 @@
-"""Arguments and help of each command, a module each: `add` and `ABOUT`.
+"""Arguments and help of the commands, a module each: `add` and `ABOUT`.
 
-They import nothing that only the work needs, so help and completion load no sympy and no engine.
+These modules import only what parsing needs, so help and completion load no sympy and no engine.
 """

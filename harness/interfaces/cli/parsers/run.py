@@ -64,7 +64,7 @@ def add(command: argparse.ArgumentParser) -> None:
 
 
 def engines_required(command: argparse.ArgumentParser) -> None:
-    """Declare whether a missing engine is a failure."""
+    """Declare whether a missing engine counts as a failure."""
     group(command, "Checks").add_argument(
         "--require-engines",
         action="store_true",
@@ -73,7 +73,7 @@ def engines_required(command: argparse.ArgumentParser) -> None:
 
 
 def output(command: argparse.ArgumentParser) -> None:
-    """Declare where results go, and what is printed."""
+    """Declare the output folder and formats."""
     arguments.out(command, "reports")
     arguments.output_format(command, "text", "json", "github", "sarif")
     group(command, "Output").add_argument(

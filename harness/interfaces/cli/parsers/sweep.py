@@ -9,7 +9,7 @@ from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.help import INTERRUPTED, CommandHelp, group
 
 DESIGNS = ("latin", "sobol", "random")
-"""Those of `harness.extras.sweep.draws` that take a number of draws; importing them needs sympy."""
+"""Designs of `harness.extras.sweep.draws` with a number of draws; importing them needs sympy."""
 
 ABOUT = CommandHelp(
     description="Check many variants of models: parameters, time steps, integrators, engines.\n"
