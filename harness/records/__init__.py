@@ -1,1 +1,1 @@
-"""What travels through the house and is written to files: frozen, typed, and nothing else."""
+"""Typed, frozen records that pass between folders and into files."""

@@ -1,4 +1,4 @@
-"""What every record is: a frozen struct with named fields, which knows no other field."""
+"""The base of all records: a frozen struct with named fields that rejects unknown fields."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Annotated
 import msgspec
 
 Number = float | None
-"""A number as files hold it: None where it has no finite value."""
+"""A number in a file: None if it has no finite value."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
-"""A whole number that every reader of JSON holds exactly."""
+"""A whole number that every JSON reader represents exactly."""
 
 Numbers = tuple[Number, ...]
 Rows = tuple[Numbers, ...]
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A value that travels from room to room and into files, the same in both.
+    """A value that passes between folders and into files, the same in both.
 
-    Sequences are tuples, and what is not finite is None already, so that a record which is written
-    and read back equals the one that was written.
+    Sequences are tuples and values that are not finite become None, so a record that is written and
+    read back equals the original.
     """
 
 
@@ -51,22 +51,22 @@ class SourceLine(Record, frozen=True, kw_only=True):
 
 
 def number(value: float | None) -> Number:
-    """A number as a record holds it."""
+    """Convert a number for a record."""
     return None if value is None or not math.isfinite(value) else float(value)
 
 
 def numbers(values: Iterable[float | None]) -> Numbers:
-    """A row of them."""
+    """Convert a row of numbers."""
     return tuple(number(value) for value in values)
 
 
 def rows(values: Iterable[Iterable[float | None]]) -> Rows:
-    """Rows of them, such as those of a matrix."""
+    """Convert rows of numbers, such as those of a matrix."""
     return tuple(numbers(row) for row in values)
 
 
 def one_length(what: str, *columns: Sized) -> None:
-    """Refuse columns of one table that are not equally long.
+    """Reject columns of one table that differ in length.
 
     Raises:
         ValueError: naming the table.

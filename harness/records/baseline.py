@@ -1,4 +1,4 @@
-"""What was accepted of a case, what is measured of it now, and what a gate found."""
+"""Accepted results, present measurements of cases, and results of a gate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from physics_crosscheck.harness.records.codes import gate_code
 from physics_crosscheck.harness.records.outcome import Outcome
 
 FORMAT = 2
-"""Of the baseline's files."""
+"""Format version of the baseline's files."""
 
 
 class Snapshot(Record, frozen=True, kw_only=True):
@@ -154,7 +154,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> CaseId:
-        """The case's name."""
+        """Name of the case."""
         return CaseId(
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
@@ -199,7 +199,7 @@ class AcceptedAudit(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> ModelId:
-        """The model's name."""
+        """Name of the model."""
         return ModelId(system=self.system, model=self.model, engine=self.engine)
 
 

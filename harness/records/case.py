@@ -1,4 +1,4 @@
-"""One model file in one engine in one scenario: how it came out, and what it costs."""
+"""One model file in one engine in one scenario: its outcome and cost."""
 
 from __future__ import annotations
 
@@ -28,18 +28,20 @@ CaseKind = Literal[
     "file", "unsupported", "format", "engine", "sidecar", "declaration", "robot", "reference",
     "time limit", "waiting", "memory limit", "crash", "exit",
 ]  # fmt: skip
-"""Why a case does not agree: by its motion, its extrapolation, its full runs, its files or the
-process that ran it. Each has a message code and a page."""
+"""Why a case does not agree: its motion, extrapolation, full runs, files or worker process.
+
+Each has a message code and a page.
+"""
 
 MEASURED: tuple[CaseKind, ...] = (
     "motion", "coordinate map", "acceleration", "stands still", "diverges", "wrong order",
     "not smooth", "coarse", "rounding", "full run", "time step", "not finite", "blows up",
     "too coarse",
 )  # fmt: skip
-"""Kinds whose reasons differ in the numbers of a case only."""
+"""Kinds whose reasons differ only in the numbers of a case."""
 
 ModelKey = tuple[str, str, str]
-"""Folder, model file and engine: two folders may hold systems of the same name."""
+"""Folder, model file and engine; systems in different folders can have the same name."""
 
 
 def model_path(system: str, model: str) -> str:
@@ -137,7 +139,7 @@ class Verdict(Record, frozen=True, kw_only=True):
 
 
 def starts_at(time: float | None, segment: int) -> str:
-    """Where a segment begins: a time, or which of the states that no motion joins."""
+    """Return where a segment starts: a time, or the index of a separate state."""
     known = time is not None and math.isfinite(time)
     return f"t = {time:.4g} s" if known else f"state {segment + 1}"
 
@@ -419,21 +421,21 @@ class Case(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> CaseId:
-        """Its name."""
+        """Name of the case."""
         return CaseId(
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
 
     @property
     def key(self) -> ModelKey:
-        """What tells the case's model in its engine from all others of a run."""
+        """Unique key of the case's model in its engine within a run."""
         return self.folder, self.model, self.engine
 
     def contradiction(self, resolution: float) -> str:
-        """Return how its outcome contradicts its own numbers; empty where it does not.
+        """Return how the outcome contradicts the case's own numbers; empty if it does not.
 
         Args:
-            resolution: that was asked of the run.
+            resolution: requested resolution of the run.
         """
         v, dynamics = self.verdict, self.forward_dynamics
         if not self.outcome.is_run:
@@ -448,7 +450,7 @@ class Case(Record, frozen=True, kw_only=True):
             return why
         if self.outcome is not Outcome.AGREES:
             return ""
-        # Each the largest of its own segment: what is larger than both others differs somewhere.
+        # Maxima of E and U can be of different segments; E above both U and resolution differs.
         e, u = v.largest_discrepancy, v.largest_uncertainty
         if e is None or u is None or e > max(u, at):
             return f"AGREES contradicts the largest E = {e} and U = {u} at the resolution {at:.1e}"
@@ -460,7 +462,7 @@ class Case(Record, frozen=True, kw_only=True):
 
     @property
     def passes(self) -> bool:
-        """Whether it AGREES, or what it does instead, a failure apart, is accepted."""
+        """True if the case agrees, or ran to its end and is accepted."""
         if not self.outcome.is_run:
             return False
         return self.outcome is Outcome.AGREES or bool(self.accepted)

@@ -1,4 +1,4 @@
-"""A cause of a discrepancy: what kind of number is wrong, of what, and its name in words."""
+"""A cause of a discrepancy: the kind of the wrong number, its subject, and its name in words."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ CauseKind = Literal[
     "exchange", "constant", "inertia", "damping", "quadratic damping", "friction", "spring",
     "offset force",
 ]  # fmt: skip
-"""What a cause is.
+"""Kind of a cause.
 
-A `literal` (several of one expression, `literals`, or one that stands for no constant, `unbound
-literal`) of the model file or its sidecar; a number of a file that says what is right and that an
-engine has `taken` otherwise, or several that it has `dropped`, as if they were zero; a component of
-the engine's `gravity`; a
-`default` of the engine; a joint's `axis` reversed or its `zero` moved; two constants' `exchange`;
-a `constant` of the equations; or a term on a coordinate that the equations lack.
+A `literal` is a number of the model file or its sidecar; `literals` are several of one expression,
+and an `unbound literal` has no constant. A number of a robot file can be `taken` differently by an
+engine, or several can be `dropped` as if they were zero. The other kinds are: a component of the
+engine's `gravity`; a `default` of the engine; a reversed joint `axis` or a moved `zero`; an
+`exchange` of two constants; a `constant` of the equations; or a term on a coordinate that the
+equations lack.
 """
 
 IN_FILE = ("literal", "literals", "unbound literal", "gravity")
-"""Kinds of numbers that the model's files state, or would: the motion implies another value."""
+"""Kinds of numbers in the model's files for which the motion implies another value."""
 
 _PHRASES = {
     **dict.fromkeys(
@@ -38,7 +38,7 @@ _PHRASES = {
     "zero": "zero of {}",
     "exchange": "{} exchanged",
 }
-"""The name of a cause, by its kind; a term that the equations lack is its kind, on a coordinate."""
+"""Name of a cause by its kind; a missing term is named by its kind and coordinate."""
 
 
 class CauseId(Record, frozen=True, kw_only=True, order=True):
@@ -99,14 +99,14 @@ class Cause(Record, frozen=True, kw_only=True):
 
     @property
     def replacement(self) -> str:
-        """What to write at each location; empty where no number of a file is to change."""
+        """Text to write at each location; empty if no number of a file must change."""
         if self.kind not in IN_FILE or self.estimate is None or self.standard_error is None:
             return ""
         return digits_known(self.estimate, self.standard_error)
 
     @property
     def id(self) -> CauseId:
-        """Which one it is."""
+        """Identity of the cause."""
         return CauseId(kind=self.kind, subject=self.subject)
 
     def __str__(self) -> str:
@@ -114,6 +114,6 @@ class Cause(Record, frozen=True, kw_only=True):
 
 
 def digits_known(value: float, error: float) -> str:
-    """A fitted value with ten digits, but none below its standard error."""
+    """Format a fitted value with at most ten digits, without digits below its standard error."""
     places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
     return f"{round(value, places) + 0.0:.10g}"

@@ -1,4 +1,4 @@
-"""Two models held against each other, without equations."""
+"""Comparison of two models, without equations."""
 
 from __future__ import annotations
 
@@ -220,6 +220,6 @@ class Comparison(Record, frozen=True, kw_only=True):
 
     @property
     def passes(self) -> bool:
-        """Whether they move alike and, if that is asked for, nothing was left untested."""
+        """True if they move alike and, with `strict`, nothing was left untested."""
         untested = self.found.untested if self.found is not None else ()
         return self.outcome is Outcome.AGREES and not (self.strict and untested)

@@ -1,4 +1,4 @@
-"""What a verdict covers: the numbers of a model file that had a say in it, and the others."""
+"""Coverage of a verdict: the numbers of a model file that it tests, and the others."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ class Coverage(Record, frozen=True, kw_only=True):
 
     @property
     def seen(self) -> int:
-        """Those that had a say."""
+        """Number of tested numbers."""
         return self.motion + self.audit + self.frames

@@ -1,4 +1,4 @@
-"""What is found wrong with a model: by reading it (audit), and from its motions (diagnosis)."""
+"""Problems of a model: audit findings, and diagnosed causes of its motions."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ AuditKind = Literal[
 """Subject of an audit finding; each has a message code and a page.
 
 A number of the file against its binding in the sidecar; an inertia, damping, stiffness or armature
-that no body can have; a compiled term against the equations; a pose; and what an engine or a format
-ignores, adds or assumes (`physics_crosscheck.harness.engines.remark`).
+that no body can have; a compiled term compared with the equations; a pose; and what an engine or a
+format ignores, adds or assumes (`physics_crosscheck.harness.engines.remark`).
 """
 
 BEYOND: AuditKind = "reach"
-"""Kind of a note on a joint limit or a contact that no motion reaches: it is not tested."""
+"""Kind of a note on a joint limit or a contact that no motion reaches, so that it is not tested."""
 
 
 SAME = 1e-6
-"""Computed numbers this close, relative to each other, are of the same finding: another machine or
-engine rounds otherwise."""
+"""Relative tolerance of computed numbers in one finding.
+
+Rounding differs between machines and engines.
+"""
 
 
 def is_near(one: Number, other: Number, tolerance: float) -> bool:
@@ -74,11 +76,11 @@ class AuditFinding(Record, frozen=True, kw_only=True):
         msgspec.structs.force_setattr(self, "code", finding_code(self.kind))
 
     def is_like(self, other: AuditFinding, tolerance: float) -> bool:
-        """Return whether another finding is this one, of the same file, by fields and not by words.
+        """Return whether another finding is the same, in the same file, by fields and not by words.
 
         Args:
-            other: of another engine, version or run.
-            tolerance: by how much the numbers may differ, relative to the larger.
+            other: finding of another engine, version or run.
+            tolerance: tolerance of the numbers, relative to the larger.
         """
         mine = self.kind, self.severity, self.subject, self.location
         theirs = other.kind, other.severity, other.subject, other.location

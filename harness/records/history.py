@@ -1,6 +1,6 @@
-"""What became of each case in past runs: a line of JSON a case and a run, appended.
+"""Outcomes of cases in past runs: one line of JSON per case and run, appended.
 
-`OUT/history/cases.jsonl`; a line that is torn, or of another shape, is passed over.
+The file is `OUT/history/cases.jsonl`. Incomplete or invalid lines are ignored.
 """
 
 from __future__ import annotations
@@ -50,26 +50,26 @@ class Past(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> CaseId:
-        """The case's name."""
+        """Name of the case."""
         return CaseId(
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
 
 
 def digits_known(case: Case | None) -> Number:
-    """Digits that agree in every component, rounded down to a tenth; None where none is known."""
+    """Return the digits that agree in every component, rounded down to a tenth; None if unknown."""
     if case is None or case.verdict is None or case.outcome is Outcome.FAILED:
         return None
     sizes = case.verdict.largest_discrepancy, case.verdict.largest_uncertainty
     if sizes[0] is None or sizes[1] is None:
         return None
     worst = max(sizes[0], sizes[1])
-    # Equal to the last bit: as many digits as a double has.
+    # Bitwise equal: as many digits as a double has.
     return max(0.0, math.floor(-10 * math.log10(worst)) / 10) if worst > 0 else 16.0
 
 
 def past_of(results: Results, commit: str) -> tuple[Past, ...]:
-    """What a run's cases leave behind."""
+    """Return the history lines of a run's cases."""
     return tuple(
         Past(
             time=results.created,
@@ -88,12 +88,12 @@ def past_of(results: Results, commit: str) -> tuple[Past, ...]:
 
 
 def append_history(out: Path, lines: Iterable[Past]) -> None:
-    """Append lines in one write, so that those of two runs at once do not mix.
+    """Append lines in one write, so that two simultaneous runs do not mix theirs.
 
-    A line that an earlier run has left torn is ended first.
+    If an earlier run left an incomplete line, a line end is written first.
 
     Raises:
-        OSError: as the file system has it.
+        OSError: if the file can't be written.
     """
     data = b"".join(msgspec.json.encode(line) + b"\n" for line in lines)
     path = out / FOLDER / NAME
@@ -109,7 +109,7 @@ def append_history(out: Path, lines: Iterable[Past]) -> None:
 
 
 def read_history(out: Path) -> tuple[Past, ...]:
-    """Past runs, in the order in which they were kept; none where there is no history."""
+    """Return past runs in the order of writing; an empty tuple without a history."""
     try:
         data = (out / FOLDER / NAME).read_bytes()
     except OSError:

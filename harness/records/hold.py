@@ -1,22 +1,22 @@
-"""A file that one program at a time holds."""
+"""Lock a file against other programs."""
 
 from __future__ import annotations
 
 try:
     import fcntl
-except ImportError:  # not there on Windows
+except ImportError:  # missing on Windows
     _LOCKS = False
 else:
     _LOCKS = True
 
 
 def hold(file: int, *, wait: bool = False) -> bool:
-    """Hold an open file until it is closed; whether no other program does.
+    """Lock an open file until it is closed; return whether no other program holds the lock.
 
-    Where the system or the file's file system has no locks, programs are not told of each other.
+    On systems or file systems without locks, this always succeeds.
 
     Args:
-        wait: until the other program has closed it.
+        wait: whether to wait until the other program has closed the file.
     """
     if _LOCKS:
         try:

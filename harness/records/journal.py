@@ -1,7 +1,7 @@
-"""What a run has done so far, kept as it comes: a run that is stopped loses no case.
+"""Journal of a run, written case by case, so that an interrupted run loses no case.
 
-A line of JSON each, written through to the disk. What was done is done again if anything that it
-depends on is another; what failed is always tried again.
+Each entry is a line of JSON, synchronized to disk. A task runs again if one of its inputs has
+changed. A failed task always runs again.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ Value = Case | tuple[EngineLinearization, ...] | Coverage | Diagnosis
 
 
 class _Done(Record, frozen=True, kw_only=True):
-    """A line: a piece of work, and what came of it, by its kind."""
+    """A line: a task and its result, in the field of its kind."""
 
     work: Work
     case: Case | None = None
@@ -64,12 +64,12 @@ class _Done(Record, frozen=True, kw_only=True):
 
 
 class Journal:
-    """The file of one run.
+    """The journal file of one run.
 
     Attributes:
-        path: where it is.
-        kept: what an earlier run had done.
-        trouble: why nothing is written any more; empty while it is.
+        path: path of the file.
+        kept: results of an earlier run.
+        trouble: why nothing is written any more; empty as long as writing works.
     """
 
     def __init__(self, path: Path, file: int, kept: dict[Work, Value]) -> None:
@@ -77,7 +77,7 @@ class Journal:
         self._file = file
 
     def keep(self, work: Work, value: Value) -> None:
-        """Write what came of a piece of work; where it can't be, the run goes on without."""
+        """Write the result of a task; if that fails, the run continues without a journal."""
         if self.trouble:
             return
         given: dict[str, Any] = {work.what: value}
@@ -89,22 +89,22 @@ class Journal:
             self.trouble = f"{self.path}: {error.strerror}"
 
     def remove(self) -> None:
-        """The results are written: it is of no more use."""
+        """Remove the journal after the results are written."""
         with contextlib.suppress(OSError):
             self.path.unlink()
 
 
 @contextlib.contextmanager
 def journal(folder: Path, *, resume: bool) -> Iterator[Journal]:
-    """The journal of a run that writes into a folder, which no other run does meanwhile.
+    """Open the journal of a run and lock its folder against other runs.
 
     Args:
-        folder: of the results; made where there is none.
-        resume: whether what an earlier run had done is kept.
+        folder: folder of the results, created if missing.
+        resume: whether to reuse the results of an earlier run.
 
     Raises:
-        ResultsError: where another run is at it.
-        OSError: where nothing can be written.
+        ResultsError: if another run uses the folder.
+        OSError: if the journal can't be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / NAME
@@ -119,7 +119,7 @@ def journal(folder: Path, *, resume: bool) -> Iterator[Journal]:
 
 
 def _opened(path: Path) -> int:
-    """The file, locked: not one that another run has removed since."""
+    """Open and lock the file, unless another run has removed it since."""
     while True:
         file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK, 0o644)
         try:
@@ -157,13 +157,13 @@ def _owner(path: Path) -> str:
 
 
 def _read(path: Path) -> tuple[dict[Work, Value], int]:
-    """What was done, and how many bytes of the file are whole lines."""
+    """Return the stored results, and the number of bytes in complete lines."""
     kept: dict[Work, Value] = {}
     length = 0
     with path.open("rb") as file:
         for line in file:
             if not line.endswith(b"\n"):
-                break  # the run ended while this was written
+                break  # the run ended while writing this
             length += len(line)
             with contextlib.suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
                 done = msgspec.json.decode(line, type=_Done)
@@ -174,6 +174,6 @@ def _read(path: Path) -> tuple[dict[Work, Value], int]:
 
 
 def _write(file: int, data: bytes) -> None:
-    """All of it: a disk that is nearly full takes a part."""
+    """Write all data: a nearly full disk may accept a part only."""
     while data:
         data = data[os.write(file, data) :]

@@ -1,4 +1,4 @@
-"""Results of models that were run again, among those of the others."""
+"""Merge results of models that ran again into earlier results."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ T = TypeVar("T", Case, Model)
 
 
 def merged(last: Results, now: Results, again: Callable[[str, str], bool]) -> Results:
-    """What a run found, with what an earlier one did of the models that were not run again.
+    """Merge the results of a run with earlier results of models that did not run again.
 
     Args:
-        last: the earlier run's; it had the same versions and resolution.
-        now: what was found now.
-        again: whether a model was run again, by folder and file.
+        last: results of the earlier run, with the same versions and resolution.
+        now: new results.
+        again: whether a model ran again, by folder and file.
     """
     folders = list(dict.fromkeys(one.folder for one in (*last.cases, *now.cases)))
     there = {system.folder for system in now.systems}
-    # A declaration that can't be read any more has no system, and all its models were run again.
+    # A declaration that became unreadable has no system, and all its models ran again.
     kept = [s for s in last.systems if s.folder not in there and not again(s.folder, "")]
     systems = sorted([*kept, *now.systems], key=lambda s: folders.index(s.folder))
     cases = _in_order(last.cases, now.cases, again)
@@ -40,7 +40,7 @@ def merged(last: Results, now: Results, again: Callable[[str, str], bool]) -> Re
 def _in_order(
     last: Iterable[T], now: Iterable[T], again: Callable[[str, str], bool]
 ) -> tuple[T, ...]:
-    """Those that stay and those that came, in the order of the earlier run."""
+    """Merge old and new items in the order of the earlier run."""
     found: dict[str, list[T]] = {}
     for one in last:
         stays = found.setdefault(one.folder, [])
@@ -48,7 +48,7 @@ def _in_order(
             stays.append(one)
     for one in now:
         found.setdefault(one.folder, []).append(one)
-    # Sorting keeps scenarios in their order: they have no name of their own here.
+    # Stable sorting keeps the order of scenarios, which have no key here.
     return tuple(
         one
         for rows in found.values()
@@ -59,7 +59,7 @@ def _in_order(
 def _baseline(
     last: Results, now: Results, again: Callable[[str, str], bool]
 ) -> BaselineChanges | None:
-    """Changes since what was accepted, of both."""
+    """Merge the changes since the baseline."""
     if last.baseline is None or now.baseline is None:
         return now.baseline
     folder = {case.id: case.folder for case in last.cases}

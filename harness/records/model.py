@@ -133,29 +133,29 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> ModelId:
-        """Its name."""
+        """Name of the model."""
         return ModelId(system=self.system, model=self.model, engine=self.engine)
 
     @property
     def key(self) -> ModelKey:
-        """What tells the model in its engine from all others of a run."""
+        """Unique key of the model in its engine within a run."""
         return self.folder, self.model, self.engine
 
     @property
     def findings(self) -> tuple[AuditFinding, ...]:
-        """What is wrong without any motion; notes are left out.
+        """Findings without motion, except notes.
 
-        What the audit found, and each linearization that is not Taylor's.
+        They are the audit's findings, and each linearization that differs from the derived one.
         """
         audit = (one for one in self.audit or () if one.severity == "finding")
         return (*audit, *(_other_linearization(one) for one in self.linearization_differs))
 
     @property
     def unexplained_findings(self) -> tuple[AuditFinding, ...]:
-        """What the audit finds wrong, where no one or two causes explain the motions.
+        """Audit findings, if no one or two causes explain the motions.
 
-        Several numbers that are wrong at once are more than a diagnosis tries together; the cause
-        that leaves least is then none, and what reading finds is the better word.
+        A diagnosis tries at most two wrong numbers together. With more, the cause with the smallest
+        residual is wrong, and audit findings are more reliable.
         """
         if self.diagnosis is None or self.diagnosis.explained or not self.diagnosis.explanations:
             return ()
@@ -163,12 +163,12 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def linearization_differs(self) -> tuple[EngineLinearization, ...]:
-        """The linearizations that are not Taylor's."""
+        """Linearizations that differ from the derived ones."""
         return tuple(one for one in self.linearizations if one.differs)
 
     @property
     def failures(self) -> tuple[tuple[str, str], ...]:
-        """What could not be done, and why: it can't have found anything."""
+        """Parts that failed with reasons; these parts can't have findings."""
         diagnosis = "" if self.diagnosis is None else self.diagnosis.failure
         parts = (
             ("audit", self.audit_failure),
@@ -179,7 +179,7 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def passes(self) -> bool:
-        """Whether all was done, and nothing was found, or what was found is accepted."""
+        """True if nothing failed, and there are no findings or they are accepted."""
         return not self.failures and (bool(self.accepted) or not self.findings)
 
 

@@ -1,4 +1,4 @@
-"""Models made wrong on purpose, and what became of each fault."""
+"""Deliberate faults in models, and the result of each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from physics_crosscheck.harness.records.base import Number, Record
 
 
 class FaultKind(StrEnum):
-    """What was done to a model."""
+    """Kind of change of a model."""
 
     LITERAL = "literal"
     MISTAKE = "mistake"
@@ -16,11 +16,11 @@ class FaultKind(StrEnum):
 
 
 class FaultVerdict(StrEnum):
-    """What became of it.
+    """Result of a fault.
 
     `named`; `caught` (the model does not agree) but not named; `refused` by the engine; `untested`,
-    since no motion and no frame depends on it (the audit may see it); or `missed`. Of no mistake:
-    `agrees`.
+    since no motion and no frame depends on it (the audit may find it); or `missed`. Without a
+    fault: `agrees`.
     """
 
     NAMED = "named"

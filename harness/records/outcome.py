@@ -1,4 +1,4 @@
-"""What became of a case."""
+"""Outcome of a case."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ from enum import StrEnum
 from typing import Any
 
 FLOOR = 0.01
-"""A component that hardly moves in one scenario is measured against this share of how far it moves
-in the system's others."""
+"""Smallest scale of a component in a scenario.
+
+It is a share of the component's movement in the system's other scenarios.
+"""
 
 ROUNDED = 3.5
-"""Of its rounding, to which a limit is known at best: once, and 2.5 times what its estimates move
-(`harness.numerics.ladder.limits`), where rounding alone moves them."""
+"""Smallest uncertainty of an extrapolated limit, as a multiple of its rounding.
+
+It is the rounding plus 2.5 times the change of the estimates (`harness.numerics.ladder.limits`), if
+rounding alone changes them.
+"""
 
 
 class Outcome(StrEnum):
@@ -27,26 +32,26 @@ class Outcome(StrEnum):
 
     @property
     def meaning(self) -> str:
-        """What it says of a case, in a few words."""
+        """Short description of the outcome."""
         return _MEANINGS[self]
 
     @property
     def is_run(self) -> bool:
-        """Whether the engine ran the case to its end."""
+        """True if the engine ran the case to its end."""
         return self not in (Outcome.ABSENT, Outcome.REFUSED, Outcome.FAILED)
 
     @property
     def severity(self) -> int:
-        """Rank among the outcomes, 0 is best."""
+        """Rank among the outcomes; 0 is best."""
         return list(Outcome).index(self)
 
 
 def differs(discrepancy: Any, uncertainty: Any, resolution: float) -> Any:
-    """Return whether there is a difference: E > U, and E + U above the resolution; of arrays too.
+    """Return whether E > U and E + U is above the resolution; also for arrays.
 
     Args:
         discrepancy, uncertainty: E and U, relative.
-        resolution: of what is asked, or of what the engine's numbers allow.
+        resolution: the requested resolution, or the one that the engine's precision allows.
     """
     return (discrepancy > uncertainty) & (discrepancy + uncertainty > resolution)
 
@@ -54,9 +59,9 @@ def differs(discrepancy: Any, uncertainty: Any, resolution: float) -> Any:
 def contradiction(
     outcome: Outcome, discrepancy: float | None, uncertainty: float | None, resolution: float
 ) -> str:
-    """Return how an outcome contradicts its own E and U; empty where it does not.
+    """Return how an outcome contradicts its own E and U; empty if it does not.
 
-    A case can be UNRESOLVED for its full runs, whatever its segments say, if these do not differ.
+    A case can be UNRESOLVED because of its full runs, as long as its segments do not differ.
     """
     if outcome in (Outcome.ABSENT, Outcome.FAILED):
         return ""

@@ -1,4 +1,4 @@
-"""Where a model's bodies are in the world, beside where the equations have them."""
+"""Poses of a model's bodies, compared with those of the equations."""
 
 from __future__ import annotations
 

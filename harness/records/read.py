@@ -1,4 +1,4 @@
-"""Records from JSON, strictly: what has another shape is refused in one sentence."""
+"""Read records from JSON strictly: any invalid input is rejected with a one-sentence error."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class ResultsError(ValueError):
 
 
 class DecodeError(ValueError):
-    """Text that is no JSON, or not of the shape that is wanted; says what and where."""
+    """Text that is invalid JSON or has the wrong structure; gives the problem and its place."""
 
 
 def decoded(data: bytes, wanted: type[R]) -> R:
     """Decode a record.
 
     Raises:
-        DecodeError: where the text is no JSON, or has another shape.
+        DecodeError: if the text is invalid JSON or has the wrong structure.
     """
     try:
         record = msgspec.json.decode(data, type=wanted)
@@ -41,7 +41,7 @@ def decoded(data: bytes, wanted: type[R]) -> R:
 
 
 def _once(pairs: list[tuple[str, object]]) -> None:
-    """Refuse an object that has a key twice: of two values, one would be lost."""
+    """Reject an object with a duplicate key, which would lose a value."""
     keys = [key for key, _ in pairs]
     for key in keys:
         if keys.count(key) > 1:
@@ -53,7 +53,7 @@ def _said(error: Exception) -> str:
 
 
 class _Head(msgspec.Struct):
-    """The one field by which another schema is told from a broken file."""
+    """The field that distinguishes another schema from a broken file."""
 
     schema: int
 
@@ -62,11 +62,11 @@ def read_results(path: Path) -> Results:
     """Read results.json.
 
     Raises:
-        ResultsError: for a file that is missing, broken or of another schema, or one whose cases
-            contradict themselves.
+        ResultsError: if the file is missing, broken or of another schema, or cases contradict
+            themselves.
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe would block
             raise OSError(errno.EINVAL, "it is not a file")
         data = path.read_bytes()
     except OSError as error:
@@ -78,7 +78,7 @@ def read_results(path: Path) -> Results:
     except msgspec.ValidationError:
         schema = None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
-        schema = SCHEMA  # no JSON at all: told below
+        schema = SCHEMA  # invalid JSON: reported below
     if schema != SCHEMA:
         raise ResultsError(f"{path}: not a results file of schema {SCHEMA}; {again}")
     try:

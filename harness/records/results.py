@@ -1,4 +1,4 @@
-"""What a run found: enough to draw the whole report from it alone."""
+"""Results of a run: the only input of the report."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SCHEMA: Literal[3] = 3
 
 
 def nothing_tested(engines: Iterable[str]) -> str:
-    """What is said where no engine that is asked for is installed."""
+    """Return the message if none of the selected engines is installed."""
     names = sorted(set(engines))
     verb = "is" if len(names) == 1 else "are"
     return (
@@ -53,7 +53,7 @@ class BaselineChange(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> CaseId:
-        """The case's name."""
+        """Name of the case."""
         return CaseId(
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
@@ -105,9 +105,9 @@ class Results(Record, frozen=True, kw_only=True):
 
     @property
     def untested(self) -> str:
-        """Why nothing was tested at all, and what helps; empty where something was.
+        """Why nothing was tested, and the remedy; empty if something was tested.
 
-        Where nothing ran, nothing passed.
+        A run without a tested case does not pass.
         """
         if not self.cases or any(case.outcome is not Outcome.ABSENT for case in self.cases):
             return ""
@@ -115,7 +115,7 @@ class Results(Record, frozen=True, kw_only=True):
 
     @property
     def refusals(self) -> tuple[Case, ...]:
-        """Return the refused cases of files that another engine has judged."""
+        """Refused cases of files that another engine has judged."""
         judged = {(case.folder, case.scenario) for case in self.cases if case.verdict is not None}
         refused = (case for case in self.cases if case.outcome is Outcome.REFUSED)
         return tuple(case for case in refused if (case.folder, case.scenario) in judged)
@@ -127,5 +127,5 @@ class Results(Record, frozen=True, kw_only=True):
         return tuple(c for c in self.cases if not c.passes or c.key in amiss)
 
     def model_of(self, case: Case) -> Model | None:
-        """The record of a case's model in its engine; None where it was not run at all."""
+        """Return the record of a case's model in its engine; None if it did not run."""
         return next((model for model in self.models if model.key == case.key), None)

@@ -1,7 +1,7 @@
 """JSON Schemas and reference pages of the result files, generated from the records.
 
 `python -m physics_crosscheck.harness.records.schema docs/schema` writes the schemas into this
-folder and the pages into `docs/reference`. A test fails if they are not current.
+folder and the pages into `docs/reference`. A test fails if they are out of date.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is found of a model without motion: its audit, or what its file says beyond its motions."""
+"""Findings without motion: an audit, or features of a file that motions do not test."""
 
 from __future__ import annotations
 

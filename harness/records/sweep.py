@@ -1,4 +1,4 @@
-"""A sweep: what became of each of its cases, and the plan that they follow from."""
+"""A sweep: the result of each case, and the plan."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class SweepRow(Record, frozen=True, kw_only=True):
 
     @property
     def name(self) -> str:
-        """Of the case, without its constants."""
+        """Name of the case, without its constants."""
         return f"{self.system}/{self.model} [{self.engine}] {self.scenario}"
 
 

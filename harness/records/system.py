@@ -1,4 +1,4 @@
-"""A system as a page to read: what is declared, and what is derived from it."""
+"""A system as the report shows it: its declaration, and everything derived from it."""
 
 from __future__ import annotations
 
@@ -241,10 +241,10 @@ _LINKS = ("spring", "damper", "rod", "line", "wall", "measure")
 
 
 def _trees(shape: Shape) -> list[SketchTree | None]:
-    """Every place and size of a shape.
+    """Return every place and size of a shape.
 
     Raises:
-        ValueError: where one is missing.
+        ValueError: if one is missing.
     """
     link = shape.kind in _LINKS
     points = (shape.start, shape.end) if link else (shape.at,)
@@ -261,14 +261,14 @@ def _trees(shape: Shape) -> list[SketchTree | None]:
 MOST_NESTED = 100
 
 _OPERANDS = {"^": 2, "sin": 1, "cos": 1, "tan": 1}
-"""How many an operation has; `+` and `*` have any number."""
+"""Number of operands of an operation; `+` and `*` accept any number."""
 
 
 def _check(tree: object, positions: int, depth: int = 0) -> None:
-    """Refuse what is no tree.
+    """Reject an invalid tree.
 
     Raises:
-        ValueError: naming it.
+        ValueError: naming the invalid part.
     """
     match tree:
         case bool():

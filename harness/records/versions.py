@@ -1,4 +1,4 @@
-"""The same models under several versions of an engine: what is asked of each, and what changes."""
+"""The same models under several versions of an engine: the task of each, and the changes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ CaseChange = Literal[
     "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",
     "step cost", "next state",
 ]  # fmt: skip
-"""What becomes of a case from one version to the next; the worst first."""
+"""Kind of change of a case from one version to the next, the worst first."""
 
 ModelChange = Literal["fails", "loads", "linearization", "remark gained", "remark lost"]
-"""What becomes of a model beside its cases."""
+"""Kind of change of a model besides its cases."""
 
 
 class Repeated(Record, frozen=True, kw_only=True):
@@ -145,14 +145,14 @@ class VersionCase(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> CaseId:
-        """Its name."""
+        """Name of the case."""
         return CaseId(
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
 
     @property
     def compared(self) -> bool:
-        """Whether anything is known of it under both versions, or it runs under one alone."""
+        """True if both versions have a result, or the case exists under one version only."""
         return "not compared" not in self.kinds
 
 
@@ -177,7 +177,7 @@ class VersionModel(Record, frozen=True, kw_only=True):
 
     @property
     def id(self) -> ModelId:
-        """Its name."""
+        """Name of the model."""
         return ModelId(system=self.system, model=self.model, engine=self.engine)
 
 
@@ -198,17 +198,17 @@ class Upgrade(Record, frozen=True, kw_only=True):
 
     @property
     def changed(self) -> tuple[VersionCase, ...]:
-        """The cases of which something changes."""
+        """Cases that change."""
         return tuple(case for case in self.cases if case.kinds and case.compared)
 
     @property
     def not_compared(self) -> tuple[VersionCase, ...]:
-        """Those of which nothing can be said."""
+        """Cases that could not be compared."""
         return tuple(case for case in self.cases if not case.compared)
 
     @property
     def same(self) -> tuple[VersionCase, ...]:
-        """Those of which nothing changes."""
+        """Cases that do not change."""
         return tuple(case for case in self.cases if not case.kinds)
 
 
@@ -249,10 +249,10 @@ class Versions(Record, frozen=True, kw_only=True):
 
     @property
     def changed(self) -> bool:
-        """Whether anything does."""
+        """True if anything changes."""
         return any(one.changed or one.models for one in self.upgrades)
 
     @property
     def incomplete(self) -> bool:
-        """Whether anything could not be compared, or there was nothing to compare."""
+        """True if a case could not be compared, or there was nothing to compare."""
         return any(one.not_compared or not one.cases for one in self.upgrades)

@@ -1,4 +1,4 @@
-"""Records as JSON, and files that are written whole or not at all."""
+"""Write records as JSON, and files whole or not at all."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.base import Record
 
 
 def encoded(record: Record, indent: int = 0) -> str:
-    """A record as JSON, a newline at its end; `indent`: spaces a level, 0 for one line."""
+    """Return a record as JSON with a final newline; `indent`: spaces per level, 0 for one line."""
     data = msgspec.json.encode(record)
     if indent:
         data = msgspec.json.format(data, indent=indent)
@@ -20,10 +20,10 @@ def encoded(record: Record, indent: int = 0) -> str:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file whole or not at all: a temporary file beside it, then a rename.
+    """Write a file whole or not at all: write a temporary file next to it, then rename it.
 
     Raises:
-        OSError: as the file system has it, with the file's own name; what was there is as it was.
+        OSError: with the file's own name if it can't be written; an existing file stays unchanged.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
