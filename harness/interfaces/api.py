@@ -73,13 +73,13 @@ class Results(results.Results, frozen=True, kw_only=True):
         """
         wanted = {"scenario": scenario, "model": model, "engine": engine, "system": system}
         given = {key: value for key, value in wanted.items() if value is not None}
-        found = [c for c in self.cases if all(getattr(c, k) == v for k, v in given.items())]
-        if len(found) == 1:
-            return found[0]
-        said = ", ".join(f"{key}={value!r}" for key, value in given.items()) or "nothing given"
-        what = "more than one case has" if found else "no case has"
-        which = ", ".join(str(case.id) for case in found or self.cases)
-        raise LookupError(f"{what} {said}: {which}")
+        matches = [c for c in self.cases if all(getattr(c, k) == v for k, v in given.items())]
+        if len(matches) == 1:
+            return matches[0]
+        criteria = ", ".join(f"{key}={value!r}" for key, value in given.items()) or "nothing given"
+        what = "more than one case has" if matches else "no case has"
+        which = ", ".join(str(case.id) for case in matches or self.cases)
+        raise LookupError(f"{what} {criteria}: {which}")
 
     def trajectories(
         self,
@@ -226,5 +226,5 @@ def check(
         choice=targets.choice,
     )
     with without_main():
-        found = run(targets.folders, options, lambda *_: None, robots=targets.robots).results
-    return Results(**msgspec.structs.asdict(found))
+        record = run(targets.folders, options, lambda *_: None, robots=targets.robots).results
+    return Results(**msgspec.structs.asdict(record))

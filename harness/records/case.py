@@ -140,8 +140,8 @@ class Verdict(Record, frozen=True, kw_only=True):
 
 def starts_at(time: float | None, segment: int) -> str:
     """Return where a segment starts: a time, or the index of a separate state."""
-    known = time is not None and math.isfinite(time)
-    return f"t = {time:.4g} s" if known else f"state {segment + 1}"
+    is_known = time is not None and math.isfinite(time)
+    return f"t = {time:.4g} s" if is_known else f"state {segment + 1}"
 
 
 class ErrorDecomposition(Record, frozen=True, kw_only=True):
@@ -445,15 +445,17 @@ class Case(Record, frozen=True, kw_only=True):
         least = max(resolution, ROUNDED * (v.largest_uncertainty or 0.0))
         if self.outcome is Outcome.DIFFERS:
             least = resolution
-        at = least if v.resolution is None else v.resolution
-        if why := contradiction(self.outcome, v.discrepancy, v.uncertainty, at):
+        limit = least if v.resolution is None else v.resolution
+        if why := contradiction(self.outcome, v.discrepancy, v.uncertainty, limit):
             return why
         if self.outcome is not Outcome.AGREES:
             return ""
         # Maxima of E and U can be of different segments; E above both U and resolution differs.
         e, u = v.largest_discrepancy, v.largest_uncertainty
-        if e is None or u is None or e > max(u, at):
-            return f"AGREES contradicts the largest E = {e} and U = {u} at the resolution {at:.1e}"
+        if e is None or u is None or e > max(u, limit):
+            return (
+                f"AGREES contradicts the largest E = {e} and U = {u} at the resolution {limit:.1e}"
+            )
         if v.map_residual is not None and v.map_residual > max(v.map_uncertainty or 0.0, least):
             return f"AGREES contradicts the residual {v.map_residual:.1e} of its coordinate map"
         if dynamics is not None and dynamics.outcome is Outcome.DIFFERS:

@@ -52,14 +52,14 @@ class FilePage:
 def page_texts(pages: Sequence[FilePage]) -> dict[str, str]:
     """Return the text of each page by its file name; a shared struct is on the first page."""
     homes: dict[type, str] = {}
-    own: dict[str, list[types.StructType]] = {page.name: [] for page in pages}
+    page_structs: dict[str, list[types.StructType]] = {page.name: [] for page in pages}
     for page in pages:
         for record in page.records:
             for struct in _structs(types.type_info(record)):
                 if struct.cls not in homes:
                     homes[struct.cls] = page.name
-                    own[page.name].append(struct)
-    return {f"{page.name}.md": _page(page, own[page.name], homes) for page in pages}
+                    page_structs[page.name].append(struct)
+    return {f"{page.name}.md": _page(page, page_structs[page.name], homes) for page in pages}
 
 
 def _page(page: FilePage, structs: Sequence[types.StructType], homes: Mapping[type, str]) -> str:

@@ -38,11 +38,11 @@ Rounding differs between machines and engines.
 """
 
 
-def is_near(one: Number, other: Number, tolerance: float) -> bool:
+def is_near(number: Number, other: Number, tolerance: float) -> bool:
     """Return whether two numbers are equal to a relative tolerance, or both are missing."""
-    if one is None or other is None:
-        return one is other
-    return math.isclose(one, other, rel_tol=tolerance)
+    if number is None or other is None:
+        return number is other
+    return math.isclose(number, other, rel_tol=tolerance)
 
 
 class AuditFinding(Record, frozen=True, kw_only=True):

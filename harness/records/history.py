@@ -114,10 +114,10 @@ def read_history(out: Path) -> tuple[Past, ...]:
         data = (out / FOLDER / NAME).read_bytes()
     except OSError:
         return ()
-    found = []
+    past = []
     for line in data.splitlines():
         try:
-            found.append(msgspec.json.decode(line, type=Past))
+            past.append(msgspec.json.decode(line, type=Past))
         except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
             continue
-    return tuple(found)
+    return tuple(past)

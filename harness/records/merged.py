@@ -41,18 +41,18 @@ def _in_order(
     last: Iterable[T], now: Iterable[T], again: Callable[[str, str], bool]
 ) -> tuple[T, ...]:
     """Merge old and new items in the order of the earlier run."""
-    found: dict[str, list[T]] = {}
-    for one in last:
-        stays = found.setdefault(one.folder, [])
-        if not again(one.folder, one.model):
-            stays.append(one)
-    for one in now:
-        found.setdefault(one.folder, []).append(one)
+    groups: dict[str, list[T]] = {}
+    for item in last:
+        stays = groups.setdefault(item.folder, [])
+        if not again(item.folder, item.model):
+            stays.append(item)
+    for item in now:
+        groups.setdefault(item.folder, []).append(item)
     # Stable sorting keeps the order of scenarios, which have no key here.
     return tuple(
-        one
-        for rows in found.values()
-        for one in sorted(rows, key=lambda one: (one.model, one.engine))
+        item
+        for rows in groups.values()
+        for item in sorted(rows, key=lambda item: (item.model, item.engine))
     )
 
 

@@ -183,18 +183,21 @@ class Model(Record, frozen=True, kw_only=True):
         return not self.failures and (bool(self.accepted) or not self.findings)
 
 
-def _other_linearization(one: EngineLinearization) -> AuditFinding:
+def _other_linearization(linearization: EngineLinearization) -> AuditFinding:
     parts = [
         f"{name} by {error:.1e} of its largest entry"
         + ("" if bound is None else f" (uncertainty {bound:.0e})")
-        for name, error, bound in (("A", one.a_error, one.a_bound), ("B", one.b_error, one.b_bound))
+        for name, error, bound in (
+            ("A", linearization.a_error, linearization.a_bound),
+            ("B", linearization.b_error, linearization.b_bound),
+        )
         if error
     ]
     return AuditFinding(
         kind="linearization",
-        subject=(one.equilibrium,),
-        message=f"the engine's own linearization about {one.equilibrium!r} differs from the"
-        f" equations' in {' and in '.join(parts)}",
+        subject=(linearization.equilibrium,),
+        message=f"the engine's own linearization about {linearization.equilibrium!r} differs"
+        f" from the equations' in {' and in '.join(parts)}",
         location=None,
         expected=None,
         found=None,

@@ -35,9 +35,9 @@ def decoded(data: bytes, wanted: type[R]) -> R:
         json.loads(data, object_pairs_hook=_once)
         return record
     except msgspec.ValidationError as error:
-        raise DecodeError(f"malformed: {_said(error)}") from None
+        raise DecodeError(f"malformed: {_error_text(error)}") from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise DecodeError(f"not JSON: {_said(error)}") from None
+        raise DecodeError(f"not JSON: {_error_text(error)}") from None
 
 
 def _once(pairs: list[tuple[str, object]]) -> None:
@@ -48,7 +48,7 @@ def _once(pairs: list[tuple[str, object]]) -> None:
             raise DecodeError(f"malformed: Object has the key `{key}` twice")
 
 
-def _said(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return " ".join(str(error).split())
 
 

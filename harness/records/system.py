@@ -283,8 +283,8 @@ def _check(tree: object, positions: int, depth: int = 0) -> None:
             for operand in operands:
                 _check(operand, positions, depth + 1)
             return
-    said = repr(tree)[:40] if not isinstance(tree, list) else f"a list of {len(tree)}"
-    raise ValueError(f"{said} in the sketch is neither a number nor a known operation")
+    description = repr(tree)[:40] if not isinstance(tree, list) else f"a list of {len(tree)}"
+    raise ValueError(f"{description} in the sketch is neither a number nor a known operation")
 
 
 class Sketch(Record, frozen=True, kw_only=True):

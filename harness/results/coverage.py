@@ -14,35 +14,39 @@ from physics_crosscheck.harness.results.status import counted
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:
     """Return one line per model; models with the same coverage share a line."""
-    said: dict[str, list[str]] = {}
+    models_by_line: dict[str, list[str]] = {}
     for model in models:
         if line := coverage_line(model):
-            said.setdefault(line, []).append(str(model.id))
-    return [f"{', '.join(names)}: {line}" for line, names in said.items()]
+            models_by_line.setdefault(line, []).append(str(model.id))
+    return [f"{', '.join(names)}: {line}" for line, names in models_by_line.items()]
 
 
 def coverage_summary(models: Iterable[Model]) -> str:
     """Return how many numbers of the files were tested; each file counts in its best engine."""
     best: dict[tuple[str, str], Coverage] = {}
     for model in models:
-        one, key = model.coverage, (model.folder, model.model)
-        if one is not None and one.numbers and (key not in best or one.seen > best[key].seen):
-            best[key] = one
-    total = sum(one.numbers for one in best.values())
-    tested = sum(one.seen for one in best.values())
+        coverage, key = model.coverage, (model.folder, model.model)
+        if (
+            coverage is not None
+            and coverage.numbers
+            and (key not in best or coverage.seen > best[key].seen)
+        ):
+            best[key] = coverage
+    total = sum(coverage.numbers for coverage in best.values())
+    tested = sum(coverage.seen for coverage in best.values())
     share = f"{100 * tested / total:.0f} %" if total else ""
     return f"{tested} of {counted(total, 'number')} tested ({share})" if total else ""
 
 
 def left_out(models: Iterable[Model]) -> list[str]:
     """Return one line per robot file with parts that are not compared."""
-    told = {
+    lines_by_file = {
         model.folder: ", ".join(model.coverage.left_out)
         for model in models
         if model.coverage is not None and model.coverage.left_out
     }
-    said = "it has more than is checked; not compared"
-    return [f"{file}: {said}: {what}" for file, what in told.items()]
+    reason = "it has more than is checked; not compared"
+    return [f"{file}: {reason}: {what}" for file, what in lines_by_file.items()]
 
 
 def refused(results: Results) -> list[str]:
@@ -73,14 +77,14 @@ def numbers_seen(coverage: Coverage, examples: bool) -> str:
     by: Mapping[str, int] = {
         "motion": coverage.motion, "audit": coverage.audit, "frames": coverage.frames,
     }  # fmt: skip
-    said = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
+    counts_text = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
     line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} tested"
-    line += f" ({said})" if said else ""
-    left = [
+    line += f" ({counts_text})" if counts_text else ""
+    untested = [
         f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
         for one in coverage.untested
     ]
-    return line + (f"; untested: {', '.join(left)}" if left else "")
+    return line + (f"; untested: {', '.join(untested)}" if untested else "")
 
 
 def _some(untested: Untested) -> str:
@@ -93,9 +97,9 @@ def poses_checked(poses: Poses) -> str:
     if poses.note:
         return f"poses not compared: {poses.note}"
     wrong = [frame.name for frame in poses.frames if not frame.agrees]
-    told = f"{counted(len(poses.frames), 'pose')} compared"
+    line = f"{counted(len(poses.frames), 'pose')} compared"
     if wrong:
-        told += f", {len(wrong)} wrong ({', '.join(wrong)})"
+        line += f", {len(wrong)} wrong ({', '.join(wrong)})"
     if poses.unchecked:
-        told += f", not {', '.join(poses.unchecked)} (not in the sidecar's [frames])"
-    return told
+        line += f", not {', '.join(poses.unchecked)} (not in the sidecar's [frames])"
+    return line

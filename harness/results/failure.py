@@ -67,29 +67,29 @@ def in_brief(
     """Return a failure in one line for pytest's short summary, and its source line if known."""
     if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
         lines = [one for cause in diagnosis.explanations[0].causes for one in cause.locations]
-        brief = _visible(f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}")
-        return brief, lines[0] if lines else None
+        summary = _visible(f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}")
+        return summary, lines[0] if lines else None
     places = []
     if isinstance(record, Model):
         places = [finding.location for finding in record.findings if finding.location]
-    brief = failure_message(record, decision, diagnosis).splitlines()[0]
-    return brief, places[0] if places else None
+    summary = failure_message(record, decision, diagnosis).splitlines()[0]
+    return summary, places[0] if places else None
 
 
 def figures(case: Case) -> dict[str, str]:
     """Return the known numbers of a case by name, formatted."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     if case.verdict is not None:
         component = case.verdict.component
-        found |= _figure("discrepancy", case.verdict.discrepancy, "{:.3e}")
-        found |= _figure("uncertainty", case.verdict.uncertainty, "{:.3e}")
-        found |= {"component": component} if component else {}
-        found |= _figure("order", case.verdict.order, "{:.3f}")
+        values |= _figure("discrepancy", case.verdict.discrepancy, "{:.3e}")
+        values |= _figure("uncertainty", case.verdict.uncertainty, "{:.3e}")
+        values |= {"component": component} if component else {}
+        values |= _figure("order", case.verdict.order, "{:.3f}")
     if case.full_run is not None:
-        found |= _figure("global_error", case.full_run.global_error, "{:.3e}")
-        found |= _figure("velocity_error", case.full_run.velocity_error, "{:.3e}")
-        found |= _figure("time_step", case.full_run.time_step, "{:g}")
-    return found
+        values |= _figure("global_error", case.full_run.global_error, "{:.3e}")
+        values |= _figure("velocity_error", case.full_run.velocity_error, "{:.3e}")
+        values |= _figure("time_step", case.full_run.time_step, "{:g}")
+    return values
 
 
 def _figure(name: str, value: Number, form: str) -> dict[str, str]:

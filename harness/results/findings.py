@@ -25,13 +25,13 @@ def audit_lines(
     success: str = "ok: literals and compiled terms match the equations",
 ) -> list[str]:
     """Return one line per finding, then one per note, each with its file and line."""
-    known = list(findings)
+    all_findings = list(findings)
     lines = []
     for severity in ("finding", "note") if notes else ("finding",):
-        for one in known:
-            if one.severity == severity:
-                text = f"{_place(one.location)}{one.message}"
-                lines.append(f"{severity:<8} {with_code(one.code, text)}")
+        for finding in all_findings:
+            if finding.severity == severity:
+                text = f"{_place(finding.location)}{finding.message}"
+                lines.append(f"{severity:<8} {with_code(finding.code, text)}")
     return lines or [success]
 
 

@@ -27,13 +27,13 @@ from physics_crosscheck.harness.results.next_steps import Change, changes_of, st
 from physics_crosscheck.harness.results.places import placed, shown_line
 from physics_crosscheck.harness.results.visible import visible
 
-MOST = 10
+MAX_ANNOTATIONS = 10
 """Maximum number of annotations that GitHub shows per step and level."""
 
 MOST_SUMMARY = 1024 * 1024
 """Maximum size of a step summary in bytes; GitHub drops a longer one."""
 
-_CUT = "\n\n(cut: the rest is in the artifacts)\n"
+_TRUNCATED = "\n\n(cut: the rest is in the artifacts)\n"
 _LONGEST = 4000
 
 
@@ -122,11 +122,11 @@ def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -
     folder = Path(place[0])
     file = folder if folder.is_file() else folder / place[1]
     shown = (shown_line(place[0], where) for where in blamed)
-    found = tuple(one for one in shown if one.line is not None and Path(one.file).is_file())
-    first = (Path(found[0].file), found[0].line) if found else (file, None)
-    if not found and not file.is_file():
+    in_files = tuple(one for one in shown if one.line is not None and Path(one.file).is_file())
+    first = (Path(in_files[0].file), in_files[0].line) if in_files else (file, None)
+    if not in_files and not file.is_file():
         first = folder, None
-    return Annotation(file=first[0], line=first[1], locations=found, **fields)
+    return Annotation(file=first[0], line=first[1], locations=in_files, **fields)
 
 
 def case_notes(results: Results) -> list[Annotation]:
@@ -155,9 +155,9 @@ def case_note(case: Case, model: Model | None) -> Annotation:
         changes = changes_of(model)
         if len(changes) < len(best.causes):
             changes = []  # one of two causes alone does not fix the model
-    elif model and (found := model.unexplained_findings):
-        message = f"{found[0].message}: {message}"
-        blamed = [one.location for one in found if one.location is not None]
+    elif model and (unexplained := model.unexplained_findings):
+        message = f"{unexplained[0].message}: {message}"
+        blamed = [one.location for one in unexplained if one.location is not None]
     return _note(
         (case.folder, case.model),
         blamed,
@@ -186,12 +186,12 @@ def on_github(environment: Mapping[str, str]) -> bool:
     return environment.get("GITHUB_ACTIONS", "").lower() == "true"
 
 
-def commands(found: Sequence[Annotation], environment: Mapping[str, str]) -> list[str]:
+def commands(annotations: Sequence[Annotation], environment: Mapping[str, str]) -> list[str]:
     """Return the first ten workflow commands on GitHub; an empty list elsewhere."""
     if not on_github(environment):
         return []
     root = Path(environment.get("GITHUB_WORKSPACE") or Path.cwd()).resolve()
-    return [annotation.command(root) for annotation in found[:MOST]]
+    return [annotation.command(root) for annotation in annotations[:MAX_ANNOTATIONS]]
 
 
 def plain_line(line: str) -> str:
@@ -214,7 +214,7 @@ class LogStream(io.TextIOBase):
 
     def __init__(self, inner: TextIO) -> None:
         self.inner = inner
-        self._begun, self._within = "", False
+        self._pending, self._within = "", False
 
     def isatty(self) -> bool:
         """Return whether the inner stream is a terminal."""
@@ -226,7 +226,7 @@ class LogStream(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Write the complete lines."""
-        *whole, self._begun = (self._begun + text).split("\n")
+        *whole, self._pending = (self._pending + text).split("\n")
         for line in whole:
             self.inner.write(f"{self._plain(line)}\n")
             self._within = False
@@ -234,8 +234,8 @@ class LogStream(io.TextIOBase):
 
     def flush(self) -> None:
         """Write an incomplete line too, unless more text could turn it into a command."""
-        begun = self._begun
-        if begun.strip() not in ("", ":") and not begun.endswith("#"):
+        text = self._pending
+        if text.strip() not in ("", ":") and not text.endswith("#"):
             self._write_begun()
         self.inner.flush()
 
@@ -246,14 +246,14 @@ class LogStream(io.TextIOBase):
 
     def command(self, line: str) -> None:
         """Write an intended workflow command at the start of a line."""
-        if self._begun or self._within:
+        if self._pending or self._within:
             self.write("\n")
         self.inner.write(f"{line}\n")
 
     def _write_begun(self) -> None:
-        self.inner.write(self._plain(self._begun))
-        self._within = self._within or bool(self._begun)
-        self._begun = ""
+        self.inner.write(self._plain(self._pending))
+        self._within = self._within or bool(self._pending)
+        self._pending = ""
 
     def _plain(self, line: str) -> str:
         first, *rest = line.split("\r")  # also ends a line in the log
@@ -310,8 +310,8 @@ def write_summary(text: str, environment: Mapping[str, str]) -> None:
     room = MOST_SUMMARY - (path.stat().st_size if path.is_file() else 0)
     data = text.encode()
     if len(data) > room:
-        keep = max(0, room - len(_CUT.encode()))
-        data = data[:keep].decode(errors="ignore").encode() + _CUT.encode()
+        kept_bytes = max(0, room - len(_TRUNCATED.encode()))
+        data = data[:kept_bytes].decode(errors="ignore").encode() + _TRUNCATED.encode()
         data = data if len(data) <= room else b""
     with path.open("ab") as file:
         file.write(data)

@@ -26,61 +26,65 @@ def troubles(cases: Iterable[Case]) -> list[Trouble]:
     Cases of one model file that differ form a group. So do cases with the same kind of difference
     in one component, and cases without a kind but with the same reason.
     """
-    found: dict[Hashable, list[Case]] = {}
+    groups: dict[Hashable, list[Case]] = {}
     amiss = [c for c in cases if c.outcome is not Outcome.AGREES and not c.accepted]
     for case in sorted(amiss, key=_worst_first):
-        found.setdefault(_kind(case), []).append(case)
-    return [Trouble(worst, tuple(others)) for worst, *others in found.values()]
+        groups.setdefault(_kind(case), []).append(case)
+    return [Trouble(worst, tuple(others)) for worst, *others in groups.values()]
 
 
 def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
     """Group models that have a diagnosis by file and causes."""
-    found: dict[Hashable, list[Model]] = {}
+    groups: dict[Hashable, list[Model]] = {}
     for model in models:
         if (diagnosis := model.diagnosis) is None:
             continue
         best = diagnosis.explanations[:1]
         causes = tuple((cause.id, cause.locations) for one in best for cause in one.causes)
         state = diagnosis.explained, bool(model.unexplained_findings), diagnosis.failure
-        found.setdefault((model.folder, model.model, causes, state), []).append(model)
-    return [tuple(one) for one in found.values()]
+        groups.setdefault((model.folder, model.model, causes, state), []).append(model)
+    return [tuple(one) for one in groups.values()]
 
 
 def audited_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
     """Group models that have findings by file and findings."""
-    found: list[list[Model]] = []
+    groups: list[list[Model]] = []
     for model in models:
         if model.findings:
-            same = next((alike for alike in found if _same_findings(alike[0], model)), None)
+            same = next((alike for alike in groups if _same_findings(alike[0], model)), None)
             if same is None:
-                found.append([model])
+                groups.append([model])
             else:
                 same.append(model)
-    return [tuple(alike) for alike in found]
+    return [tuple(alike) for alike in groups]
 
 
-def _same_findings(one: Model, other: Model) -> bool:
-    mine, theirs = one.findings, other.findings
-    return (one.folder, one.model, len(mine)) == (other.folder, other.model, len(theirs)) and all(
-        map(_is_like, mine, theirs)
-    )
+def _same_findings(model: Model, other: Model) -> bool:
+    mine, theirs = model.findings, other.findings
+    return (model.folder, model.model, len(mine)) == (
+        other.folder,
+        other.model,
+        len(theirs),
+    ) and all(map(_is_like, mine, theirs))
 
 
-def _is_like(one: AuditFinding, other: AuditFinding) -> bool:
+def _is_like(finding: AuditFinding, other: AuditFinding) -> bool:
     """Return whether one message fits both: the numbers that only one contains must be equal."""
-    return one.is_like(other, SAME) and (one.found is not None or one.message == other.message)
+    return finding.is_like(other, SAME) and (
+        finding.found is not None or finding.message == other.message
+    )
 
 
 def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
     """Return failures of models and their reasons, without those that the cases report."""
-    told: dict[ModelKey, set[str]] = {}
+    reported: dict[ModelKey, set[str]] = {}
     for case in results.cases:
-        told.setdefault(case.key, set()).add(case.reason)
+        reported.setdefault(case.key, set()).add(case.reason)
     return [
         (model, what, why)
         for model in results.models
         for what, why in model.failures
-        if why not in told.get(model.key, ())
+        if why not in reported.get(model.key, ())
     ]
 
 

@@ -46,11 +46,11 @@ def similar_codes(word: str) -> list[str]:
     return [*difflib.get_close_matches(word.upper(), CODES), *names]
 
 
-def code_page(one: Code) -> str:
+def code_page(code: Code) -> str:
     """Return the page of a message as Markdown."""
     return (
-        f"# {one.code}: {one.name}\n\n{one.title}\n\n## Meaning\n\n{one.cause}\n\n"
-        f"## Example\n\n```text\n{one.example}\n```\n\n## What to do\n\n{one.remedy}\n"
+        f"# {code.code}: {code.name}\n\n{code.title}\n\n## Meaning\n\n{code.cause}\n\n"
+        f"## Example\n\n```text\n{code.example}\n```\n\n## What to do\n\n{code.remedy}\n"
     )
 
 
@@ -72,12 +72,12 @@ def pages() -> dict[str, str]:
     }
 
 
-def code_lines(one: Code, width: int) -> Iterator[str]:
+def code_lines(code: Code, width: int) -> Iterator[str]:
     """Yield the page of a message for a terminal of the given width in columns."""
-    yield f"{one.code} {one.name}: {one.title}"
-    for title, text in (("Meaning", one.cause), ("Example", ""), ("What to do", one.remedy)):
+    yield f"{code.code} {code.name}: {code.title}"
+    for title, text in (("Meaning", code.cause), ("Example", ""), ("What to do", code.remedy)):
         yield f"\n{title}"
-        lines = textwrap.wrap(text, max(width - 2, 20)) if text else one.example.splitlines()
+        lines = textwrap.wrap(text, max(width - 2, 20)) if text else code.example.splitlines()
         yield from (f"  {line}" for line in lines)
 
 
@@ -85,10 +85,10 @@ def list_lines(width: int) -> Iterator[str]:
     """Yield all codes with their titles, by group, for a terminal of the given width in columns."""
     for prefix, title in GROUPS.items():
         yield f"{title} ({prefix}xx)"
-        for one in CODES.values():
-            if one.code.startswith(prefix):
+        for code in CODES.values():
+            if code.code.startswith(prefix):
                 yield from textwrap.wrap(
-                    f"{one.code}  {one.title}", max(width, 40), initial_indent="  ",
+                    f"{code.code}  {code.title}", max(width, 40), initial_indent="  ",
                     subsequent_indent=" " * 9,
                 )  # fmt: skip
 

@@ -21,8 +21,8 @@ def shown_path(path: str | Path) -> str:
 def shown_line(folder: str, where: SourceLine) -> SourceLine:
     """Return a line of a model's file, with its path relative to the working folder."""
     place = Path(folder)
-    beside = (place if place.is_dir() else place.parent) / Path(where.file).name
-    return replace(where, file=shown_path(beside)) if beside.is_file() else where
+    path = (place if place.is_dir() else place.parent) / Path(where.file).name
+    return replace(where, file=shown_path(path)) if path.is_file() else where
 
 
 def is_spelled(where: SourceLine, name: str, data: bytes) -> bool:
@@ -33,8 +33,8 @@ def is_spelled(where: SourceLine, name: str, data: bytes) -> bool:
         name: name of a model file or its sidecar, without folders.
         data: content of that file.
     """
-    folder, found = where.file.removesuffix(name), where.file.endswith(name)
-    if where.span is None or not found or folder[-1:] not in ("", "/", "\\"):
+    folder, is_found = where.file.removesuffix(name), where.file.endswith(name)
+    if where.span is None or not is_found or folder[-1:] not in ("", "/", "\\"):
         return False
     return bool(where.text) and data[slice(*where.span)] == where.text.encode()
 

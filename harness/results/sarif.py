@@ -41,16 +41,16 @@ def sarif(results: Results) -> str:
     return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1)
 
 
-def _rule(one: Code) -> dict[str, object]:
+def _rule(code: Code) -> dict[str, object]:
     """Return a message as a rule, with the address of its page (section 3.49.12) if known."""
-    text = f"{one.title} {one.cause} What to do: {one.remedy}"
+    text = f"{code.title} {code.cause} What to do: {code.remedy}"
     rule: dict[str, object] = {
-        "id": one.code,
-        "name": one.name,
-        "shortDescription": {"text": _message(one.title)},
+        "id": code.code,
+        "name": code.name,
+        "shortDescription": {"text": _message(code.title)},
         "help": {"text": _message(text)},
     }
-    address = page_address(one.code)
+    address = page_address(code.code)
     return {**rule, "helpUri": address} if address else rule
 
 
@@ -103,9 +103,9 @@ def _places(note: Annotation) -> Iterator[dict[str, object]]:
 def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | None:
     """Return all replacements as one fix; None if a file no longer contains an old text."""
     files: dict[str, list[object]] = {}
-    told = []
+    fix_parts = []
     for change in changes:
-        told.append(f"change {change}")
+        fix_parts.append(f"change {change}")
         for where in change.locations:
             region = _region(where, model)
             if region is None:
@@ -115,7 +115,7 @@ def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | 
     if not files:
         return None
     return {
-        "description": {"text": _message("; ".join(told))},
+        "description": {"text": _message("; ".join(fix_parts))},
         "artifactChanges": [
             {"artifactLocation": {"uri": uri}, "replacements": replacements}
             for uri, replacements in files.items()

@@ -32,7 +32,7 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
         key: value for e in elements if e.tag == "compiler" for key, value in e.attributes.items()
     }
     urdf = model.suffix == ".urdf"
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     for element in elements:
         name = element.attributes.get("filename" if urdf else "file")
         if not name or element.tag == "include" or (urdf and element.tag not in _SHAPES):
@@ -43,8 +43,8 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
                 f"{where}; a system folder runs or reads files that end with {ending}: rename it"
             )
         places = _places(name, element, compiler, urdf)
-        found |= _contents(model.parent, places, where)
-    return found
+        contents |= _contents(model.parent, places, where)
+    return contents
 
 
 def _places(
@@ -59,10 +59,10 @@ def _places(
     key = "texturedir" if element.tag == "texture" else "meshdir"
     folder = compiler.get(key, compiler.get("assetdir", ""))
     stripped = compiler.get("strippath") == "true"
-    told = PurePosixPath(folder, PurePosixPath(name).name if stripped else name)
+    place = PurePosixPath(folder, PurePosixPath(name).name if stripped else name)
     if not urdf:
-        return (told,)
-    return (PurePosixPath(name.split("://", 1)[-1]), told)
+        return (place,)
+    return (PurePosixPath(name.split("://", 1)[-1]), place)
 
 
 def _contents(folder: Path, places: tuple[PurePosixPath, ...], where: str) -> dict[str, bytes]:
@@ -72,19 +72,19 @@ def _contents(folder: Path, places: tuple[PurePosixPath, ...], where: str) -> di
         NewError: if none exists.
     """
     within = [path for path in places if not _leads_away(path)]
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     reasons = []
     for path in within:
         try:
-            found[str(path)] = read_regular(folder / path)
+            contents[str(path)] = read_regular(folder / path)
         except OSError as error:
             reasons.append(error.strerror)
-    if not found and len(within) < len(places):
+    if not contents and len(within) < len(places):
         raise NewError(f"{where}, which is not below its folder; copy it into the folder")
-    if not found:
+    if not contents:
         looked = " or ".join(dict.fromkeys(map(str, within)))
         raise NewError(f"{where}, looked for as {looked}: {reasons[0]}")
-    return found
+    return contents
 
 
 def _leads_away(path: PurePosixPath) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find_in
 from physics_crosscheck.harness.scaffold.folder import NewError
 
-_TAKEN = {
+_RESERVED = {
     "t", "pi", "sin", "cos", "ground", "system", "T", "V", "D", "Constant", "Coordinate",
     "Equilibrium", "Input", "Output", "Scenario", "System", "FILE",
 }  # fmt: skip
@@ -45,7 +45,7 @@ class Ledger:
     data: bytes
     rows: list[Row] = field(default_factory=list)
     bindings: dict[str, str] = field(default_factory=dict)
-    names: set[str] = field(default_factory=lambda: set(_TAKEN))
+    names: set[str] = field(default_factory=lambda: set(_RESERVED))
     shared: dict[str, list[str]] = field(default_factory=dict)
     _issued: dict[tuple[str, str], str] = field(default_factory=dict)
 
@@ -55,11 +55,11 @@ class Ledger:
         plain = plain[:_LONGEST].strip("_") or "x"
         if not plain.isidentifier() or keyword.iskeyword(plain):
             plain = f"x_{plain}"
-        found, count = plain, 2
-        while found in self.names or f"{found}_dot" in self.names:
-            found, count = f"{plain}_{count}", count + 1
-        self.names |= {found}
-        return found
+        unique, count = plain, 2
+        while unique in self.names or f"{unique}_dot" in self.names:
+            unique, count = f"{plain}_{count}", count + 1
+        self.names |= {unique}
+        return unique
 
     def number(
         self,
@@ -88,19 +88,19 @@ class Ledger:
         if unit == "rad" and (turn := quarter(value)) is not None:
             self._bind(address, turn, degrees)
             return turn
-        own = self.name(*name)
+        identifier = self.name(*name)
         source = (
             f"{self.file.name}, as compiled"
             if place is None
             else (f"{place.file.name}:{place.line}")
         )
         self.rows.append(
-            Row(name=own, value=abs(value), unit=unit, description=what, source=source)
+            Row(name=identifier, value=abs(value), unit=unit, description=what, source=source)
         )
         if address is not None:
-            self._issued[address, unit] = own
-        self._bind(address, f"{sign}{own}", degrees)
-        return f"{sign}{own}"
+            self._issued[address, unit] = identifier
+        self._bind(address, f"{sign}{identifier}", degrees)
+        return f"{sign}{identifier}"
 
     def _bind(self, address: str | None, formula: str, degrees: bool) -> None:
         """Bind the number at a place to a formula, if the place is known."""

@@ -56,17 +56,17 @@ def write_folder(
         NewError: if the target exists by then.
     """
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as temporary:
-        made = Path(temporary) / target.name
+        folder = Path(temporary) / target.name
         for name, data in files.items():
-            (made / name).parent.mkdir(parents=True, exist_ok=True)
-            (made / name).write_bytes(data)
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(data)
         if check is not None:
-            check(made)
-            for cache in made.rglob("__pycache__"):
+            check(folder)
+            for cache in folder.rglob("__pycache__"):
                 shutil.rmtree(cache)
         try:
             if os.path.lexists(target):
                 raise FileExistsError
-            os.rename(made, target)
+            os.rename(folder, target)
         except OSError:
             raise NewError(f"{target}: can't be written; nothing was written") from None

@@ -43,7 +43,7 @@ class Energies:
 
     def __init__(self, model: Path, data: bytes, target: Path) -> None:
         self._model, self._data, self._target = model, data, target
-        self._beside = neighbours(model, data)
+        self._neighbours = neighbours(model, data)
         self._ledger = Ledger(model, data)
         mechanism = _read(model, data, self._ledger)
         if not mechanism.joints:
@@ -64,20 +64,20 @@ class Energies:
         chosen = plan(self._system, self._mechanism.joints)
         self.files = {
             self._model.name: self._data,
-            **self._beside,
+            **self._neighbours,
             "system.py": self._text(chosen).encode(),
             self._sidecar: self._sidecar_bytes(),
         }
 
-    def check(self, made: Path) -> None:
+    def check(self, folder: Path) -> None:
         """Compare engines with the equations that were read; skip engines that can't run the file.
 
         Raises:
             NewError: if no engine agrees.
         """
         suffix = self._model.suffix
-        self.remarks.extend(_checked(made, self._target, suffix, self._left_out))
-        (made / self._sidecar).write_bytes(self._sidecar_bytes())
+        self.remarks.extend(_checked(folder, self._target, suffix, self._left_out))
+        (folder / self._sidecar).write_bytes(self._sidecar_bytes())
 
     def _text(self, chosen: Plan) -> str:
         rows = self._ledger.rows
@@ -121,12 +121,12 @@ def format_settings(suffix: str) -> list[str]:
     """Return the lines of a sidecar's settings for a format that states none."""
     if suffix != ".urdf":
         return []
-    taken = [
+    required = [
         f"{e.title} would take {e.default_settings_note}"
         for e in default_engines(suffix)
         if e.default_settings_note
     ]
-    first, *others = [*taken, ""]
+    first, *others = [*required, ""]
     rest = "".join(f", {words.replace(' would take', '')}" for words in others if words)
     return [
         f"# A URDF carries neither; {first}{rest}.",
@@ -163,7 +163,7 @@ def _declared(text: str, model: Path) -> System:
     return system
 
 
-def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) -> list[str]:
+def _checked(folder: Path, target: Path, suffix: str, left_out: dict[str, str]) -> list[str]:
     """Return the engines' disagreements with a written folder; `left_out` gets unusable engines.
 
     Raises:
@@ -174,16 +174,16 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
         return ["no engine that runs it is installed, so the new folder is not checked"]
     against: list[str] = []
     agrees = False
-    for model in audits([made], engines=installed):
+    for model in audits([folder], engines=installed):
         engine = model.id.engine
         wrong = [one.message for one in model.findings if one.severity == "finding"]
         if model.failure and engine == "-":
-            raise NewError(_plain(model.failure, made, target))
+            raise NewError(_plain(model.failure, folder, target))
         if model.failure:
-            left_out[engine] = _plain(model.failure, made, target)
+            left_out[engine] = _plain(model.failure, folder, target)
             against.append(f"{engine} is left out: {left_out[engine]}")
         elif wrong:
-            against += [f"{engine}: {_plain(m, made, target)}" for m in wrong]
+            against += [f"{engine}: {_plain(m, folder, target)}" for m in wrong]
         else:
             agrees = True
     if not agrees:
@@ -197,5 +197,5 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
     return against
 
 
-def _plain(message: str, made: Path, target: Path) -> str:
-    return " ".join(message.replace(str(made), str(target)).split())
+def _plain(message: str, folder: Path, target: Path) -> str:
+    return " ".join(message.replace(str(folder), str(target)).split())

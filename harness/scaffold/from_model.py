@@ -68,17 +68,19 @@ def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str
     robot = read_robot(model, floating=floating, model=chosen)
     if robot.tree is None:
         raise NewError("; ".join(map(str, robot.obstacles)))
-    found = _energies(robot, data, target)
-    if isinstance(found, Energies):
-        write_folder(target, found.files, found.check)
-        said = f"energies: {counted(found.operations, 'operation')} in T and V, of {_joints(robot)}"
-        return Written(declares=said, remarks=tuple(found.remarks))
-    settings = _unstated(robot) if model.suffix == ".sdf" else format_settings(model.suffix)
+    energies = _energies(robot, data, target)
+    if isinstance(energies, Energies):
+        write_folder(target, energies.files, energies.check)
+        reason = (
+            f"energies: {counted(energies.operations, 'operation')} in T and V, of {_joints(robot)}"
+        )
+        return Written(declares=reason, remarks=tuple(energies.remarks))
+    settings = _default_settings(robot) if model.suffix == ".sdf" else format_settings(model.suffix)
     remarks = from_tree(robot, data, target, settings)
-    return Written(declares=f"bodies instead of energies: {found}", remarks=remarks)
+    return Written(declares=f"bodies instead of energies: {energies}", remarks=remarks)
 
 
-def _unstated(robot: Robot) -> list[str]:
+def _default_settings(robot: Robot) -> list[str]:
     """Return sidecar settings for values that an SDFormat file states in its world."""
     assert robot.body_model is not None
     ordinary = {"step": STEP, "gravity": list(robot.body_model.gravity)}
@@ -93,16 +95,16 @@ def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
     if why := _too_much(robot):
         return why
     try:
-        found = Energies(robot.file, data, target)
-        if found.operations > MOST_OPERATIONS:
+        energies = Energies(robot.file, data, target)
+        if energies.operations > MOST_OPERATIONS:
             return (
-                f"T and V have {found.operations} operations; more than "
+                f"T and V have {energies.operations} operations; more than "
                 f"{MOST_OPERATIONS} are too many"
             )
-        found.plan()
+        energies.plan()
     except (NewError, DeclarationError) as error:
         return str(error)
-    return found
+    return energies
 
 
 def _too_much(robot: Robot) -> str:

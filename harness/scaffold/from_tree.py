@@ -50,26 +50,26 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
     Raises:
         NewError: naming the problem; nothing is written then.
     """
-    model, told_ = robot.file, robot.body_model
-    assert told_ is not None  # the caller checks that it has a tree
+    model, body_model = robot.file, robot.body_model
+    assert body_model is not None  # the caller checks that it has a tree
     parts = included(model)
     where = places([model, *(model.parent / name for name in parts)])
     compiled = next(
         (e.title for e in default_engines(model.suffix) if model.suffix in e.compiles), ""
     )
-    text = tree_text(target.name, summary(robot), model.name, told_, where, compiled)
-    beside, able = f"{model.name}.toml", default_engines(model.suffix)
+    text = tree_text(target.name, summary(robot), model.name, body_model, where, compiled)
+    sidecar, able = f"{model.name}.toml", default_engines(model.suffix)
     files = {model.name: data, **parts, "system.py": text.encode()}
-    files |= {beside: _sidecar(robot, able, {}, settings)}
+    files |= {sidecar: _sidecar(robot, able, {}, settings)}
     remarks: list[str] = []
 
-    def check(made: Path) -> None:
-        _check_reading(made, robot)
-        left_out, said = _run(made, robot, target)
+    def check(folder: Path) -> None:
+        _check_reading(folder, robot)
+        left_out, engine_remarks = _run(folder, robot, target)
         chosen = [one for one in able if one.name not in left_out]
         # If no engine runs it, a run must report each of them.
-        (made / beside).write_bytes(_sidecar(robot, chosen or able, left_out, settings))
-        remarks.extend(said)
+        (folder / sidecar).write_bytes(_sidecar(robot, chosen or able, left_out, settings))
+        remarks.extend(engine_remarks)
 
     others = besides(model)
     copied = called(others, robot.shapes)
@@ -83,8 +83,8 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
             raise NewError(
                 f"{model}: its copy in a folder reads as a different robot: {error}"
             ) from None
-    if idle := [path.name for path in others if path not in copied]:
-        remarks.append(f"not copied, because no inertia depends on it: {_listed(idle)}")
+    if unused := [path.name for path in others if path not in copied]:
+        remarks.append(f"not copied, because no inertia depends on it: {_listed(unused)}")
     if robot.left_out:
         remarks.append(f"left out: {', '.join(told(one) for one in robot.left_out)}")
     return tuple(remarks)
@@ -99,11 +99,11 @@ def _listed(names: Sequence[str]) -> str:
 def _sidecar(
     robot: Robot, chosen: Sequence[Engine], left_out: Mapping[str, str], settings: Sequence[str]
 ) -> bytes:
-    own = settings_of(robot)
-    return tree_sidecar(robot.file.name, chosen, left_out, settings, own).encode()
+    own_settings = settings_of(robot)
+    return tree_sidecar(robot.file.name, chosen, left_out, settings, own_settings).encode()
 
 
-def _check_reading(made: Path, robot: Robot) -> None:
+def _check_reading(folder: Path, robot: Robot) -> None:
     """Compare the declaration and the copy of the file with the robot that was read.
 
     Raises:
@@ -111,12 +111,12 @@ def _check_reading(made: Path, robot: Robot) -> None:
         NewError: if the declaration differs.
     """
     chosen = str(robot.stated.get("model", ""))
-    again = read_robot(made / robot.file.name, floating=robot.floats, model=chosen)
+    again = read_robot(folder / robot.file.name, floating=robot.floats, model=chosen)
     if again.body_model != robot.body_model:
         raise _OtherBodiesError(
             "; ".join(one.sentence for one in again.obstacles) or "it lacks a part"
         )
-    system = load_declaration(made)
+    system = load_declaration(folder)
     assert isinstance(system, MultibodySystem)
     written = BodyModel(
         bodies=system.bodies,
@@ -129,7 +129,7 @@ def _check_reading(made: Path, robot: Robot) -> None:
         raise NewError(f"{robot.file}: the files written differ from the robot read")
 
 
-def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[str]]:
+def _run(folder: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[str]]:
     """Return the engines that can't run the file with reasons, and remarks about engines.
 
     Raises:
@@ -138,9 +138,9 @@ def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[s
     able = [one for one in default_engines(robot.file.suffix) if one.version() is not None]
     if not able:
         return {}, ["no engine that runs it is installed, so the new folder is not checked"]
-    system = load_declaration(made)
+    system = load_declaration(folder)
     assert isinstance(system, MultibodySystem)
-    sidecar = read_sidecar(made / f"{robot.file.name}.toml")
+    sidecar = read_sidecar(folder / f"{robot.file.name}.toml")
     try:
         drawn = states_of(system, CHECKED)
     except ReferenceError as error:
@@ -149,15 +149,15 @@ def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[s
     remarks: list[str] = []
     with Workers(1) as workers:
         for engine in able:
-            task = case_of(system, drawn, made, sidecar, engine.name, RESOLUTION)
+            task = case_of(system, drawn, folder, sidecar, engine.name, RESOLUTION)
             case = workers.outcome(workers.submit(run_robot, task))
             if isinstance(case, Failure):
-                why = left_out[engine.name] = _plain(case.reason, made, target)
+                why = left_out[engine.name] = _plain(case.reason, folder, target)
                 remarks.append(f"{engine.name} is left out: {why}")
             elif case.outcome is not Outcome.AGREES:
                 remarks.append(f"{engine.name} {case.outcome}: {case.reason}")
     return left_out, remarks
 
 
-def _plain(message: str, made: Path, target: Path) -> str:
-    return " ".join(message.replace(str(made), str(target)).split())
+def _plain(message: str, folder: Path, target: Path) -> str:
+    return " ".join(message.replace(str(folder), str(target)).split())

@@ -66,7 +66,7 @@ class _Reader:
             raise NewError(str(error)) from None
         world = [e for e in self.elements if e.tag == "worldbody"]
         self.bodies = [e for top in world for e in _below(top, "body")]
-        self.joints = [e for body in self.bodies for e in _own(body, "joint")]
+        self.joints = [e for body in self.bodies for e in _children(body, "joint")]
         self.remarks: list[str] = []
         count = sum(len(body.joints) for body in self.tree.bodies)
         if len(self.bodies) != len(self.tree.bodies) or len(self.joints) != count:
@@ -113,7 +113,7 @@ class _Reader:
     ) -> Body:
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
-        at = self._triple(
+        position = self._triple(
             body.position,
             (name,),
             "m",
@@ -131,7 +131,7 @@ class _Reader:
             name=name,
             symbol=frames[i],
             parent=frames[body.parent],
-            at=at,
+            at=position,
             turns=turns,
             joints=joints,
             mass=mass,
@@ -146,9 +146,9 @@ class _Reader:
         self, body: CompiledBody, element: RawElement, address: str | None, name: str
     ) -> tuple[str, Triple, tuple[Turn, ...], Triple, Triple]:
         none: Triple = ("0", "0", "0")
-        own = _own(element, "inertial")
-        if not own and body.mass:
-            for geom in _own(element, "geom"):
+        inertial = _children(element, "inertial")
+        if not inertial and body.mass:
+            for geom in _children(element, "geom"):
                 kind = "mesh" if "mesh" in geom.attributes else geom.attributes.get("type", "")
                 if kind in _MASSLESS and geom.attributes.get("mass") != "0":
                     raise self.refuse(
@@ -158,7 +158,7 @@ class _Reader:
                 f"body {name!r} has no <inertial>: {self.title} computes its mass "
                 "and inertia from geoms, so they have no line in the file"
             )
-        within = f"{address}/inertial" if own and address else None
+        within = f"{address}/inertial" if inertial and address else None
         mass = self.ledger.number(
             body.mass,
             (name, "mass"),
@@ -173,7 +173,7 @@ class _Reader:
             f"centre of mass of {name}",
             within and f"{within}@pos",
         )
-        full = own[0].attributes.get("fullinertia", "").split() if own else []
+        full = inertial[0].attributes.get("fullinertia", "").split() if inertial else []
         if full:
             # The engine diagonalizes these; the file states them in body axes.
             six = [
@@ -199,7 +199,9 @@ class _Reader:
             )
             for k, (axis, value) in enumerate(zip("xyz", body.moments, strict=True))
         )
-        inner = self._turns(body.principal, own[0] if own else None, within, f"{name}_inertia")
+        inner = self._turns(
+            body.principal, inertial[0] if inertial else None, within, f"{name}_inertia"
+        )
         return mass, centre, inner, (moments[0], moments[1], moments[2]), none
 
     def _joint(self, joint: CompiledJoint, element: RawElement) -> Joint:
@@ -248,11 +250,11 @@ class _Reader:
             where=f"{self.path.name}:{self.source.line(element.start)}",
         )
 
-    def _first(self, terms: Sequence[float], element: RawElement, what: str) -> float:
+    def _first(self, coefficients: Sequence[float], element: RawElement, what: str) -> float:
         """Return a stiffness or damping; reject higher terms of polynomials."""
-        if any(terms[1:]):
+        if any(coefficients[1:]):
             raise self.refuse(element, f"its {what} is a polynomial; only the first term is used")
-        return terms[0]
+        return coefficients[0]
 
     def _of_joint(self, element: RawElement, name: str) -> Callable[[float, str, str, bool], str]:
         degrees = not self._radians()
@@ -288,9 +290,9 @@ class _Reader:
             (e for e in defaults if e.attributes.get("class", "main") == (wanted or "main")), None
         )
         while found is not None and found.tag == "default":
-            for own in _own(found, element.tag):
-                if key in own.attributes:
-                    return self._address(own) and f"{self._address(own)}@{key}"
+            for child in _children(found, element.tag):
+                if key in child.attributes:
+                    return self._address(child) and f"{self._address(child)}@{key}"
             found = found.parent
         return None
 
@@ -298,21 +300,21 @@ class _Reader:
         """Return the shortest path that matches this element only."""
         alike = [e for e in self.elements if e.tag == element.tag]
         levels: dict[int, RawElement | None] = {id(e): e for e in alike}
-        own: RawElement | None = element
+        ancestor: RawElement | None = element
         for depth in range(1, element.depth + 1):
-            assert own is not None
+            assert ancestor is not None
             # A step without a name matches every element of its tag.
             alike = [
                 e
                 for e in alike
                 if (here := levels[id(e)]) is not None
-                and here.tag == own.tag
-                and own.identity in (None, here.identity)
+                and here.tag == ancestor.tag
+                and ancestor.identity in (None, here.identity)
             ]
             if len(alike) == 1:
                 return element.spelled(depth)
             levels = {id(e): here.parent for e in alike if (here := levels[id(e)]) is not None}
-            own = own.parent
+            ancestor = ancestor.parent
         return None
 
     def _triple(
@@ -369,22 +371,22 @@ class _Reader:
         return any(key in e.attributes for e in self.elements if e.tag == "compiler")
 
 
-def _own(element: RawElement, tag: str) -> list[RawElement]:
+def _children(element: RawElement, tag: str) -> list[RawElement]:
     """Return the children of a tag; a <frame> only groups elements."""
-    found = []
+    children = []
     for child in element.children:
         if child.tag == tag:
-            found.append(child)
+            children.append(child)
         elif child.tag == "frame":
-            found += _own(child, tag)
-    return found
+            children += _children(child, tag)
+    return children
 
 
 def _below(element: RawElement, tag: str) -> list[RawElement]:
     """Return the elements of a tag at any depth, in the order of the file."""
-    found = []
+    elements = []
     for child in element.children:
         if child.tag == tag:
-            found.append(child)
-        found += _below(child, tag)
-    return found
+            elements.append(child)
+        elements += _below(child, tag)
+    return elements

@@ -18,15 +18,15 @@ _PULLS = ("tendon", "actuator")
 
 def places(files: Iterable[Path]) -> Mapping[Key, str]:
     """Return `robot.urdf:93` of the first element of each name, and of its parts."""
-    found: dict[Key, str] = {}
+    lines: dict[Key, str] = {}
     for file in files:
         try:
             document = Document(file)
         except DocumentError:
             continue  # not well-formed XML, though an engine may read it
         for key, element in _named(document.root):
-            found.setdefault(key, f"{file.name}:{document.line(element)}")
-    return found
+            lines.setdefault(key, f"{file.name}:{document.line(element)}")
+    return lines
 
 
 def _named(element: RawElement) -> Iterator[tuple[Key, RawElement]]:

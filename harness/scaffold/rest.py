@@ -50,23 +50,23 @@ def rest_position(system: System, joints: Sequence[Joint]) -> Array:
     ]
     size = max(float(np.max(np.abs(slopes(start)))) for start in tries) or 1.0
 
-    def rests(at: Array) -> bool:
-        return bool(np.max(np.abs(slopes(at))) < 1e-6 * size)
+    def rests(position: Array) -> bool:
+        return bool(np.max(np.abs(slopes(position))) < 1e-6 * size)
 
-    def inside(at: Array) -> bool:
-        return all(clipped(x, joint) == x for x, joint in zip(at, joints, strict=True))
+    def inside(position: Array) -> bool:
+        return all(clipped(x, joint) == x for x, joint in zip(position, joints, strict=True))
 
-    found: list[Array] = []
+    candidates: list[Array] = []
     for start in tries:
         down = scipy.optimize.minimize(
             lambda q: float(energy(q)[0]), start, jac=slopes, method="BFGS", tol=1e-10 * size
         )
         near = scipy.optimize.least_squares(slopes, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
-        found += [_unwound(np.asarray(x), joints) for x in (down.x, near.x)]
-        if rests(found[-2]) and inside(found[-2]):
-            return found[-2]  # a minimum
-    if known := [at for at in found if rests(at)]:
-        return min(known, key=lambda at: (not inside(at), float(np.max(np.abs(at - middle)))))
+        candidates += [_unwound(np.asarray(x), joints) for x in (down.x, near.x)]
+        if rests(candidates[-2]) and inside(candidates[-2]):
+            return candidates[-2]  # a minimum
+    if resting := [at for at in candidates if rests(at)]:
+        return min(resting, key=lambda at: (not inside(at), float(np.max(np.abs(at - middle)))))
     names = ", ".join(j.name for j, p in zip(joints, pulled, strict=True) if p)
     raise NewError(
         "no rest position found, within the limits or beyond: gravity or springs "
@@ -75,9 +75,9 @@ def rest_position(system: System, joints: Sequence[Joint]) -> Array:
     )
 
 
-def _unwound(at: Array, joints: Sequence[Joint]) -> Array:
+def _unwound(position: Array, joints: Sequence[Joint]) -> Array:
     turns = [j.hinge and j.limits is None for j in joints]
-    return np.where(turns, (at + math.pi) % (2 * math.pi) - math.pi, at)
+    return np.where(turns, (position + math.pi) % (2 * math.pi) - math.pi, position)
 
 
 def named_position(rest: Array, joints: Sequence[Joint]) -> tuple[tuple[str, ...], bool]:

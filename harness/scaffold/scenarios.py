@@ -67,11 +67,11 @@ class Plan:
 
     def lines(self, joints: Sequence[Joint], forces: Sequence[str]) -> list[str]:
         """Return the lines of system.py that declare the plan."""
-        at = ", ".join(f"{j.symbol}: {r}" for j, r in zip(joints, self.rest, strict=True))
+        position = ", ".join(f"{j.symbol}: {r}" for j, r in zip(joints, self.rest, strict=True))
         lines = [
             "    # search=True: near there; False: exactly there.",
             "    equilibria=(",
-            f'        Equilibrium("rest", at={{{at}}}, search={self.search},',
+            f'        Equilibrium("rest", at={{{position}}}, search={self.search},',
             '                    description="where it rests"),',
             "    ),",
             "    scenarios=(",
@@ -132,13 +132,15 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
     signs = [(1.0, -0.6, 0.8, -0.4)[i % 4] for i in range(len(rest))]
     still = tuple((0.0, 1.0) for _ in joints)
     sizes = [("free", f"released away from {about}", 0.7, still)]
-    if any(joint.hinge and _reach(r, joint) > 2 for r, joint in zip(centre, joints, strict=True)):
+    if any(
+        joint.hinge and _distance(r, joint) > 2 for r, joint in zip(centre, joints, strict=True)
+    ):
         sizes.append(("large", f"released far away from {about}", 2.2, still))
     pushes = []
     for i, joint in enumerate(joints):
-        reach = min(0.3 * _reach(centre[i], joint), 0.4 if joint.hinge else 0.1)
+        distance = min(0.3 * _distance(centre[i], joint), 0.4 if joint.hinge else 0.1)
         rate = 0.7 * slowest * (1 + 0.13 * i)
-        size = reach * max(float(linear.stiffness[i, i]), float(linear.mass[i, i]) * rate**2)
+        size = distance * max(float(linear.stiffness[i, i]), float(linear.mass[i, i]) * rate**2)
         pushes.append((float(f"{size:.2g}"), float(f"{rate:.2g}")))
     sizes.append(("driven", "a harmonic force on every joint", 0.1, tuple(pushes)))
     motions = []
@@ -241,7 +243,7 @@ def _uniform(equations: Equations, motion: Motion) -> bool:
     return bool(np.max(np.ptp(speeds, axis=0)) <= 1e-6 * np.max(np.abs(speeds)))
 
 
-def _reach(rest: float, joint: Joint) -> float:
+def _distance(rest: float, joint: Joint) -> float:
     """Return the distance that a joint can move in both directions."""
     if joint.limits is None:
         return math.inf if joint.hinge else 1.0
@@ -252,11 +254,11 @@ def _reach(rest: float, joint: Joint) -> float:
 def _start(
     rest: Array, joints: Sequence[Joint], signs: Sequence[float], size: float
 ) -> tuple[float, ...]:
-    found = []
+    distances = []
     for r, joint, sign in zip(rest, joints, signs, strict=True):
         wanted = size if joint.hinge else 0.15 * size
-        found.append(float(f"{r + sign * min(wanted, 0.7 * _reach(r, joint)):.3g}"))
-    return tuple(found)
+        distances.append(float(f"{r + sign * min(wanted, 0.7 * _distance(r, joint)):.3g}"))
+    return tuple(distances)
 
 
 def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[Joint]) -> Motion:

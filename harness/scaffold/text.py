@@ -99,8 +99,8 @@ def sidecar_text(
     lines += settings
     for engine in engines if settings else ():
         if engine.stated_settings:
-            own = [f"{key} = {literal(value)}" for key, value in engine.stated_settings.items()]
-            lines += [f"[settings.{engine.name}]", *own, ""]
+            stated = [f"{key} = {literal(value)}" for key, value in engine.stated_settings.items()]
+            lines += [f"[settings.{engine.name}]", *stated, ""]
     renamed = [joint for joint in mechanism.joints if joint.name != joint.symbol]
     if renamed:
         lines += ["# Joints whose names no formula could hold.", "[coordinates]"]
@@ -186,8 +186,8 @@ def _chain(name: str, start: str, steps: Sequence[str]) -> list[str]:
     return [f"{name} = (", f"    {start}", *(f"    {step}" for step in steps), ")"]
 
 
-def _shift(at: Triple) -> list[str]:
-    return [] if at == ("0", "0", "0") else [f".at({', '.join(at)})"]
+def _shift(offset: Triple) -> list[str]:
+    return [] if offset == ("0", "0", "0") else [f".at({', '.join(offset)})"]
 
 
 def _turn(turn: Turn) -> str:
@@ -228,10 +228,10 @@ def _energies(mechanism: Mechanism) -> list[str]:
     ]
 
 
-def _sum(name: str, terms: Sequence[str]) -> list[str]:
-    if len(terms) < 2:
-        return [f"{name} = {terms[0] if terms else 0}"]
-    return [f"{name} = (", f"    {terms[0]}", *(f"    + {term}" for term in terms[1:]), ")"]
+def _sum(name: str, parts: Sequence[str]) -> list[str]:
+    if len(parts) < 2:
+        return [f"{name} = {parts[0] if parts else 0}"]
+    return [f"{name} = (", f"    {parts[0]}", *(f"    + {term}" for term in parts[1:]), ")"]
 
 
 def _axis(axis: Sequence[float]) -> str:

@@ -49,7 +49,7 @@ _FREE = MappingProxyType({"damping": "N m s/rad and N s/m", "armature": "kg m^2 
 
 
 def tree_text(
-    name: str, title: str, file: str, told: BodyModel, where: Mapping[Key, str], compiled: str
+    name: str, title: str, file: str, bodies: BodyModel, where: Mapping[Key, str], compiled: str
 ) -> str:
     """Return the text of system.py; text of the model file appears in literals only.
 
@@ -57,7 +57,7 @@ def tree_text(
         name: name of the system.
         title: description of the system.
         file: name of the model file.
-        told: bodies of the robot.
+        bodies: bodies of the robot.
         where: places of the bodies in the file.
         compiled: engine that compiled the numbers; empty if the file states them.
     """
@@ -68,9 +68,9 @@ def tree_text(
             f"Every number is as {compiled} compiles the file: in SI units, with defaults, frames"
             " and shapes put in"
         )
-    more = {"Coupling": told.couplings, "Fluid": told.fluid, "ForceElement": told.pulls}
+    more = {"Coupling": bodies.couplings, "Fluid": bodies.fluid, "ForceElement": bodies.pulls}
     named = [name for name, there in more.items() if there]
-    ways = [pull.along for pull in told.pulls if pull.along is not None]
+    ways = [pull.along for pull in bodies.pulls if pull.along is not None]
     named += {type(one).__name__ for one in ways}
     named += ["Site"] if any(not isinstance(one, JointForce) for one in ways) else []
     used = sorted(["Joint", "MultibodySystem", "RigidBody", *named])
@@ -87,30 +87,32 @@ def tree_text(
         f"    name={quoted(name)},",
         f"    title={quoted(title)},",
         f"    source={quoted(f'{shown}, read by crosscheck new')},",
-        f"    gravity={_number(told.gravity)},  # m/s^2",
+        f"    gravity={_number(bodies.gravity)},  # m/s^2",
         "    # Each body after the one that carries it; one without joints is welded to that. Its",
         "    # inertia is ixx, iyy, izz, ixy, ixz and iyz about its center of mass.",
         "    bodies=(",
-        *(line for body in told.bodies for line in _body(body, where)),
+        *(line for body in bodies.bodies for line in _body(body, where)),
         "    ),",
     ]  # fmt: skip
-    if told.pulls:
+    if bodies.pulls:
         lines += [
             "    # Tendons, and actuators with their inputs held at `control`.",
             "    pulls=(",
-            *(line for pull in told.pulls for line in _pull(pull, where)),
+            *(line for pull in bodies.pulls for line in _force_element(pull, where)),
             "    ),",
         ]
-    if told.couplings:
+    if bodies.couplings:
         lines += [
             "    # Joints that follow others.",
             "    couplings=(",
-            *map(_coupling, told.couplings),
+            *map(_coupling, bodies.couplings),
             "    ),",
         ]
-    if told.fluid:
-        said = (f"{key}={_number(value)}" for key, value in _said(told.fluid, ()))
-        lines += [f"    medium=Fluid({', '.join(said)}),  # kg/m^3, Pa s, m/s"]
+    if bodies.fluid:
+        fluid_fields = (
+            f"{key}={_number(value)}" for key, value in _stated_fields(bodies.fluid, ())
+        )
+        lines += [f"    medium=Fluid({', '.join(fluid_fields)}),  # kg/m^3, Pa s, m/s"]
     return "\n".join([*lines, ")", ""])
 
 
@@ -119,7 +121,7 @@ def tree_sidecar(
     engines: Sequence[Engine],
     left_out: Mapping[str, str],
     settings: Sequence[str],
-    own: Mapping[str, object],
+    own_settings: Mapping[str, object],
 ) -> str:
     """Return the sidecar: engines, settings that the format lacks, and parts that are not compared.
 
@@ -128,7 +130,7 @@ def tree_sidecar(
         engines: engines that run it.
         left_out: engines that can't run it, and why.
         settings: lines for a format that states no time step and no gravity, with `[settings]`.
-        own: further settings of the comparison with bodies.
+        own_settings: further settings of the comparison with bodies.
     """
     lines = [f"# The sidecar of {plain(file)}: settings that the file itself can't express."]
     lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
@@ -137,7 +139,7 @@ def tree_sidecar(
     lines += [
         "# Contacts, limits and dry friction have no digits to compare: the bodies move without,",
         "# and joints follow others where `couplings` names them.",
-        *(f"{key} = {json.dumps(value)}" for key, value in own.items()),
+        *(f"{key} = {json.dumps(value)}" for key, value in own_settings.items()),
         "",
     ]
     for engine in engines if settings else ():
@@ -153,15 +155,15 @@ def _body(body: RigidBody, where: Mapping[Key, str]) -> Iterator[str]:
     yield f"            name={quoted(body.name)},"
     yield f"            parent={None if body.parent is None else quoted(body.parent)},"
     origin = "" if not body.joints else where.get(("joint", body.joints[0].name, "origin"), "")
-    said = dict(_said(body, ("name", "parent", "joints")))
-    for key in (one for one in _PLACING if one in said):
-        yield _field(12, key, said.pop(key), _BODY[key][0], origin)
+    body_fields = dict(_stated_fields(body, ("name", "parent", "joints")))
+    for key in (one for one in _PLACING if one in body_fields):
+        yield _field(12, key, body_fields.pop(key), _BODY[key][0], origin)
     if body.joints:
         yield "            joints=("
         for joint in body.joints:
             yield from _joint(joint, where)
         yield "            ),"
-    for key, value in said.items():
+    for key, value in body_fields.items():
         unit, parts = _BODY[key]
         yield _field(12, key, value, unit, _first(where, ("body", body.name), parts))
     yield "        ),"
@@ -172,33 +174,36 @@ def _joint(joint: Joint, where: Mapping[Key, str]) -> Iterator[str]:
     yield f"                    name={quoted(joint.name)},"
     yield f'                    kind="{joint.kind}",'
     units = {"slide": _SLIDING, "free": _FREE}.get(joint.kind, _TURNING)
-    said = dict(_said(joint, ("name", "kind")))
+    joint_fields = dict(_stated_fields(joint, ("name", "kind")))
     if joint.single:
-        said = {"axis": joint.axis, **said}
-    for key, value in said.items():
+        joint_fields = {"axis": joint.axis, **joint_fields}
+    for key, value in joint_fields.items():
         place = _first(where, ("joint", joint.name), _JOINT_IN.get(key, ()))
         yield _field(20, key, value, units.get(key, ""), place)
     yield "                ),"
 
 
-def _pull(pull: ForceElement, where: Mapping[Key, str]) -> Iterator[str]:
-    yield _opening(8, "ForceElement(", where.get(("pull", pull.name), ""))
-    yield f"            name={quoted(pull.name)},"
-    for key, value in _said(pull, ("name",)):
+def _force_element(element: ForceElement, where: Mapping[Key, str]) -> Iterator[str]:
+    yield _opening(8, "ForceElement(", where.get(("pull", element.name), ""))
+    yield f"            name={quoted(element.name)},"
+    for key, value in _stated_fields(element, ("name",)):
         yield _field(12, key, value, "", "")
     yield "        ),"
 
 
-def _coupling(one: Coupling) -> str:
-    leader = None if one.leader is None else quoted(one.leader)
-    more = "".join(f", {key}={_number(value)}" for key, value in _said(one, ("follower", "leader")))
-    return f"        Coupling(follower={quoted(one.follower)}, leader={leader}{more}),"
+def _coupling(coupling: Coupling) -> str:
+    leader = None if coupling.leader is None else quoted(coupling.leader)
+    more = "".join(
+        f", {key}={_number(value)}"
+        for key, value in _stated_fields(coupling, ("follower", "leader"))
+    )
+    return f"        Coupling(follower={quoted(coupling.follower)}, leader={leader}{more}),"
 
 
-def _said(one: Any, but: tuple[str, ...]) -> Iterator[tuple[str, object]]:
+def _stated_fields(record: Any, but: tuple[str, ...]) -> Iterator[tuple[str, object]]:
     """Yield the fields that differ from their defaults."""
-    for field in fields(one):
-        value = getattr(one, field.name)
+    for field in fields(record):
+        value = getattr(record, field.name)
         # A signed zero differs from the default zero.
         if field.name not in but and repr(value) != repr(field.default):
             yield field.name, value
@@ -213,8 +218,8 @@ def _opening(indent: int, text: str, place: str) -> str:
 
 
 def _field(indent: int, key: str, value: object, unit: str, place: str) -> str:
-    said = ", ".join(part for part in (unit, plain(place)) if part)
-    return " " * indent + f"{key}={_number(value)}," + (f"  # {said}" if said else "")
+    source = ", ".join(part for part in (unit, plain(place)) if part)
+    return " " * indent + f"{key}={_number(value)}," + (f"  # {source}" if source else "")
 
 
 def _number(value: object) -> str:
@@ -222,7 +227,7 @@ def _number(value: object) -> str:
     if isinstance(value, str):
         return quoted(value)
     if is_dataclass(value):
-        inner = ", ".join(f"{key}={_number(one)}" for key, one in _said(value, ()))
+        inner = ", ".join(f"{key}={_number(one)}" for key, one in _stated_fields(value, ()))
         return f"{type(value).__name__}({inner})"
     if isinstance(value, tuple):
         inner = ", ".join(map(_number, value))

@@ -82,19 +82,19 @@ class _Reader:
         return above
 
     def _named(self, tag: str) -> dict[str, RawElement]:
-        found: dict[str, RawElement] = {}
+        parents: dict[str, RawElement] = {}
         for element in self.top:
             if element.tag != tag:
                 continue
             name = element.attributes.get("name", "")
-            if not name or name in found:
+            if not name or name in parents:
                 raise self.refuse(element, f"this <{tag}> needs a unique name")
-            found[name] = element
-        return found
+            parents[name] = element
+        return parents
 
     def _body(self, link: RawElement, joint: RawElement, frames: dict[str, str]) -> Body:
         name, joint_name = link.attributes["name"], joint.attributes["name"]
-        at, turns = self._origin(joint, f"joint[{joint_name}]", name)
+        position, turns = self._origin(joint, f"joint[{joint_name}]", name)
         moving = self._joint(joint)
         mass, centre, moments, products = "0", _ZERO, _ZERO, _ZERO
         principal: tuple[Turn, ...] = ()
@@ -130,7 +130,7 @@ class _Reader:
             name=name,
             symbol=frames[name],
             parent=parent,
-            at=at,
+            at=position,
             turns=turns,
             joints=() if moving is None else (moving,),
             mass=mass,
@@ -142,7 +142,7 @@ class _Reader:
         )
 
     def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:
-        one, two, three = (
+        ixx, two, three = (
             self._number(
                 element,
                 key,
@@ -153,7 +153,7 @@ class _Reader:
             )
             for key in keys
         )
-        return one, two, three
+        return ixx, two, three
 
     def _joint(self, joint: RawElement) -> Joint | None:
         name, kind = joint.attributes["name"], joint.attributes.get("type", "")

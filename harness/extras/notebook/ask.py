@@ -77,10 +77,10 @@ def simulate(
         FolderError, SidecarError: if the name is not a model.
     """
     subject = model_named(model)
-    asked = _asked(subject, scenario, duration)
+    request = _motion_request(subject, scenario, duration)
     if step is not None:
         step = _positive(step, "step")
-    task = Simulated(asked=asked, engine=engine_for(subject, engine), step=step)
+    task = Simulated(asked=request, engine=engine_for(subject, engine), step=step)
     return _done(motions.simulate, task, subject)
 
 
@@ -109,33 +109,35 @@ def solve(
         FolderError: if the name is not a system.
     """
     subject = system_named(system)
-    asked = _asked(subject, scenario, duration)
-    found = _solved(asked)
-    motion, columns = found.motion, Columns(found.declaration)
-    at = _times(times, motion.duration)
-    states = motion.states_at(at)
+    request = _motion_request(subject, scenario, duration)
+    solved = _solved(request)
+    motion, columns = solved.motion, Columns(solved.declaration)
+    sample_times = _times(times, motion.duration)
+    states = motion.states_at(sample_times)
     return Trajectory(
-        t=at,
+        t=sample_times,
         names=columns.names,
         units=columns.units,
-        values=columns.values(at, states),
-        uncertainty=columns.bounds(at, states, motion.global_bound_at(at)),
-        system=found.declaration.name,
-        scenario=_told(asked),
+        values=columns.values(sample_times, states),
+        uncertainty=columns.bounds(sample_times, states, motion.global_bound_at(sample_times)),
+        system=solved.declaration.name,
+        scenario=_start_text(request),
         origin=f"the equations, by {motion.method}",
         step=None,
     )
 
 
-def _asked(subject: Subject, scenario: str | Mapping[str, float], duration: float | None) -> Asked:
+def _motion_request(
+    subject: Subject, scenario: str | Mapping[str, float], duration: float | None
+) -> Asked:
     start = scenario if isinstance(scenario, str) else start_from(scenario)
     if duration is not None:
         duration = _positive(duration, "duration")
     return Asked(subject=subject, scenario=start, duration=duration)
 
 
-def _told(asked: Asked) -> str:
-    return asked.scenario if isinstance(asked.scenario, str) else motions.told(asked.scenario)
+def _start_text(request: Asked) -> str:
+    return request.scenario if isinstance(request.scenario, str) else motions.told(request.scenario)
 
 
 def _positive(value: float, what: str) -> float:
@@ -166,15 +168,15 @@ def _times(given: ArrayLike | None, duration: float) -> Array:
 _KEPT: OrderedDict[Asked, Solved] = OrderedDict()
 
 
-def _solved(asked: Asked) -> Solved:
+def _solved(request: Asked) -> Solved:
     """Return the motion, from memory if none of its input files has changed."""
-    known = _KEPT.pop(asked, None)
-    if known is None or known.reads != _states_now(known.reads, asked.subject):
-        known = _done(motions.solved, asked, asked.subject)
-    _KEPT[asked] = known
+    solved = _KEPT.pop(request, None)
+    if solved is None or solved.reads != _states_now(solved.reads, request.subject):
+        solved = _done(motions.solved, request, request.subject)
+    _KEPT[request] = solved
     while len(_KEPT) > KEPT:
         _KEPT.popitem(last=False)
-    return known
+    return solved
 
 
 def _states_now(reads: Mapping[str, str], subject: Subject) -> dict[str, str]:

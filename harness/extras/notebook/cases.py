@@ -95,12 +95,12 @@ def page(results: Results) -> str:
         *("discrepancy", "uncertainty", "global error", "step (s)", "order", "0.1 % at (s)"),
     ]
     cases = results.cases[:MOST_ROWS]
-    left = len(results.cases) - len(cases)
-    more = [line(f"and {left} more, in .cases and .to_frame()", faint=True)] if left else []
+    hidden = len(results.cases) - len(cases)
+    more = [line(f"and {hidden} more, in .cases and .to_frame()", faint=True)] if hidden else []
     return block(
         table(heads, map(_cells, cases), left=5),
         *more,
-        *(_told(text) for text in _troubles(results)),
+        *(_outcome_badge(text) for text in _troubles(results)),
         line(summary(results), strong=True),
     )
 
@@ -126,10 +126,10 @@ def _troubles(results: Results) -> list[str]:
     return text.getvalue().splitlines()
 
 
-def _told(text: str) -> str:
-    found = _OUTCOME.fullmatch(text)
-    if found is not None:
-        return f'<div style="margin:8px 0 0">{badge(_OF_WORD[found[1]])} {escape(found[2])}</div>'
+def _outcome_badge(text: str) -> str:
+    match = _OUTCOME.fullmatch(text)
+    if match is not None:
+        return f'<div style="margin:8px 0 0">{badge(_OF_WORD[match[1]])} {escape(match[2])}</div>'
     if not text.strip():
         return ""
     inner = len(text) - len(text.lstrip())
@@ -163,12 +163,16 @@ def trajectories(results: Results, case: Case) -> Trajectories:
         raise MotionError(f"{case.id} has no motion: {case.outcome}, {case.reason}")
     series, run = case.series, case.full_run
     system = next((one for one in results.systems if one.folder == case.folder), None)
-    own = [] if system is None else [c.unit or "1" for c in system.coordinates]
-    units = (*own, *units_of_rates(own)) if own else ("?",) * len(series.components)
+    coordinate_units = [] if system is None else [c.unit or "1" for c in system.coordinates]
+    units = (
+        (*coordinate_units, *units_of_rates(coordinate_units))
+        if coordinate_units
+        else ("?",) * len(series.components)
+    )
     step = _number(run.time_step)
     engine = f"{case.model} in {case.engine}, {run.integrator}, a step of {step:g} s"
 
-    def of(rows: Rows, origin: str) -> Trajectory:
+    def trajectory_of(rows: Rows, origin: str) -> Trajectory:
         columns = [[_number(value) for value in row] for row in rows]
         return Trajectory(
             t=np.array([_number(time) for time in series.t]),
@@ -183,9 +187,9 @@ def trajectories(results: Results, case: Case) -> Trajectories:
         )
 
     return Trajectories(
-        simulated=of(series.engine, engine),
-        reference=of(series.reference, "the equations"),
-        errors=of(series.error, f"{engine} minus the equations"),
+        simulated=trajectory_of(series.engine, engine),
+        reference=trajectory_of(series.reference, "the equations"),
+        errors=trajectory_of(series.error, f"{engine} minus the equations"),
     )
 
 
@@ -213,9 +217,11 @@ def plot(results: Results, what: What, ax: Axes | None) -> Axes:
 def _verdicts(results: Results, cases: list[Case], ax: Any) -> None:
     """Draw discrepancy and uncertainty of each case on one logarithmic axis."""
     rows = range(len(cases))
-    known = [case.verdict for case in cases if case.verdict is not None]
-    ax.plot([_number(v.discrepancy) for v in known], rows, "o", label="discrepancy")
-    ax.plot([_number(v.uncertainty) for v in known], rows, "|", markersize=12, label="uncertainty")
+    verdicts = [case.verdict for case in cases if case.verdict is not None]
+    ax.plot([_number(v.discrepancy) for v in verdicts], rows, "o", label="discrepancy")
+    ax.plot(
+        [_number(v.uncertainty) for v in verdicts], rows, "|", markersize=12, label="uncertainty"
+    )
     ax.axvline(results.resolution, linestyle=":", color="grey", label="resolution asked")
     ax.set_xscale("log")
     ax.set_yticks(rows, [f"{case.id}  {case.outcome}" for case in cases], fontsize="small")
@@ -238,8 +244,8 @@ def _steps(_: Results, cases: list[Case], ax: Any) -> None:
         )
         run = case.full_run
         if run is not None:
-            at = [_number(run.time_step)], [_number(run.global_error)]
-            ax.plot(*at, "o", markersize=9, fillstyle="none", color=curve.get_color())
+            own_step = [_number(run.time_step)], [_number(run.global_error)]
+            ax.plot(*own_step, "o", markersize=9, fillstyle="none", color=curve.get_color())
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlabel("step (s)")

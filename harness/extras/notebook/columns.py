@@ -39,9 +39,14 @@ class Columns:
     @property
     def units(self) -> tuple[str, ...]:
         """Units of the columns, (k,)."""
-        own = [c.unit for c in self.declaration.coordinates]
+        coordinate_units = [c.unit for c in self.declaration.coordinates]
         besides = (unit for _, unit, _ in self._besides)
-        return (*own, *units_of_rates(own), *besides, *("J" for _ in self._energy))
+        return (
+            *coordinate_units,
+            *units_of_rates(coordinate_units),
+            *besides,
+            *("J" for _ in self._energy),
+        )
 
     def values(self, times: Array, states: Array) -> Array:
         """Return the columns, (S, k), at times (S,) and states (S, 2n)."""
@@ -65,13 +70,13 @@ class Columns:
         if isinstance(self.declaration, TreeSystem):
             return np.concatenate([bound, self._tree_energy_error(states, bound)], axis=1)
         exact = np.zeros_like(times)
-        known = {t: (times, exact)}
-        known |= {
+        rounded = {t: (times, exact)}
+        rounded |= {
             c.symbol: (np.full_like(times, c.value), exact) for c in self.declaration.constants
         }
         symbols = (*self.declaration.q, *self.declaration.v)
-        known |= {s: (states[:, i], bound[:, i]) for i, s in enumerate(symbols)}
-        return np.concatenate([bound, running_error(self._expressions, known)], axis=1)
+        rounded |= {s: (states[:, i], bound[:, i]) for i, s in enumerate(symbols)}
+        return np.concatenate([bound, running_error(self._expressions, rounded)], axis=1)
 
     @property
     def _components(self) -> tuple[str, ...]:
@@ -85,11 +90,11 @@ class Columns:
 
     def _outputs(self, declaration: Declaration) -> Iterator[tuple[str, str, sp.Expr]]:
         symbols = (*declaration.q, *declaration.v)
-        own = dict(zip(self._components, symbols, strict=True))
-        for one in declaration.outputs:
-            if own.get(one.name) != one.expression:
-                name = f"output {one.name}" if one.name in own else one.name
-                yield name, one.unit, sp.sympify(one.expression)
+        components = dict(zip(self._components, symbols, strict=True))
+        for output in declaration.outputs:
+            if components.get(output.name) != output.expression:
+                name = f"output {output.name}" if output.name in components else output.name
+                yield name, output.unit, sp.sympify(output.expression)
 
     @property
     def _energy(self) -> tuple[str, ...]:
@@ -121,8 +126,8 @@ class Columns:
             moved = h * np.eye(states.shape[1])[i]
             up, down = (self._tree_energy(states + by) for by in (moved, -moved))
             total += np.abs(up - down) / (2 * h) * bound[:, i : i + 1]
-        found: Array = total + ROUNDING_MARGIN * self._tree_energy_rounding(states)
-        return found
+        bound_of_energy: Array = total + ROUNDING_MARGIN * self._tree_energy_rounding(states)
+        return bound_of_energy
 
     def _tree_energy_rounding(self, states: Array) -> float:
         """Return the largest difference to long doubles in the energies, plus a last digit."""

@@ -93,27 +93,27 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
         return tuple(self._differences())
 
     def _differences(self) -> Iterator[Difference]:
-        found = self.found
-        if found is None:
+        comparison_found = self.found
+        if comparison_found is None:
             return
-        for one in found.properties:
+        for row in comparison_found.properties:
             yield Difference(
-                source="file", kind=one.kind, about=one.about, message=one.message,
-                a=one.a, b=one.b, where_a=one.where_a, where_b=one.where_b, moves=one.moves,
+                source="file", kind=row.kind, about=row.about, message=row.message,
+                a=row.a, b=row.b, where_a=row.where_a, where_b=row.where_b, moves=row.moves,
                 share=None,
             )  # fmt: skip
-        for term in found.terms:
+        for term in comparison_found.terms:
             yield Difference(
                 source="term", kind=term.kind, about=", ".join(term.joints), message=term.message,
                 a=term.a, b=term.b, where_a=None, where_b=None, moves=True, share=term.effect,
             )  # fmt: skip
-        for tried in found.differences:
+        for tried in comparison_found.differences:
             if len(tried.edits) != 1:
                 continue
             (edit,) = tried.edits
-            told = f"{edit.what}: {edit.a} -> {edit.b}"
+            edit_text = f"{edit.what}: {edit.a} -> {edit.b}"
             yield Difference(
-                source="line", kind=edit.what, about="", message=told,
+                source="line", kind=edit.what, about="", message=edit_text,
                 a=edit.a, b=edit.b, where_a=edit.where_a, where_b=edit.where_b,
                 moves=bool(tried.moved), share=tried.explained,
             )  # fmt: skip
@@ -147,44 +147,44 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
 
     def _repr_html_(self) -> str:
         a, b = (f"{shown_path(one.model)} in {one.engine}" for one in self.models)
-        found = self.found
-        said = "" if found is None else (
-            f" discrepancy {shown(found.discrepancy, '{:.1e}')}, uncertainty"
-            f" {shown(found.uncertainty, '{:.1e}')}, on {escape(found.component)}"
+        result = self.found
+        remark = "" if result is None else (
+            f" discrepancy {shown(result.discrepancy, '{:.1e}')}, uncertainty"
+            f" {shown(result.uncertainty, '{:.1e}')}, on {escape(result.component)}"
         )  # fmt: skip
         heads = ["what", "A", "B", "line in A", "line in B"]
         rows = [_cells(one) for one in self.differences]
-        notes = () if found is None else (*found.notes, *found.map)
+        notes = () if result is None else (*result.notes, *result.map)
         return block(
             line(f"A  {a}"),
             line(f"B  {b}"),
-            f'<div style="margin:6px 0">{badge(self.outcome)}{said}</div>',
+            f'<div style="margin:6px 0">{badge(self.outcome)}{remark}</div>',
             line(self.reason) if self.reason else "",
-            *map(line, _besides(found)),
+            *map(line, _besides(result)),
             table(heads, rows, left=5) if rows else "",
             *(line(note, faint=True) for note in notes),
         )
 
 
-def _besides(found: comparison.Compared | None) -> Iterator[str]:
+def _besides(compared_models: comparison.Compared | None) -> Iterator[str]:
     """Yield remarks beyond the table: joints with opposite axes, inertias without a body."""
-    if found is None:
+    if compared_models is None:
         return
-    for name in found.turned:
-        left = shown(found.left_when_turned, "{:.1e}")
+    for name in compared_models.turned:
+        remaining = shown(compared_models.left_when_turned, "{:.1e}")
         yield (
-            f"{name} turns the other way in B (mapped so, {left} is left): turn its axis, or map it"
-            f' with joints={{"{name}": "-..."}}'
+            f"{name} turns the other way in B (mapped so, {remaining} is left): turn its axis, or"
+            f' map it with joints={{"{name}": "-..."}}'
         )
-    yield from found.impossible
+    yield from compared_models.impossible
 
 
-def _cells(one: Difference) -> list[str]:
-    where = (one.where_a, one.where_b)
-    idle = "" if one.moves else " (moves nothing here)"
-    what = one.kind if one.source == "line" else one.message
-    values = (_short(one.a), _short(one.b))
-    return [escape(f"{what}{idle}"), *map(escape, values), *(escape(_name(w)) for w in where)]
+def _cells(difference: Difference) -> list[str]:
+    where = (difference.where_a, difference.where_b)
+    no_effect = "" if difference.moves else " (moves nothing here)"
+    what = difference.kind if difference.source == "line" else difference.message
+    values = (_short(difference.a), _short(difference.b))
+    return [escape(f"{what}{no_effect}"), *map(escape, values), *(escape(_name(w)) for w in where)]
 
 
 def _text(value: float | str | SourceLine | None) -> str:
@@ -249,9 +249,9 @@ def compare(
     """
     for key, file in {"a": a, "b": b}.items():
         check_text(file, key, path=True)
-    for key, one in {"engine": engine, "engine_a": engine_a, "engine_b": engine_b}.items():
-        if one is not None:
-            check_text(one, key)
+    for key, value in {"engine": engine, "engine_a": engine_a, "engine_b": engine_b}.items():
+        if value is not None:
+            check_text(value, key)
     _check_joints(joints)
     _check_starts(starts)
     resolution = check_resolution(resolution)
@@ -262,18 +262,18 @@ def compare(
             a=candidate("A", _path(a), engine_a or engine, floating=floating),
             b=candidate("B", _path(b), engine_b or engine, floating=floating),
             joints=(dict(joints or {}), {}),
-            starts=tuple({key: float(q) for key, q in one.items()} for one in starts),
+            starts=tuple({key: float(q) for key, q in value.items()} for value in starts),
             resolution=resolution,
             include_constraints=include_constraints,
             strict=strict,
         )
         with without_main(), Workers(1, limits) as workers:
-            found = comparison_record(compared(options, in_workers(workers)), created)
+            record = comparison_record(compared(options, in_workers(workers)), created)
     except CompareError as error:
         raise CompareError(_as_argument(str(error))) from None
     except FailureError as error:
-        found = failed_record(options, error.failure, created)
-    return Comparison(**msgspec.structs.asdict(found))
+        record = failed_record(options, error.failure, created)
+    return Comparison(**msgspec.structs.asdict(record))
 
 
 def _check_joints(joints: object) -> None:
@@ -302,8 +302,8 @@ def _check_starts(starts: object) -> None:
 def _path(name: Name) -> Path:
     """Return the path of a file, or of a file of a built-in system."""
     path = Path(name)
-    found = None if path.exists() else named_model(str(name))
-    return path if found is None else found.folder / found.model
+    built_in = None if path.exists() else named_model(str(name))
+    return path if built_in is None else built_in.folder / built_in.model
 
 
 def _as_argument(text: str) -> str:

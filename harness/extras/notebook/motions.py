@@ -90,20 +90,20 @@ def simulate(task: Simulated) -> Trajectory:
     Raises:
         MotionError, EngineError, DeclarationError, SidecarError, RobotError: in one sentence.
     """
-    asked = task.asked
-    source = _source(asked.subject)
-    scenario = _scenario(source, asked)
-    model, coordinates = _loaded(source, asked.subject, task.engine)
+    request = task.asked
+    source = _source(request.subject)
+    scenario = _scenario(source, request)
+    model, coordinates = _loaded(source, request.subject, task.engine)
     step = model.step if task.step is None else task.step
     duration = float(scenario.duration)
     if why := why_no_run(duration, step):
-        raise MotionError(f"{asked.subject.file}: {why}")
+        raise MotionError(f"{request.subject.file}: {why}")
     start = start_of(source.declaration, scenario)
     inputs = numeric_inputs(pieces(source.declaration, scenario))
     times, states = simulated(model, coordinates, start, inputs, duration, step)
     columns = Columns(source.declaration)
     engine = engines()[task.engine]
-    file = asked.subject.place.name
+    file = request.subject.place.name
     return Trajectory(
         t=times,
         names=columns.names,
@@ -118,20 +118,20 @@ def simulate(task: Simulated) -> Trajectory:
     )
 
 
-def solved(asked: Asked) -> Solved:
+def solved(request: Asked) -> Solved:
     """Solve the equations from a scenario's start to its end.
 
     Raises:
         MotionError, DeclarationError, ReferenceError, RobotError: in one sentence.
     """
-    source = _source(asked.subject)
-    scenario = _scenario(source, asked)
+    source = _source(request.subject)
+    scenario = _scenario(source, request)
     declaration = source.declaration
     if isinstance(declaration, TreeSystem):
         motion = solve(TreeEquations(declaration), scenario)
     else:
-        assert asked.subject.folder is not None
-        with with_location(asked.subject.folder):
+        assert request.subject.folder is not None
+        with with_location(request.subject.folder):
             motion = solve(derive(declaration), scenario)
     return Solved(declaration=declaration, motion=motion, reads=source.reads)
 
@@ -166,24 +166,30 @@ def _source(subject: Subject) -> _Source:
     return _Source(declaration=whole, robot=None, reads=reads.states())
 
 
-def _scenario(source: _Source, asked: Asked) -> Scenario:
+def _scenario(source: _Source, request: Asked) -> Scenario:
     """Return the requested scenario with the requested duration.
 
     Raises:
         MotionError: listing the alternatives.
     """
-    declaration, place = source.declaration, asked.subject.place
-    if not isinstance(asked.scenario, str):
-        return _own(declaration, asked.scenario, asked.duration, place)
-    for one in declaration.scenarios:
-        if one.name == asked.scenario:
-            return one if asked.duration is None else replace(one, duration=asked.duration)
-    known = ", ".join(one.name for one in declaration.scenarios)
-    there = f"it has {known}; or give" if known else "it declares none; give"
+    declaration, place = source.declaration, request.subject.place
+    if not isinstance(request.scenario, str):
+        return _own(declaration, request.scenario, request.duration, place)
+    for scenario in declaration.scenarios:
+        if scenario.name == request.scenario:
+            return (
+                scenario
+                if request.duration is None
+                else replace(scenario, duration=request.duration)
+            )
+    names_of_scenarios = ", ".join(scenario.name for scenario in declaration.scenarios)
+    there = (
+        f"it has {names_of_scenarios}; or give" if names_of_scenarios else "it declares none; give"
+    )
     first = declaration.coordinates[0].name
     raise MotionError(
-        f"{place}: {declaration.name} has no scenario {asked.scenario!r}; {there} a start, such as"
-        f' {{"{first}": 0.1}}, with a duration'
+        f"{place}: {declaration.name} has no scenario {request.scenario!r}; {there} a start, such"
+        f' as {{"{first}": 0.1}}, with a duration'
     )
 
 

@@ -34,9 +34,9 @@ class Subject:
     @property
     def place(self) -> Path:
         """Path that messages name."""
-        found = self.file or self.folder
-        assert found is not None
-        return found
+        path = self.file or self.folder
+        assert path is not None
+        return path
 
     @property
     def base(self) -> Path:
@@ -53,14 +53,14 @@ def model_named(name: Name) -> Subject:
     """
     check_text(name, "model", path=True)
     text = str(name)
-    found = named_model(text)
-    if found is not None:
-        if found.scenario or found.engine:
+    built_in = named_model(text)
+    if built_in is not None:
+        if built_in.scenario or built_in.engine:
             raise MotionError(
-                f"{text} is a case; name its model, {found.folder / found.model}, and scenario and"
-                " engine apart from it"
+                f"{text} is a case; name its model, {built_in.folder / built_in.model}, and"
+                " scenario and engine apart from it"
             )
-        return Subject(folder=found.folder, file=found.folder / found.model)
+        return Subject(folder=built_in.folder, file=built_in.folder / built_in.model)
     robots = robot_files([text])
     if robots.files:
         return Subject(folder=None, file=robots.files[0])
@@ -80,9 +80,9 @@ def system_named(name: Name) -> Subject:
     """
     check_text(name, "system", path=True)
     text = str(name)
-    found = named_model(text)
-    if found is not None:
-        return Subject(folder=found.folder, file=None)
+    built_in = named_model(text)
+    if built_in is not None:
+        return Subject(folder=built_in.folder, file=None)
     if Path(text).suffix in FORMATS:
         return Subject(folder=None, file=model_named(text).file)
     (folder,) = _one(system_folders([text]), text)
@@ -98,7 +98,7 @@ def sidecar_of(file: Path) -> Sidecar:
     return read_sidecar(Path(f"{file}.toml"))
 
 
-def engine_for(subject: Subject, asked: str | None) -> str:
+def engine_for(subject: Subject, requested: str | None) -> str:
     """Return the requested engine, or the first installed engine that runs a file.
 
     Raises:
@@ -106,28 +106,30 @@ def engine_for(subject: Subject, asked: str | None) -> str:
         TypeError: if the name is not a string.
     """
     assert subject.file is not None
-    if asked is not None:
-        check_text(asked, "engine")
-        check_engines([asked])
-    known = engines()
+    if requested is not None:
+        check_text(requested, "engine")
+        check_engines([requested])
+    all_engines = engines()
     if subject.folder is None:
         names = [engine.name for engine in engines_to_run(subject.file.suffix)]
-        fits = asked is None or subject.file.suffix in known[asked].formats
+        fits = requested is None or subject.file.suffix in all_engines[requested].formats
     else:
         sidecar = sidecar_of(subject.file)
         names = [*sidecar.engines, *sidecar.absent]
-        fits = asked is None or asked in names
+        fits = requested is None or requested in names
     if not fits:
         why = "" if subject.folder is None else f" (see {subject.file.name}.toml)"
-        raise MotionError(f"{subject.file} does not run in {asked}, only in {_listed(names)}{why}")
-    wanted = [asked] if asked is not None else names
+        raise MotionError(
+            f"{subject.file} does not run in {requested}, only in {_listed(names)}{why}"
+        )
+    wanted = [requested] if requested is not None else names
     for name in wanted:
-        if name in known and known[name].version() is not None:
+        if name in all_engines and all_engines[name].version() is not None:
             if subject.folder is not None:
-                check_springs(sidecar, known[name])
+                check_springs(sidecar, all_engines[name])
             return name
-    told = "; ".join(missing(known[name]) for name in wanted if name in known)
-    raise MotionError(f"{subject.file}: {told or 'no engine that is known runs it'}")
+    hints = "; ".join(missing(all_engines[name]) for name in wanted if name in all_engines)
+    raise MotionError(f"{subject.file}: {hints or 'no engine that is known runs it'}")
 
 
 def _one(folders: list[Path], name: str) -> list[Path]:

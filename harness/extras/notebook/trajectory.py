@@ -182,9 +182,9 @@ class Trajectory:
             return (ax,)
         units = dict.fromkeys(self.units[self._index(name)] for name in wanted)
         axes = new_axes(len(units), 1.7)
-        for unit, one in zip(units, axes, strict=True):
-            own = [name for name in wanted if self.units[self._index(name)] == unit]
-            self._draw(one, {name: labels[name] for name in own})
+        for unit, panel in zip(units, axes, strict=True):
+            unit_columns = [name for name in wanted if self.units[self._index(name)] == unit]
+            self._draw(panel, {name: labels[name] for name in unit_columns})
         title = textwrap.fill(f"{self.system}, {self.scenario}: {self.origin}", TITLE)
         axes[0].set_title(title, fontsize="small")
         axes[-1].set_xlabel(TIME)
@@ -210,15 +210,17 @@ class Trajectory:
         )
 
     def _repr_html_(self) -> str:
-        known = self.uncertainty is not None
-        heads = ["", "first", "last", "smallest", "largest"] + ["known to"] * known + ["over time"]
+        has_bounds = self.uncertainty is not None
+        heads = (
+            ["", "first", "last", "smallest", "largest"] + ["known to"] * has_bounds + ["over time"]
+        )
         rows = [self._row(name) for name in self.names]
         blown = np.flatnonzero(~np.isfinite(self.values).all(axis=1))
-        told = [line(f"not finite from t = {self.t[blown[0]]:g} s on")] if len(blown) else []
+        remarks = [line(f"not finite from t = {self.t[blown[0]]:g} s on")] if len(blown) else []
         return block(
             line(f"{self.system}, {self.scenario}", strong=True),
             line(f"{self.origin}; {counted(len(self), 'time')} to {self.t[-1]:g} s", faint=True),
-            *told,
+            *remarks,
             table(heads, rows),
         )
 
@@ -242,8 +244,8 @@ class Trajectory:
         return self.names.index(name)
 
     def _check_alike(self, other: Trajectory) -> None:
-        own, others = (tuple(zip(x.names, x.units, strict=True)) for x in (self, other))
-        if own != others:
+        columns, others = (tuple(zip(x.names, x.units, strict=True)) for x in (self, other))
+        if columns != others:
             here, there = (", ".join(map(x.label, x.names)) for x in (self, other))
             raise MotionError(
                 f"these are not the same quantities: {here} of {self.system}, and {there} of"

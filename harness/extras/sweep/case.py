@@ -64,20 +64,20 @@ def run_block(block: Block) -> tuple[SweepRow, ...]:
 
 def _row(source: Source, block: Block, case: Planned) -> SweepRow:
     began = time.process_time()
-    known = Known(blank(block, case, ""))
+    record = Known(blank(block, case, ""))
     with tempfile.TemporaryDirectory(prefix="drawn-") as place:
         try:
-            source.run(case, block.resolution, Path(place), known)
+            source.run(case, block.resolution, Path(place), record)
         except Exception as error:
-            known.tell(outcome=Outcome.FAILED, reason=_said(error))
-    known.tell(seconds=time.process_time() - began)
+            record.tell(outcome=Outcome.FAILED, reason=_error_text(error))
+    record.tell(seconds=time.process_time() - began)
     named = Path(block.folder)
     folder = named.parent if named.is_file() else named
-    known.tell(reason=original_paths(known.row.reason, Path(place), folder))
-    return known.row
+    record.tell(reason=original_paths(record.row.reason, Path(place), folder))
+    return record.row
 
 
-def _said(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     ours = type(error).__module__.startswith("physics_crosscheck.")
-    said = " ".join(str(error).split())
-    return said if ours and said else f"{type(error).__name__}: {said}"
+    message = " ".join(str(error).split())
+    return message if ours and message else f"{type(error).__name__}: {message}"

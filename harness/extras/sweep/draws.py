@@ -19,7 +19,7 @@ import numpy as np
 from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError
 from physics_crosscheck.reference.mechanism.numeric import Array
 
-MOST = 2**30
+MAX_SOBOL_DRAWS = 2**30
 """Maximum number of draws of scipy's Sobol sequence."""
 
 
@@ -59,17 +59,17 @@ class Draws:
         return {one.name: one.value(float(x)) for one, x in zip(self.factors, shares, strict=True)}
 
     def _combination(self, draw: int) -> dict[str, float]:
-        found = {}
-        for one in reversed(self.factors):
-            draw, place = divmod(draw, len(one.values))
-            found[one.name] = one.values[place]
-        return {one.name: found[one.name] for one in self.factors}
+        values = {}
+        for factor in reversed(self.factors):
+            draw, place = divmod(draw, len(factor.values))
+            values[factor.name] = factor.values[place]
+        return {factor.name: values[factor.name] for factor in self.factors}
 
     def _shares(self, draw: int) -> Array:
         size = len(self.factors)
         if self.design is Design.RANDOM:
-            found: Array = np.random.default_rng([self.seed, draw]).random(size)
-            return found
+            point: Array = np.random.default_rng([self.seed, draw]).random(size)
+            return point
         if self.design is Design.LATIN:
             row: Array = self._table[draw]
             return row
@@ -116,14 +116,14 @@ def draws(factors: Sequence[Factor], design: Design, count: int | None, seed: in
     if not factors:
         return Draws(factors=(), design=Design.ALL, count=1, seed=seed)
     if count is None:
-        for one in factors:
-            if not one.values:
+        for factor in factors:
+            if not factor.values:
                 raise SweepError(
-                    f"--vary {one.name}: a range has infinitely many values; add --draws N, or"
-                    f" list values as in {one.name}={one.low:g},{one.high:g}"
+                    f"--vary {factor.name}: a range has infinitely many values; add --draws N, or"
+                    f" list values as in {factor.name}={factor.low:g},{factor.high:g}"
                 )
-        every = math.prod(len(one.values) for one in factors)
+        every = math.prod(len(factor.values) for factor in factors)
         return Draws(factors=tuple(factors), design=Design.ALL, count=every, seed=seed)
-    if design is Design.SOBOL and count > MOST:
-        raise SweepError(f"--draws {count}: a Sobol sequence has {MOST} points at most")
+    if design is Design.SOBOL and count > MAX_SOBOL_DRAWS:
+        raise SweepError(f"--draws {count}: a Sobol sequence has {MAX_SOBOL_DRAWS} points at most")
     return Draws(factors=tuple(factors), design=design, count=count, seed=seed)

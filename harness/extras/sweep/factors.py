@@ -42,7 +42,7 @@ class Factor:
             SweepError: if the name itself is of a zero constant.
         """
         pattern = re.compile(".*".join(map(re.escape, self.name.split(ANY))), re.DOTALL)
-        found = []
+        matching = []
         for name, declared in constants.items():
             if not pattern.fullmatch(name):
                 continue
@@ -50,8 +50,8 @@ class Factor:
                 if ANY in self.name:
                     continue
                 raise SweepError(f"--vary {name}: it is 0, and so are all its multiples")
-            found.append(self._named(name, declared if self.relative else 1.0))
-        return tuple(found)
+            matching.append(self._named(name, declared if self.relative else 1.0))
+        return tuple(matching)
 
     def _named(self, name: str, unit: float) -> Factor:
         low, high = sorted((self.low * unit, self.high * unit))
@@ -107,12 +107,12 @@ def factors(texts: Sequence[str]) -> tuple[Factor, ...]:
     Raises:
         SweepError: for an invalid factor or a duplicate name.
     """
-    found = tuple(map(factor, texts))
-    names = [one.name for one in found]
+    parsed = tuple(map(factor, texts))
+    names = [one.name for one in parsed]
     for name in names:
         if names.count(name) > 1:
             raise SweepError(f"--vary {name}: it is varied twice; keep one")
-    return found
+    return parsed
 
 
 def meant(factors: Sequence[Factor], constants: Mapping[str, float]) -> tuple[Factor, ...]:
@@ -121,12 +121,12 @@ def meant(factors: Sequence[Factor], constants: Mapping[str, float]) -> tuple[Fa
     Raises:
         SweepError: if two factors match one constant, or a range is invalid for it.
     """
-    found = [made for one in factors for made in one.of(constants)]
-    names = [made.name for made in found]
+    matching = [made for one in factors for made in one.of(constants)]
+    names = [made.name for made in matching]
     for name in names:
         if names.count(name) > 1:
             raise SweepError(f"--vary {name}: two options mean it; keep one")
-    return tuple(found)
+    return tuple(matching)
 
 
 def _numbers(parts: Sequence[str], text: str) -> tuple[tuple[float, ...], bool]:
@@ -134,8 +134,8 @@ def _numbers(parts: Sequence[str], text: str) -> tuple[tuple[float, ...], bool]:
     times = [part.strip().startswith(TIMES) for part in parts]
     if len(set(times)) > 1:
         raise SweepError(f"--vary {text}: either all of its numbers have {TIMES!r} before, or none")
-    found = tuple(_number(part.strip().removeprefix(TIMES), text) for part in parts)
-    return found, times[0]
+    numbers = tuple(_number(part.strip().removeprefix(TIMES), text) for part in parts)
+    return numbers, times[0]
 
 
 def _number(part: str, text: str) -> float:

@@ -115,10 +115,10 @@ class Timed(Model):
     ) -> tuple[Array, Array]:
         """Run the model, timed and counted."""
         began = time.process_time()
-        found = self._model.rollout(q, v, h, n, force, every)
+        states = self._model.rollout(q, v, h, n, force, every)
         self.seconds += time.process_time() - began
         self.steps += n * len(q)
-        return found
+        return states
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
 from physics_crosscheck.harness.extras.sweep.survey import Pairing, Survey
 from physics_crosscheck.harness.jobs.limits import Limits
 
-MANY, FEW = 24, 4
+MAX_LISTED, SIMILAR_LISTED = 24, 4
 """Maximum number of alternatives to list in full, and the number to list beyond that."""
 
 BLOCK = 16
@@ -93,8 +93,8 @@ class Part:
         rest, step = divmod(number, len(self.steps))
         rest, pairing = divmod(rest, len(self.survey.pairings))
         draw, scenario = divmod(rest, len(self.survey.scenarios))
-        known = self.survey
-        return draw, known.scenarios[scenario], known.pairings[pairing], self.steps[step]
+        survey = self.survey
+        return draw, survey.scenarios[scenario], survey.pairings[pairing], self.steps[step]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,19 +183,21 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
     """
     _check_names(options, surveys)
     parts, first = [], 0
-    for one in surveys:
-        own = meant(options.factors, one.constants)
+    for survey in surveys:
+        own = meant(options.factors, survey.constants)
         for varied in own:
-            _check_sign(varied, one)
+            _check_sign(varied, survey)
         # Segments of a robot's states extrapolate to zero step, so none of them has a time step.
-        steps: tuple[float | None, ...] = options.steps if one.signed and options.steps else (None,)
+        steps: tuple[float | None, ...] = (
+            options.steps if survey.signed and options.steps else (None,)
+        )
         drawn = draws(own, options.design, options.count, options.seed)
-        part = Part(survey=one, draws=drawn, steps=steps, first=first)
+        part = Part(survey=survey, draws=drawn, steps=steps, first=first)
         if part.count:
             parts.append(part)
             first += part.count
     if not parts:
-        absent = sorted({name for one in surveys for name in one.absent})
+        absent = sorted({name for survey in surveys for name in survey.absent})
         why = f"; not installed: {', '.join(absent)}" if absent else ""
         raise SweepError(f"no case is left: no model of these folders runs in what is asked{why}")
     return Plan(options=replace(options), parts=tuple(parts))
@@ -209,38 +211,38 @@ def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
             continue
         raise SweepError(
             f"--vary {name}: no system of these has such a constant; they have"
-            f" {_told(name, constants)}"
+            f" {_alternatives(name, constants)}"
         )
     scenarios = dict.fromkeys(name for one in surveys for name in one.known_scenarios)
     for name in options.scenarios:
         if name not in scenarios:
-            known = ", ".join(scenarios)
-            raise SweepError(f"--scenario {name}: unknown scenario; scenarios are {known}")
+            scenario_names = ", ".join(scenarios)
+            raise SweepError(f"--scenario {name}: unknown scenario; scenarios are {scenario_names}")
     integrators = dict.fromkeys(name for one in surveys for name in one.known_integrators)
     for name in options.integrators:
-        if name.casefold() not in {known.casefold() for known in integrators}:
+        if name.casefold() not in {scenario_names.casefold() for scenario_names in integrators}:
             raise SweepError(
                 f"--integrator {name}: no model has it; they have {', '.join(integrators)}"
             )
 
 
-def _told(name: str, known: Sequence[str]) -> str:
+def _alternatives(name: str, alternatives: Sequence[str]) -> str:
     """Return the available names; of many, those most similar to the given one."""
-    if len(known) <= MANY:
-        return ", ".join(known) or "none"
-    near = get_close_matches(name, known, n=FEW, cutoff=0.0)
-    return f"{', '.join(near)}, and {len(known) - len(near)} more"
+    if len(alternatives) <= MAX_LISTED:
+        return ", ".join(alternatives) or "none"
+    near = get_close_matches(name, alternatives, n=SIMILAR_LISTED, cutoff=0.0)
+    return f"{', '.join(near)}, and {len(alternatives) - len(near)} more"
 
 
-def _check_sign(varied: Factor, one: Survey) -> None:
+def _check_sign(varied: Factor, survey: Survey) -> None:
     """Check that a factor keeps the declared sign, which the simplified equations assume."""
-    if not one.signed:
+    if not survey.signed:
         return
-    positive = one.constants[varied.name] > 0
+    positive = survey.constants[varied.name] > 0
     if (varied.low > 0) != positive or (varied.high > 0) != positive:
         sign = "positive" if positive else "not positive"
         raise SweepError(
-            f"--vary {varied.name}={varied.low:g}:{varied.high:g}: {one.folder}/system.py declares"
-            f" {varied.name} {sign}, so that its range must be; declare it with the sign that it is"
-            " to have, or change the range"
+            f"--vary {varied.name}={varied.low:g}:{varied.high:g}: {survey.folder}/system.py"
+            f" declares {varied.name} {sign}, so that its range must be; declare it with the sign"
+            " that it is to have, or change the range"
         )

@@ -16,12 +16,12 @@ class Recent(Generic[Value]):
     """The last few results, by their inputs."""
 
     def __init__(self) -> None:
-        self._made: OrderedDict[Hashable, Value] = OrderedDict()
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
         """Return a cached result, or make it."""
-        if key not in self._made:
-            self._made[key] = make()
-            while len(self._made) > KEPT:
-                self._made.popitem(last=False)
-        return self._made[key]
+        if key not in self._values:
+            self._values[key] = make()
+            while len(self._values) > KEPT:
+                self._values.popitem(last=False)
+        return self._values[key]

@@ -53,7 +53,7 @@ class SweptRobot(Source):
         self._index = {
             self._numbers.numerals[i].address: i for i in reversed(self._numbers.relevant_numbers)
         }
-        self._own = frozenset[str]()
+        self._varied = frozenset[str]()
         self._resolved: ReusedSegments | None = None
         self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
         self._draws = Recent[_Draw]()
@@ -61,7 +61,7 @@ class SweptRobot(Source):
     def varying(self, varied: frozenset[str]) -> SweptRobot:
         """Return the same file with other varied numbers, by their addresses."""
         other = copy(self)
-        other._own, other._draws = varied & self._index.keys(), Recent[_Draw]()
+        other._varied, other._draws = varied & self._index.keys(), Recent[_Draw]()
         return other
 
     @property
@@ -98,7 +98,7 @@ class SweptRobot(Source):
 
     def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
         """Run every segment of the drawn robot; accelerations decide what motions can't resolve."""
-        values = {self._index[name]: case.constants[name] for name in sorted(self._own)}
+        values = {self._index[name]: case.constants[name] for name in sorted(self._varied)}
         with known.timing("reference_seconds"):
             drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))
         file = self._prepared.file
@@ -126,13 +126,13 @@ class SweptRobot(Source):
         return self._prepared.task(engine, resolution=0.0)
 
     def _solved(self, values: Mapping[int, float]) -> _Draw:
-        known = self._prepared
+        scenarios = self._prepared
         if not values or self._resolved is None:
-            return _Draw(known.system.tree, known.samples)
+            return _Draw(scenarios.system.tree, scenarios.samples)
         tree = self._numbers.tree(values)
         same = tree is not None and [(one.name, one.kind) for one in tree.links] == [
-            (one.name, one.kind) for one in known.system.tree.links
+            (one.name, one.kind) for one in scenarios.system.tree.links
         ]
         if tree is None or not same:
-            raise RobotError(f"{known.file}: with these numbers it makes other joints, or none")
+            raise RobotError(f"{scenarios.file}: with these numbers it makes other joints, or none")
         return _Draw(tree, self._resolved.for_tree(tree))

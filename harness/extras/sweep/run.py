@@ -33,7 +33,7 @@ from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 
-AHEAD = 2
+BLOCKS_PER_WORKER = 2
 """Blocks in flight per worker: a running one and a waiting one."""
 
 Progress = Callable[[int, int, SweepRow | None], None]
@@ -74,7 +74,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
     Raises:
         SweepError: giving the problem, the place and the remedy.
     """
-    found: dict[str, Survey] = {}
+    surveys: dict[str, Survey] = {}
 
     def job(place: Path) -> Job[Survey]:
         models = wanted.models.get(str(place), ())
@@ -89,7 +89,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
         )
 
         def surveyed(value: Survey) -> tuple[()]:
-            found[str(place)] = value
+            surveys[str(place)] = value
             return ()
 
         def failed(failure: Failure) -> tuple[()]:
@@ -98,7 +98,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
         return Job(task=Task(survey, task), done=surveyed, failed=failed)
 
     work(map(job, wanted.places), workers)
-    return plan(options, [found[str(place)] for place in wanted.places])
+    return plan(options, [surveys[str(place)] for place in wanted.places])
 
 
 def plan_record(whole: Plan) -> SweepPlan:
@@ -120,24 +120,30 @@ def plan_record(whole: Plan) -> SweepPlan:
             for one in part.survey.pairings
         ),
     }
-    known = {name: str(version) for name, version in versions().items() if version is not None}
-    known |= {"numpy": np.__version__, "scipy": scipy.__version__, "pyarrow": arrow().__version__}
-    known["machine"] = platform.machine()
+    library_versions = {
+        name: str(version) for name, version in versions().items() if version is not None
+    }
+    library_versions |= {
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "pyarrow": arrow().__version__,
+    }
+    library_versions["machine"] = platform.machine()
     return SweepPlan(
         command=shlex.join(options.command),
         options=told,
         folders={part.survey.folder: _content_seen(part.survey) for part in whole.parts},
-        versions=known,
+        versions=library_versions,
         cases=whole.count,
         constants=whole.constants,
     )
 
 
-def _content_seen(found: Survey) -> str:
+def _content_seen(survey: Survey) -> str:
     """Hash the content of a folder and of other files that its code read or looked for."""
-    if not found.reads:
-        return found.content
-    return digest_of(repr((found.content, sorted(found.reads.items()))).encode())
+    if not survey.reads:
+        return survey.content
+    return digest_of(repr((survey.content, sorted(survey.reads.items()))).encode())
 
 
 def content_of(place: Path) -> str:
@@ -149,11 +155,11 @@ def content_of(place: Path) -> str:
     try:
         if place.is_file():
             return digest_of(repr(sorted(part_digests(place).items())).encode())
-        found = folder_files(place)
+        scan = folder_files(place)
     except OSError as error:
         raise SweepError(f"{error.filename}: can't be read: {error.strerror}") from None
-    every = sorted((one.model, sorted(one.hashes.items())) for one in found.models)
-    return digest_of(repr((found.system, every)).encode())
+    every = sorted((one.model, sorted(one.hashes.items())) for one in scan.models)
+    return digest_of(repr((scan.system, every)).encode())
 
 
 @dataclass
@@ -176,11 +182,11 @@ class _Running:
         """Return the job of a block; if a worker dies, its cases run one by one."""
         return Job(
             task=Task(run_block, block),
-            done=self._keep,
+            done=self._store_rows,
             failed=partial(self._lost, block),
         )
 
-    def _keep(self, rows: tuple[SweepRow, ...]) -> Iterator[Job[Any]]:
+    def _store_rows(self, rows: tuple[SweepRow, ...]) -> Iterator[Job[Any]]:
         self.store.add(rows)
         self.done += len(rows)
         self.progress(self.done, self.cases, rows[-1])
@@ -188,7 +194,7 @@ class _Running:
 
     def _lost(self, block: Block, failure: Failure) -> Iterator[Job[Any]]:
         if len(block.cases) == 1:
-            return self._keep((blank(block, block.cases[0], failure.reason),))
+            return self._store_rows((blank(block, block.cases[0], failure.reason),))
         return map(self.job, block.alone())
 
 
@@ -209,7 +215,9 @@ def sweep(
         before = done(out)
         with kept(Store(out, record)) as store:
             running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
-            first = [job for _ in range(AHEAD * whole.options.jobs) for job in running.next()]
+            first = [
+                job for _ in range(BLOCKS_PER_WORKER * whole.options.jobs) for job in running.next()
+            ]
             work(first, workers, stop)
     return running.done
 

@@ -87,21 +87,22 @@ def begin(out: Path, plan: SweepPlan) -> None:
         (out / ROWS).mkdir(parents=True, exist_ok=True)
         write_whole(out / PLAN, encoded(plan, indent=1))
         return
-    if told := _difference(before, plan):
+    if difference := _difference(before, plan):
         raise SweepError(
-            f"{out}: its rows are of another plan ({told}); choose another --out, or remove it"
+            f"{out}: its rows are of another plan ({difference}); choose another --out,"
+            " or remove it"
         )
 
 
 def _difference(before: SweepPlan, now: SweepPlan) -> str:
     """Return the difference of two plans; empty if they give the same rows."""
     for name in ("options", "folders", "versions"):
-        one, other = getattr(before, name), getattr(now, name)
-        for key in sorted({*one, *other}):
-            if one.get(key) != other.get(key):
+        earlier, other = getattr(before, name), getattr(now, name)
+        for key in sorted({*earlier, *other}):
+            if earlier.get(key) != other.get(key):
                 if name == "folders":
                     return f"files of {key} have changed"
-                return f"{key}: {one.get(key, 'none')}, now {other.get(key, 'none')}"
+                return f"{key}: {earlier.get(key, 'none')}, now {other.get(key, 'none')}"
     if before.cases != now.cases:
         return f"{counted(before.cases, 'case')}, now {now.cases}"
     return ""
@@ -120,16 +121,16 @@ class Store:
         self._schema = _schema(self._arrow, plan.constants)
         self._waiting: list[SweepRow] = []
         self._since = time.monotonic()
-        for left in self._folder.glob(".part-*"):  # left by a process that was killed while writing
-            left.unlink()
+        for part in self._folder.glob(".part-*"):  # left by a process that was killed while writing
+            part.unlink()
         numbers = [int(path.stem.partition("-")[2]) for path in parts(out)]
         self._next = max(numbers, default=-1) + 1
 
     def add(self, rows: Sequence[SweepRow]) -> None:
         """Add rows, and write a part if enough are waiting."""
         self._waiting += rows
-        late = time.monotonic() - self._since > SECONDS
-        if len(self._waiting) >= PART or (late and self._waiting):
+        is_due = time.monotonic() - self._since > SECONDS
+        if len(self._waiting) >= PART or (is_due and self._waiting):
             self.flush()
 
     def flush(self) -> None:
@@ -169,10 +170,10 @@ def done(out: Path) -> bytearray:
         RowsError: if rows are damaged.
     """
     plan = plan_of(out)
-    found = bytearray(plan.cases)
+    done_cases = bytearray(plan.cases)
     for row in read_rows(out):
-        found[row.index] = 1
-    return found
+        done_cases[row.index] = 1
+    return done_cases
 
 
 def read_rows(out: Path) -> Iterator[SweepRow]:
@@ -184,16 +185,16 @@ def read_rows(out: Path) -> Iterator[SweepRow]:
             outcome that contradicts the row's numbers.
     """
     plan = plan_of(out)
-    found = bytearray(plan.cases)
+    seen = bytearray(plan.cases)
     for path in parts(out):
         for number, flat in enumerate(_flat_rows(path), start=1):
             try:
                 row = _row(flat)
             except (ValueError, TypeError) as error:  # includes msgspec's errors
                 raise RowsError(path, " ".join(str(error).split()), number) from None
-            if why := _damage(row, plan, found):
+            if why := _damage(row, plan, seen):
                 raise RowsError(path, why, number)
-            found[row.index] = 1
+            seen[row.index] = 1
             yield row
 
 
@@ -209,11 +210,11 @@ def plan_of(out: Path) -> SweepPlan:
     return plan
 
 
-def _damage(row: SweepRow, plan: SweepPlan, found: bytearray) -> str:
+def _damage(row: SweepRow, plan: SweepPlan, seen: bytearray) -> str:
     """Return the evidence that no sweep wrote a row; empty for a valid row."""
     if not 0 <= row.index < plan.cases:
         return f"`index` is {row.index}, where the plan has the cases 0 to {plan.cases - 1}"
-    if found[row.index]:
+    if seen[row.index]:
         return f"case {row.index} has a row already"
     if set(row.constants) != set(plan.constants):
         return f"it has not the constants of the plan ({', '.join(plan.constants) or 'none'})"
@@ -221,35 +222,35 @@ def _damage(row: SweepRow, plan: SweepPlan, found: bytearray) -> str:
         value = getattr(row, name)
         if value is not None and not math.isfinite(value):
             return f"`{name}` is {value}"
-    asked = float(plan.options["resolution"])
-    at = asked if row.resolution is None else row.resolution
-    return contradiction(row.outcome, row.discrepancy, row.uncertainty, at)
+    requested = float(plan.options["resolution"])
+    resolution = requested if row.resolution is None else row.resolution
+    return contradiction(row.outcome, row.discrepancy, row.uncertainty, resolution)
 
 
 _SECONDS = ("engine_seconds", "reference_seconds", "loading_seconds", "seconds")
 
 
 def _flat_rows(path: Path) -> list[dict[str, Any]]:
-    known = arrow()
+    pyarrow = arrow()
     try:
-        rows: list[dict[str, Any]] = known.parquet.read_table(path).to_pylist()
-    except (OSError, ValueError, known.ArrowException) as error:
+        rows: list[dict[str, Any]] = pyarrow.parquet.read_table(path).to_pylist()
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
         raise RowsError(path, f"can't be read ({' '.join(str(error).split())})") from None
     return rows
 
 
-def _schema(known: Any, constants: Sequence[str]) -> Any:
+def _schema(pyarrow: Any, constants: Sequence[str]) -> Any:
     fields = []
     for name in SweepRow.__struct_fields__:
         if name == "constants":
-            fields += [known.field(COLUMN + one, known.float64()) for one in constants]
+            fields += [pyarrow.field(COLUMN + one, pyarrow.float64()) for one in constants]
         elif name in _TEXT:
-            fields.append(known.field(name, known.string()))
+            fields.append(pyarrow.field(name, pyarrow.string()))
         elif name in _WHOLE:
-            fields.append(known.field(name, known.int64()))
+            fields.append(pyarrow.field(name, pyarrow.int64()))
         else:
-            fields.append(known.field(name, known.float64()))
-    return known.schema(fields)
+            fields.append(pyarrow.field(name, pyarrow.float64()))
+    return pyarrow.schema(fields)
 
 
 def _flat(row: SweepRow) -> dict[str, Any]:

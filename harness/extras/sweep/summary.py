@@ -21,7 +21,7 @@ POINTS = 2000
 """Maximum number of points in a plot; more would overlap."""
 
 
-def _trouble(row: SweepRow) -> float | None:
+def _badness(row: SweepRow) -> float | None:
     """Rank a case that does not agree: worse outcomes and larger discrepancies are larger."""
     if row.outcome is Outcome.AGREES:
         return None
@@ -56,7 +56,7 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
     done = steps = 0
     outcomes, digits = Counter[str](), Counter[str]()
     groups: dict[tuple[str, str, str], _Group] = {}
-    most = Most(_trouble, TROUBLES), Most(_few_digits, EXTREMES), Most(_error, EXTREMES)
+    extremes = Most(_badness, TROUBLES), Most(_few_digits, EXTREMES), Most(_error, EXTREMES)
     rng = np.random.default_rng(0)
     sampled: list[SweepRow] = []
     seconds = np.zeros(4)
@@ -68,13 +68,13 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
         if row.outcome is Outcome.AGREES and row.digits is not None:
             digits[str(math.floor(row.digits))] += 1
         groups.setdefault((row.system, row.engine, row.integrator), _Group()).add(row)
-        for one in most:
+        for one in extremes:
             one.add(row)
         if len(sampled) < POINTS:
             sampled.append(row)
         elif (place := int(rng.integers(done))) < POINTS:  # reservoir sampling (Vitter 1985)
             sampled[place] = row
-    worst = {row.index: row for one in most for row in one.items()}
+    worst = {row.index: row for one in extremes for row in one.items()}
     engine, reference, loading, every = seconds.tolist()
     return SweepSummary(
         plan=plan,

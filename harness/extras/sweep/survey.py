@@ -100,14 +100,14 @@ def survey(task: SurveyTask) -> Survey:
             constant.
     """
     with record_reads(Path(task.folder)) as seen:
-        known = swept(task.folder, frozenset(), task.content).constants
-        varied = frozenset(one.name for one in meant(task.factors, known))
+        constants = swept(task.folder, frozenset(), task.content).constants
+        varied = frozenset(one.name for one in meant(task.factors, constants))
         source = swept(task.folder, varied, task.content)
         runs = [one for one in source.runs(task.only) if _meant(task, *one)]
         absent = {name for _, name in runs if engines()[name].version() is None}
-        found = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
-    kept = tuple(one for one in found if _wanted(one.integrator, task.integrators))
-    every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in found)
+        pairings = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
+    kept = tuple(one for one in pairings if _wanted(one.integrator, task.integrators))
+    every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in pairings)
     swept_too = {f"{one.model} [{one.engine}]" for one in kept}
     return Survey(
         folder=task.folder,
@@ -121,7 +121,7 @@ def survey(task: SurveyTask) -> Survey:
         ),
         known_scenarios=tuple(sorted(source.scenarios)),
         pairings=kept,
-        known_integrators=tuple(sorted({one.integrator for one in found})),
+        known_integrators=tuple(sorted({one.integrator for one in pairings})),
         absent=tuple(sorted(absent)),
         without=tuple(name for name in every if name not in swept_too),
     )
@@ -145,8 +145,8 @@ def _pairings(
 ) -> Iterator[Pairing]:
     """Yield each model in each selected engine, with each of its integrators."""
     for model, engine in runs:
-        own, others = source.prepare(model, engine)
-        yield Pairing(model=model, engine=engine, integrator=own, settings={})
+        own_integrator, others = source.prepare(model, engine)
+        yield Pairing(model=model, engine=engine, integrator=own_integrator, settings={})
         if not task.integrators:
             continue
         for other, settings in others.items():

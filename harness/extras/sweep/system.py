@@ -104,8 +104,10 @@ class Swept(Source):
     @property
     def needed(self) -> frozenset[str]:
         """Varied constants that its accelerations depend on."""
-        found = set[sp.Basic]().union(*(e.free_symbols for e in self.family.equations.acceleration))
-        return frozenset(c.name for c in self.system.constants if c.symbol in found)
+        symbols = set[sp.Basic]().union(
+            *(e.free_symbols for e in self.family.equations.acceleration)
+        )
+        return frozenset(c.name for c in self.system.constants if c.symbol in symbols)
 
     @property
     def name(self) -> str:
@@ -124,19 +126,19 @@ class Swept(Source):
 
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Yield every model with every engine of its sidecar."""
-        for one in self._sidecars.values():
-            if isinstance(one, UnreadModel):
-                raise SidecarError(one.reason)
-            for engine in chosen_engines(one, only):
+        for sidecar in self._sidecars.values():
+            if isinstance(sidecar, UnreadModel):
+                raise SidecarError(sidecar.reason)
+            for engine in chosen_engines(sidecar, only):
                 if engine not in engines():
-                    raise SidecarError(f"{one.model}.toml: no engine {engine!r} is known")
-                yield one.model.name, engine
+                    raise SidecarError(f"{sidecar.model}.toml: no engine {engine!r} is known")
+                yield sidecar.model.name, engine
 
     def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
         """Load the unchanged model, find its literals, and compile coordinates and scales."""
         _ = self.declared_motions
-        found = self.model(model, engine)
-        return found.integrator, found.integrators
+        prepared = self.model(model, engine)
+        return prepared.integrator, prepared.integrators
 
     def model(self, name: str, engine: str) -> Prepared:
         """Return a model in an engine, prepared on first use.
@@ -151,9 +153,9 @@ class Swept(Source):
             loaded = engines()[engine].load(sidecar.spec(engine))
             coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
             needed = self.needed | coordinates.constants
-            found = parametric_model_file(self.system, sidecar, self.own, needed)
+            model_file = parametric_model_file(self.system, sidecar, self.own, needed)
             self._models[name, engine] = Prepared(
-                found, coordinates, loaded.integrator, loaded.integrators
+                model_file, coordinates, loaded.integrator, loaded.integrators
             )
         return self._models[name, engine]
 
@@ -182,8 +184,8 @@ class Swept(Source):
     @cached_property
     def amplitude(self) -> Array:
         """Largest magnitude of each component over all scenarios as declared, (2n,)."""
-        found: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)
-        return found
+        amplitudes: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)
+        return amplitudes
 
     def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
         """Run the segments of the drawn motion, and one full run at the time step."""
@@ -214,11 +216,11 @@ class Swept(Source):
         others = [m for name, m in self.declared_motions.items() if name != case.scenario]
         scale = component_scale(motion, others)
         names = [c.name for c in self.system.coordinates]
-        found = extrapolate(
+        limit = extrapolate(
             model, coordinates, Batch.of_motion(motion, scale), resolution=resolution
         )
         return judged(
-            found,
+            limit,
             motion,
             scale=scale,
             components=(*names, *(f"{name}_dot" for name in names)),
@@ -240,8 +242,8 @@ class Swept(Source):
         error = largest(run, amplitude[: len(self.system.coordinates)])
         known.tell(global_error=number(error))
         if why := failure(run, error, motion):
-            told = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
-            known.tell(outcome=Outcome.FAILED, reason=told)
+            message = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
+            known.tell(outcome=Outcome.FAILED, reason=message)
 
 
 def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:
@@ -250,8 +252,8 @@ def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[
     Raises:
         EngineError: naming file, place and remedy.
     """
-    own = {**sidecar.engine_settings.get(engine, {}), **settings}
+    merged_settings = {**sidecar.engine_settings.get(engine, {}), **settings}
     if step is not None:
-        own["step"] = step
-    changed = replace(sidecar, engine_settings={**sidecar.engine_settings, engine: own})
+        merged_settings["step"] = step
+    changed = replace(sidecar, engine_settings={**sidecar.engine_settings, engine: merged_settings})
     return engines()[engine].load(changed.spec(engine))

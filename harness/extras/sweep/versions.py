@@ -30,8 +30,8 @@ class Pair:
     @property
     def limit(self) -> bool:
         """True if the discrepancies differ by more than both uncertainties."""
-        one, other = self.before, self.after
-        sizes = one.discrepancy, other.discrepancy, one.uncertainty, other.uncertainty
+        earlier, other = self.before, self.after
+        sizes = earlier.discrepancy, other.discrepancy, earlier.uncertainty, other.uncertainty
         if any(size is None for size in sizes):
             return False
         e, f, u, v = (size or 0.0 for size in sizes)
@@ -40,10 +40,10 @@ class Pair:
     @property
     def error(self) -> float:
         """Relative change of the error at the time step; 0 without one."""
-        one, other = self.before.global_error, self.after.global_error
-        if not one or other is None:
+        earlier, other = self.before.global_error, self.after.global_error
+        if not earlier or other is None:
             return 0.0
-        return abs(other - one) / one
+        return abs(other - earlier) / earlier
 
     @property
     def index(self) -> int:
@@ -86,17 +86,17 @@ def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
     Rows of one number have the same draw. The rows of the earlier version stay in memory, about 2
     kB each.
     """
-    known = {row.index: row for row in before}
-    found = Moved()
-    told = Most[Pair](lambda pair: pair.size, TOLD)
+    earlier_rows = {row.index: row for row in before}
+    changes = Moved()
+    largest = Most[Pair](lambda pair: pair.size, TOLD)
     for row in after:
-        if row.index not in known:
+        if row.index not in earlier_rows:
             continue
-        pair = Pair(before=known.pop(row.index), after=row)
-        found.cases += 1
-        found.verdicts += pair.verdict
-        found.limits += pair.limit
-        found.errors += pair.error > MOVED
-        told.add(pair)
-    found.largest = told.items()
-    return found
+        pair = Pair(before=earlier_rows.pop(row.index), after=row)
+        changes.cases += 1
+        changes.verdicts += pair.verdict
+        changes.limits += pair.limit
+        changes.errors += pair.error > MOVED
+        largest.add(pair)
+    changes.largest = largest.items()
+    return changes

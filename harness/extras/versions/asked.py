@@ -39,18 +39,20 @@ def asked_versions(
         FolderError: giving the problem and the remedy.
     """
     name, *given = words
-    if name not in (known := engines()):
-        raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
-    found = [_version(word, option) for word in given]
-    numbers = [one.version for one in found]
+    if name not in (all_engines := engines()):
+        raise FolderError(
+            f"no engine {name!r} is known; known are {', '.join(sorted(all_engines))}"
+        )
+    requested = [_version(word, option) for word in given]
+    numbers = [one.version for one in requested]
     if twice := [number for number in numbers if numbers.count(number) > 1]:
         raise FolderError(f"{option} {name}: {twice[0]} is asked for twice; name two versions")
-    if len(found) < least:
+    if len(requested) < least:
         raise FolderError(
             f"{option} {name}: name two versions of it or more, the older first, as in"
             f" `{option} {name} 1.2.3 1.3.0`"
         )
-    return name, tuple(found)
+    return name, tuple(requested)
 
 
 def _version(word: str, option: str) -> AskedVersion:
@@ -88,15 +90,15 @@ def asked_models(engine: str, folders: Sequence[Path], robots: Sequence[Path]) -
             mine.append(folder)
         else:
             left_out.append(f"{folder}: no model of it names {engine}; left out")
-    alone = []
+    robot_files = []
     for file in robots:
         if any(reader.name == engine for reader in engines_reading(file.suffix)):
-            alone.append(file)
+            robot_files.append(file)
         else:
             left_out.append(f"{file}: {engine} reads no {file.suffix} files; left out")
-    if not mine and not alone:
+    if not mine and not robot_files:
         raise FolderError("; ".join(left_out))
-    return AskedModels(tuple(mine), tuple(alone), tuple(left_out))
+    return AskedModels(tuple(mine), tuple(robot_files), tuple(left_out))
 
 
 def _runs(folder: Path, engine: str) -> bool:

@@ -19,12 +19,12 @@ from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 def main(task: Path, found: Path) -> None:
     """Run the task of a file, and write the result."""
-    asked = decoded(task.read_bytes(), VersionTask)
-    ran = _run(asked)
-    out = Path(asked.out)
+    task_record = decoded(task.read_bytes(), VersionTask)
+    ran = _run(task_record)
+    out = Path(task_record.out)
     write_whole(out / "results.json", encoded(ran.results))
     write_report(out / "index.html", ran.results)
-    write_whole(found, encoded(_version_run(asked.version, ran)))
+    write_whole(found, encoded(_version_run(task_record.version, ran)))
 
 
 def unusable(engine: str, wanted: str, package: str) -> str:
@@ -41,8 +41,8 @@ def unusable(engine: str, wanted: str, package: str) -> str:
             f"it has a physics-crosscheck of its own in {here}, which would be run instead of this"
             f" one; `{sys.executable} -m pip uninstall physics-crosscheck` takes it out"
         )
-    known = engines().get(engine)
-    version = known.version() if known else None
+    engine_class = engines().get(engine)
+    version = engine_class.version() if engine_class else None
     if version is None:
         return f"it has no {engine}; {sys.executable} -m pip can install it"
     if version != wanted:
@@ -50,23 +50,23 @@ def unusable(engine: str, wanted: str, package: str) -> str:
     return ""
 
 
-def _run(asked: VersionTask) -> Run:
-    snapshots = {(one.folder, one.case): one.snapshot for one in asked.repeated}
+def _run(task: VersionTask) -> Run:
+    snapshots = {(one.folder, one.case): one.snapshot for one in task.repeated}
     options = Options(
-        engines=(asked.engine,),
-        resolution=asked.resolution,
-        jobs=asked.jobs,
-        limits=Limits(seconds=asked.seconds, memory=asked.memory),
-        floating=asked.floating,
+        engines=(task.engine,),
+        resolution=task.resolution,
+        jobs=task.jobs,
+        limits=Limits(seconds=task.seconds, memory=task.memory),
+        floating=task.floating,
         selection=Selection(
             models=None,
             snapshot=lambda folder, case: snapshots.get((folder, case)),
-            diagnose=asked.diagnose,
+            diagnose=task.diagnose,
             described=True,
         ),
     )
     with Progress() as progress:
-        folders, robots = map(Path, asked.folders), map(Path, asked.robots)
+        folders, robots = map(Path, task.folders), map(Path, task.robots)
         return run(list(folders), options, progress, robots=list(robots))
 
 

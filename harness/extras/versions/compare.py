@@ -79,11 +79,13 @@ class _Both:
         return entry_of(case.id, case, measurement, depends)
 
 
-def _measurement(run: VersionRun, known: Mapping[_Key, Measured], case: Case) -> Measurement | str:
-    one = known.get((case.folder, case.id))
-    if one is not None and one.measurement is not None and case.verdict is not None:
-        return one.measurement
-    why = "" if one is None or not one.failure else f": {one.failure}"
+def _measurement(
+    run: VersionRun, measurements: Mapping[_Key, Measured], case: Case
+) -> Measurement | str:
+    measured = measurements.get((case.folder, case.id))
+    if measured is not None and measured.measurement is not None and case.verdict is not None:
+        return measured.measurement
+    why = "" if measured is None or not measured.failure else f": {measured.failure}"
     return f"its motion under {run.version} could not be measured{why}"
 
 
@@ -99,29 +101,29 @@ def pairs(
     A failure of a whole model or folder is paired with each of its cases.
     """
     there = {(case.folder, case.id): case for case in after}
-    taken = set()
-    alone = []
+    paired = set()
+    unpaired = []
     for case in before:
         now = there.get((case.folder, case.id))
         if now is None:
-            alone.append(case)
+            unpaired.append(case)
         else:
-            taken.add((now.folder, now.id))
+            paired.add((now.folder, now.id))
             yield case, now
-    new = [case for case in after if (case.folder, case.id) not in taken]
-    told = set()
-    for case in alone:
-        stand_in = next((one for one in new if _stands_for(one, case)), None)
+    new = [case for case in after if (case.folder, case.id) not in paired]
+    reported = set()
+    for case in unpaired:
+        failure = next((one for one in new if _stands_for(one, case)), None)
         others = [one for one in new if _stands_for(case, one)]
-        if stand_in is None and others:
+        if failure is None and others:
             continue  # reported with each of its cases
-        if stand_in is not None:
-            told.add((stand_in.folder, stand_in.id))
-        yield case, stand_in
+        if failure is not None:
+            reported.add((failure.folder, failure.id))
+        yield case, failure
     for case in new:
-        stand_in = next((one for one in alone if _stands_for(one, case)), None)
-        if stand_in is not None or (case.folder, case.id) not in told:
-            yield stand_in, case
+        failure = next((one for one in unpaired if _stands_for(one, case)), None)
+        if failure is not None or (case.folder, case.id) not in reported:
+            yield failure, case
 
 
 def _stands_for(failure: Case, case: Case) -> bool:
@@ -154,8 +156,8 @@ def _case(was: Case | None, now: Case | None, both: _Both) -> VersionCase:
 
 def _named(was: Case | None, now: Case | None) -> Case:
     """Return the case with the more specific name."""
-    found = [case for case in (now, was) if case is not None]
-    return next((case for case in found if case.scenario != "-"), found[0])
+    cases = [case for case in (now, was) if case is not None]
+    return next((case for case in cases if case.scenario != "-"), cases[0])
 
 
 def _global_error(case: Case | None) -> float | None:
@@ -176,8 +178,8 @@ def _unrun(
         return None
     if len(bad) == 2:
         alike = was is not None and now is not None and was.reason == now.reason
-        said = (f"under both {_why(now)}",) if alike else tuple(bad)
-        return "not compared", said
+        reasons = (f"under both {_why(now)}",) if alike else tuple(bad)
+        return "not compared", reasons
     gone = now is None or not now.outcome.is_run
     return ("fails" if gone else "loads"), tuple(bad)
 
@@ -187,7 +189,7 @@ def _why(case: Case | None) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Found:
+class _JudgedPair:
     """Two versions of a case that both were judged and measured.
 
     Attributes:
@@ -204,21 +206,21 @@ class _Found:
 
 
 def _compared(bare: VersionCase, was: Case, now: Case, both: _Both) -> VersionCase:
-    found = _found(was, now, both)
-    if isinstance(found, str):
+    result = _judged_pair(was, now, both)
+    if isinstance(result, str):
         if was.outcome is not now.outcome:
-            said = f"{now.outcome} where it was {was.outcome}"
-            return replace(bare, kinds=("verdict",), messages=(said, found))
-        return replace(bare, kinds=("not compared",), messages=(found,))
-    kinds = list(_kinds(bare, found))
-    messages = list(found.difference.messages)
-    if said := _next_state(was, now):
+            change = f"{now.outcome} where it was {was.outcome}"
+            return replace(bare, kinds=("verdict",), messages=(change, result))
+        return replace(bare, kinds=("not compared",), messages=(result,))
+    kinds = list(_kinds(bare, result))
+    messages = list(result.difference.messages)
+    if change := _next_state(was, now):
         kinds.append("next state")
-        messages.append(said)
+        messages.append(change)
     if "verdict" in kinds or "step cost" in kinds:
         messages += _reasons(was, now, both)
-    here = found.again.on_accepted
-    distance = None if here is None else apart(found.then, found.measured.snapshot, here)
+    here = result.again.on_accepted
+    distance = None if here is None else apart(result.then, result.measured.snapshot, here)
     return replace(
         bare,
         kinds=tuple(kinds),
@@ -228,7 +230,7 @@ def _compared(bare: VersionCase, was: Case, now: Case, both: _Both) -> VersionCa
     )
 
 
-def _found(was: Case, now: Case, both: _Both) -> _Found | str:
+def _judged_pair(was: Case, now: Case, both: _Both) -> _JudgedPair | str:
     """Return both versions of a case, or why they can't be compared."""
     measured, other = both.measured(was, now)
     if isinstance(measured, str):
@@ -241,25 +243,25 @@ def _found(was: Case, now: Case, both: _Both) -> _Found | str:
     then = both.entry(was, measured, both.before.version)
     present = both.entry(now, again, both.after.version)
     difference = compare(then, present, measured.snapshot, again)
-    return _Found(then=then, measured=measured, again=again, difference=difference)
+    return _JudgedPair(then=then, measured=measured, again=again, difference=difference)
 
 
-def _kinds(bare: VersionCase, found: _Found) -> Iterator[CaseChange]:
+def _kinds(bare: VersionCase, pair: _JudgedPair) -> Iterator[CaseChange]:
     """Yield the changes of a case that was judged and measured under both."""
-    here, snapshot = found.again.on_accepted, found.measured.snapshot
-    told = False
+    here, snapshot = pair.again.on_accepted, pair.measured.snapshot
+    has_change = False
     if bare.before is not bare.after:
-        told = True
+        has_change = True
         yield "verdict"
-    if here is not None and of_model(found.then, snapshot, here):
-        told = True
+    if here is not None and of_model(pair.then, snapshot, here):
+        has_change = True
         yield "limit"
     if here is None or of_equations(snapshot, here):
-        told = True
+        has_change = True
         yield "equations"
-    if told or found.difference.status not in (Status.CHANGED, Status.IMPROVED):
+    if has_change or pair.difference.status not in (Status.CHANGED, Status.IMPROVED):
         return
-    yield "step cost" if "numbers" in found.difference.kinds else "discrepancy"
+    yield "step cost" if "numbers" in pair.difference.kinds else "discrepancy"
 
 
 def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:
@@ -272,9 +274,10 @@ def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:
 
 def _next_state(was: Case, now: Case) -> str:
     """Return the change of the outcome of a single step; empty without one."""
-    one, other = was.stepping, now.stepping
-    then, present = (None if s is None else s.outcome for s in (one, other))
+    earlier, other = was.stepping, now.stepping
+    then, present = (None if s is None else s.outcome for s in (earlier, other))
     if then is present:
         return ""
-    said = [o or "unknown" for o in (then, present)]
-    return f"the very next state, by the engine's own rule on the equations: {said[0]} -> {said[1]}"
+    outcomes = [o or "unknown" for o in (then, present)]
+    change = " -> ".join(outcomes)
+    return f"the very next state, by the engine's own rule on the equations: {change}"

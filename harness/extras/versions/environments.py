@@ -29,7 +29,7 @@ from physics_crosscheck.harness.results.visible import visible
 READY = "made-by-crosscheck.txt"
 """Written last: an environment without it is incomplete and is created again."""
 
-_BESIDE = "packages-beside.pth"
+_PATH_FILE = "packages-beside.pth"
 
 
 class EnvironmentError_(RuntimeError):  # noqa: N801, N818  # the plain name is Python's own
@@ -137,8 +137,8 @@ def _make(wanted: Requirement, place: Path, tell: Tell, run: Execute) -> None:
     line = "; ".join(
         ["import site", *(f"site.addsitedir({json.dumps(path)})" for path in site_folders())]
     )
-    tell(f"  echo {shlex.quote(line)} > {shlex.quote(str(lib / _BESIDE))}")
-    (lib / _BESIDE).write_text(f"{line}\n", encoding="utf-8")
+    tell(f"  echo {shlex.quote(line)} > {shlex.quote(str(lib / _PATH_FILE))}")
+    (lib / _PATH_FILE).write_text(f"{line}\n", encoding="utf-8")
     pip = [python, "-m", "pip", "install", "--disable-pip-version-check", wanted.pinned]
     _command(pip, wanted, tell, run)
     write_whole(place / READY, f"{wanted.pinned}\n")
@@ -152,10 +152,10 @@ def _command(command: Sequence[str], wanted: Requirement, tell: Tell, run: Execu
     """
     shown = shlex.join(command)
     tell(f"  {shown}")
-    code, said = run(command)
+    code, output = run(command)
     if code == 0:
         return
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("ERROR:")]
     last = visible((errors or lines or [f"exit code {code}"])[-1])
     raise EnvironmentError_(

@@ -64,18 +64,18 @@ def launch(
         ended = subprocess.run(
             [python, "-P", "-c", _BEGIN + code, *given],
             stdin=subprocess.DEVNULL,
-            env=_surroundings(),
+            env=_process_environment(),
             check=False,
         ).returncode
-        said = why.read_text(encoding="utf-8") if why.is_file() else ""
+        reason = why.read_text(encoding="utf-8") if why.is_file() else ""
     if ended not in answers:
-        said = said or f"it ended with code {ended}"
-    if said:
-        raise EnvironmentError_(f"{engine} {version} can't be run by {visible(python)}: {said}")
+        reason = reason or f"it ended with code {ended}"
+    if reason:
+        raise EnvironmentError_(f"{engine} {version} can't be run by {visible(python)}: {reason}")
     return ended
 
 
-def _surroundings() -> Mapping[str, str]:
+def _process_environment() -> Mapping[str, str]:
     """Return the environment variables of that process: a checkout comes first on its path.
 
     An installed package is found with its dependencies, after the environment's own packages.

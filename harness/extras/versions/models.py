@@ -15,7 +15,7 @@ _ALIKE = 1e-9
 ROUNDING = 1e-14
 """Rounding of an entry of a linearization, relative to the largest entry."""
 
-Told = Iterator[tuple[ModelChange, str]]
+ModelChanges = Iterator[tuple[ModelChange, str]]
 
 
 def changed_models(before: VersionRun, after: VersionRun) -> Iterator[VersionModel]:
@@ -25,23 +25,23 @@ def changed_models(before: VersionRun, after: VersionRun) -> Iterator[VersionMod
         now = there.get(was.key)
         if now is None:
             continue  # its cases report it
-        told = [
+        changes = [
             *_failures(was, now, before.version, after.version),
             *_linearizations(was, now),
             *_remarks(was, now),
         ]
-        if told:
+        if changes:
             yield VersionModel(
                 system=was.system,
                 model=was.model,
                 engine=was.engine,
                 folder=was.folder,
-                kinds=tuple(dict.fromkeys(kind for kind, _ in told)),
-                messages=tuple(message for _, message in told),
+                kinds=tuple(dict.fromkeys(kind for kind, _ in changes)),
+                messages=tuple(message for _, message in changes),
             )
 
 
-def _failures(was: Model, now: Model, before: str, after: str) -> Told:
+def _failures(was: Model, now: Model, before: str, after: str) -> ModelChanges:
     """Return the parts of a model's check that ran under one version only."""
     then, present = dict(was.failures), dict(now.failures)
     for what, why in present.items():
@@ -52,33 +52,33 @@ def _failures(was: Model, now: Model, before: str, after: str) -> Told:
             yield "loads", f"its {what} FAILED under {before}: {why}"
 
 
-def _linearizations(was: Model, now: Model) -> Told:
+def _linearizations(was: Model, now: Model) -> ModelChanges:
     """Return linearizations that changed by more than both uncertainties."""
-    there = {one.equilibrium: one for one in now.linearizations}
-    for one in was.linearizations:
-        other = there.get(one.equilibrium)
+    there = {earlier.equilibrium: earlier for earlier in now.linearizations}
+    for earlier in was.linearizations:
+        other = there.get(earlier.equilibrium)
         if other is None:
             continue  # the failure is reported
         moved = [
             f"{name} by {size:.1e} ± {bound:.0e} of its largest entry"
-            for name, size, bound in _moved(one, other)
+            for name, size, bound in _moved(earlier, other)
             if size > bound
         ]
         if moved:
-            said = f"its linearization about {one.equilibrium!r} moved: {', '.join(moved)}"
-            yield "linearization", said
-        elif one.differs != other.differs:
+            message = f"its linearization about {earlier.equilibrium!r} moved: {', '.join(moved)}"
+            yield "linearization", message
+        elif earlier.differs != other.differs:
             verb = "is not Taylor's any more" if other.differs else "is Taylor's now"
-            yield "linearization", f"its linearization about {one.equilibrium!r} {verb}"
+            yield "linearization", f"its linearization about {earlier.equilibrium!r} {verb}"
 
 
 def _moved(
-    one: EngineLinearization, other: EngineLinearization
+    earlier: EngineLinearization, other: EngineLinearization
 ) -> Iterator[tuple[str, float, float]]:
     """Yield the change of each matrix and its uncertainty, if known."""
     for name, then, now, bounds in (
-        ("A", one.a, other.a, (one.a_bound, other.a_bound)),
-        ("B", one.b, other.b, (one.b_bound, other.b_bound)),
+        ("A", earlier.a, other.a, (earlier.a_bound, other.a_bound)),
+        ("B", earlier.b, other.b, (earlier.b_bound, other.b_bound)),
     ):
         if (size := _distance(then, now)) is None or None in bounds:
             continue
@@ -96,20 +96,20 @@ def _distance(then: Rows, now: Rows) -> float | None:
     return max(abs(a - b) for a, b in both) / largest if largest else 0.0
 
 
-def _remarks(was: Model, now: Model) -> Told:
+def _remarks(was: Model, now: Model) -> ModelChanges:
     """Return remarks of one version only, and those whose numbers differ."""
     if was.audit is None or now.audit is None:
         return
     then, present = list(was.audit), list(now.audit)
-    for one in was.audit:
-        same = next((other for other in present if one.is_like(other, _ALIKE)), None)
+    for finding in was.audit:
+        same = next((other for other in present if finding.is_like(other, _ALIKE)), None)
         if same is not None:
-            then.remove(one)
+            then.remove(finding)
             present.remove(same)
-    yield from (("remark gained", _sentence(one)) for one in present)
-    yield from (("remark lost", _sentence(one)) for one in then)
+    yield from (("remark gained", _sentence(finding)) for finding in present)
+    yield from (("remark lost", _sentence(finding)) for finding in then)
 
 
-def _sentence(one: AuditFinding) -> str:
-    where = "" if one.location is None else f"{one.location}: "
-    return f"{where}{one.message}"
+def _sentence(finding: AuditFinding) -> str:
+    where = "" if finding.location is None else f"{finding.location}: "
+    return f"{where}{finding.message}"

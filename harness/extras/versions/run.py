@@ -81,37 +81,39 @@ def run_versions(
     """
     began = time.perf_counter()
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    pythons = [interpreter_of(engine, one, options.environments, tell) for one in versions]
+    pythons = [interpreter_of(engine, version, options.environments, tell) for version in versions]
     runs: list[VersionRun] = []
-    found = [
+    interpreters = [
         EngineVersion(
-            version=one.version,
+            version=version.version,
             python=python,
-            report=str(options.out / f"{engine}-{one.version}"),
+            report=str(options.out / f"{engine}-{version.version}"),
         )
-        for one, python in zip(versions, pythons, strict=True)
+        for version, python in zip(versions, pythons, strict=True)
     ]
-    for one in found:
-        tell(f"{engine} {one.version} runs")
-        task = _task(engine, one, models, options, _repeated(runs[-1:]))
-        runs.append(_run(one, task))
+    for version in interpreters:
+        tell(f"{engine} {version.version} runs")
+        task = _task(engine, version, models, options, _repeated(runs[-1:]))
+        runs.append(_run(version, task))
     return Versions(
         created=created,
         engine=engine,
         resolution=options.resolution,
         seconds=time.perf_counter() - began,
-        versions=tuple(found),
+        versions=tuple(interpreters),
         upgrades=tuple(upgrade(a, b, engine, options.resolution) for a, b in pairwise(runs)),
         left_out=models.left_out,
     )
 
 
-def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, tell: Tell) -> str:
+def interpreter_of(
+    engine: str, requested: AskedVersion, environments: Path | None, tell: Tell
+) -> str:
     """Return the interpreter with a version; create an environment if none exists.
 
     Args:
         engine: its name.
-        asked: the version.
+        requested: the version.
         environments: folder of all environments; None: the user's cache.
         tell: shows each command before it runs.
 
@@ -119,20 +121,22 @@ def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, 
         EnvironmentError_: if a version is not available.
         OSError: if a file can't be read or written.
     """
-    if asked.place is not None:
-        python = interpreter(asked.place).absolute()
+    if requested.place is not None:
+        python = interpreter(requested.place).absolute()
         if not python.exists():
             raise EnvironmentError_(
-                f"{engine} {asked.version}: {visible(str(asked.place))} is not an environment:"
-                f" it has no {python.relative_to(asked.place.absolute())};"
+                f"{engine} {requested.version}: {visible(str(requested.place))} is not an"
+                f" environment: it has no {python.relative_to(requested.place.absolute())};"
                 " `python -m venv` makes one"
             )
         return str(python)
-    known = engines()[engine]
-    if known.version() == asked.version:
-        tell(f"{engine} {asked.version}: the one that is installed here")
+    engine_class = engines()[engine]
+    if engine_class.version() == requested.version:
+        tell(f"{engine} {requested.version}: the one that is installed here")
         return sys.executable
-    wanted = Requirement(engine=engine, distribution=distribution(known), version=asked.version)
+    wanted = Requirement(
+        engine=engine, distribution=distribution(engine_class), version=requested.version
+    )
     return str(interpreter(environment(wanted, environments or cache(), tell)))
 
 
@@ -148,14 +152,14 @@ def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:
 
 def _task(
     engine: str,
-    one: EngineVersion,
+    version: EngineVersion,
     models: AskedModels,
     options: VersionOptions,
     repeated: tuple[Repeated, ...],
 ) -> VersionTask:
     return VersionTask(
         engine=engine,
-        version=one.version,
+        version=version.version,
         folders=tuple(map(str, models.folders)),
         robots=tuple(map(str, models.robots)),
         resolution=options.resolution,
@@ -165,18 +169,20 @@ def _task(
         floating=options.floating,
         diagnose=options.diagnose,
         repeated=repeated,
-        out=one.report,
+        out=version.report,
     )
 
 
-def _run(one: EngineVersion, task: VersionTask) -> VersionRun:
+def _run(version: EngineVersion, task: VersionTask) -> VersionRun:
     """Run a task in an environment, in its own process.
 
     Raises:
         EnvironmentError_: if it can't run, with the reason.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
-        asked, found = Path(scratch) / "task.json", Path(scratch) / "found.json"
-        write_whole(asked, encoded(task))
-        launch(task.engine, one.version, one.python, _CHILD, (str(asked), str(found)))
-        return decoded(found.read_bytes(), VersionRun)
+        task_file, result_file = Path(scratch) / "task.json", Path(scratch) / "found.json"
+        write_whole(task_file, encoded(task))
+        launch(
+            task.engine, version.version, version.python, _CHILD, (str(task_file), str(result_file))
+        )
+        return decoded(result_file.read_bytes(), VersionRun)

@@ -30,9 +30,9 @@ def main(options: argparse.Namespace) -> int:
     options.folders = [*options.folders, *(name for name in options.cases if name not in patterns)]
     targets, what = meant(options)
     with LateProgress() as progress:
-        found = gate(targets, what, progress)
+        result = gate(targets, what, progress)
     try:
-        done = accept(found, patterns, reason, options.baseline)
+        done = accept(result, patterns, reason, options.baseline)
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

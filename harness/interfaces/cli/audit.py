@@ -40,7 +40,7 @@ def main(options: argparse.Namespace) -> int:
     wanted = resolve_targets(options.folders, standalone=options.standalone)
     warn_unknown(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
-    found = audits(
+    model_audits = audits(
         wanted.paths,
         engines=options.engine,
         jobs=options.jobs,
@@ -50,16 +50,16 @@ def main(options: argparse.Namespace) -> int:
         floating=options.floating,
         model=options.chosen_model,
     )
-    if not found:
+    if not model_audits:
         raise FolderError("no model matches these names and engines; run `crosscheck list` for all")
     if cache is not None and cache.trouble:
         print(f"crosscheck: {cache.trouble}", file=sys.stderr)
     code = AGREE
-    if all(model.absent for model in found):
-        print(f"crosscheck: {nothing_tested(m.id.engine for m in found)}", file=sys.stderr)
+    if all(model.absent for model in model_audits):
+        print(f"crosscheck: {nothing_tested(m.id.engine for m in model_audits)}", file=sys.stderr)
         code = FAIL
     console, codes = terminal(), list[str]()
-    for _, alike in groupby(found, _without_engine):
+    for _, alike in groupby(model_audits, _without_engine):
         code = max(code, _print(console, list(alike), codes))
     print_hint(console, explain_hint(codes))
     return with_unknown(code, wanted.named)
@@ -90,9 +90,9 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str]) -> 
             if model.is_survey
             else audit_lines(model.findings)
         )
-        found = [one.code for one in model.findings if one.severity == "finding"]
-        codes += found
-        code = DIFFER if found else AGREE
+        found_codes = [one.code for one in model.findings if one.severity == "finding"]
+        codes += found_codes
+        code = DIFFER if found_codes else AGREE
     for line in lines:
         print_status_lines(console, wrapped(f"  {line}", console.width))
     return code

@@ -37,25 +37,25 @@ def main(options: argparse.Namespace) -> int:
     try:
         pair = _pair(options)
         with Workers(JOBS, arguments.limits_of(options)) as workers:
-            found = comparison_record(compare(pair, in_workers(workers)), created)
+            record = comparison_record(compare(pair, in_workers(workers)), created)
     except (SidecarError, NotInstalledError, UnreadableModelError) as error:
         return _stop(str(error), FAIL)
     except CompareError as error:
         return _stop(str(error), USAGE)
     except FailureError as error:
-        found = failed_record(pair, error.failure, created)
+        record = failed_record(pair, error.failure, created)
     console = terminal()
-    print_comparison(console, found)
+    print_comparison(console, record)
     if options.json:
-        write_whole(options.json, encoded(found, indent=1))
+        write_whole(options.json, encoded(record, indent=1))
         print(options.json)
-    print_hint(console, explain_hint([found.code]))
-    if found.outcome is Outcome.FAILED:
+    print_hint(console, explain_hint([record.code]))
+    if record.outcome is Outcome.FAILED:
         return FAIL
-    if found.strict and found.found is not None:
-        for line in found.found.untested:
+    if record.strict and record.found is not None:
+        for line in record.found.untested:
             print(f"crosscheck: --strict: {line}", file=sys.stderr)
-    return AGREE if found.passes else DIFFER
+    return AGREE if record.passes else DIFFER
 
 
 def _pair(options: argparse.Namespace) -> CompareOptions:

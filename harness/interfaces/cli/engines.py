@@ -14,17 +14,19 @@ from physics_crosscheck.harness.interfaces.cli.help import suggestion
 
 def main(options: argparse.Namespace) -> int:
     """Print a line per engine and capability, or a line per conformance test of an adapter."""
-    known = engines()
+    all_engines = engines()
     if options.conformance is not None:
-        engine = known.get(options.conformance)
+        engine = all_engines.get(options.conformance)
         if engine is None or engine.version() is None:
-            installed = sorted(name for name in known if known[name].version() is not None)
+            installed = sorted(
+                name for name in all_engines if all_engines[name].version() is not None
+            )
             hint = suggestion(options.conformance, installed)
             message = f"engine {options.conformance!r} is not installed.{hint}"
             print(f"crosscheck: {message} Installed: {', '.join(installed)}.", file=sys.stderr)
             return USAGE
         return _conformance(engine)
-    for name, engine in sorted(known.items()):
+    for name, engine in sorted(all_engines.items()):
         version = engine.version()
         print(f"{name:<10} {version or 'not installed':<14} reads {', '.join(engine.formats)}")
         if version is None:
@@ -35,10 +37,10 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _conformance(engine: Engine) -> int:
-    found = conform_samples(engine)
-    for file, checks in found.items():
+    results = conform_samples(engine)
+    for file, checks in results.items():
         print(file)
         for check in checks:
             print(f"  {check}")
-    passed = all(check.passed for checks in found.values() for check in checks)
-    return AGREE if found and passed else DIFFER
+    passed = all(check.passed for checks in results.values() for check in checks)
+    return AGREE if results and passed else DIFFER

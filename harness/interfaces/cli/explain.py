@@ -24,8 +24,11 @@ def main(options: argparse.Namespace) -> int:
         return AGREE
     wanted = {word: find_code(word) for word in options.codes}
     unknown = [word for word, found in wanted.items() if found is None]
-    known = [found for found in wanted.values() if found is not None]
-    print("\n\n".join("\n".join(code_lines(one, width)) for one in known), end="\n" * bool(known))
+    known_codes = [found for found in wanted.values() if found is not None]
+    print(
+        "\n\n".join("\n".join(code_lines(one, width)) for one in known_codes),
+        end="\n" * bool(known_codes),
+    )
     for word in unknown:
         similar = similar_codes(word)
         hint = (

@@ -46,18 +46,18 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     folders, what = meant(options)
     with LateProgress() as progress:
-        found = gate(folders, what, progress)
+        result = gate(folders, what, progress)
     console = terminal()
-    lines = gate_lines(found, console.width, _accept_options(options))
+    lines = gate_lines(result, console.width, _accept_options(options))
     print_status_lines(console, lines)
-    print_hint(console, code_hint(found))
-    print_commands(commands(notes(found), os.environ))
+    print_hint(console, code_hint(result))
+    print_commands(commands(notes(result), os.environ))
     sys.stdout.flush()
-    text = summary(found)
+    text = summary(result)
     write_summary(text, os.environ)
     write_whole(options.out / "summary.md", text)
-    write_whole(options.out / "gate.json", encoded(found.record(), indent=1))
-    return code(found)
+    write_whole(options.out / "gate.json", encoded(result.record(), indent=1))
+    return code(result)
 
 
 def _accept_options(options: argparse.Namespace) -> list[str]:
@@ -68,11 +68,11 @@ def _accept_options(options: argparse.Namespace) -> list[str]:
     return words
 
 
-def code(found: GateResult) -> int:
+def code(result: GateResult) -> int:
     """Return the exit code of a gate."""
-    if found.of(Status.NOT_RUN) or not found.changes or found.failures:
+    if result.of(Status.NOT_RUN) or not result.changes or result.failures:
         return FAIL
-    return AGREE if found.passes else DIFFER
+    return AGREE if result.passes else DIFFER
 
 
 def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:

@@ -94,9 +94,11 @@ class CommandParser(argparse.ArgumentParser):
             return
         if isinstance(action, argparse._SubParsersAction):
             self.error(_unknown_command(str(value), choices))
-        known = ", ".join(choices)
+        choice_list = ", ".join(choices)
         hint = suggestion(str(value), choices)
-        raise argparse.ArgumentError(action, f"unknown value {value!r}.{hint} Choose from {known}.")
+        raise argparse.ArgumentError(
+            action, f"unknown value {value!r}.{hint} Choose from {choice_list}."
+        )
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -115,10 +117,10 @@ class _Formatter(argparse.HelpFormatter):
         """Add a usage line, broken between arguments."""
         if usage and usage is not argparse.SUPPRESS:
             lead = len(f"usage: {self._prog} ")
-            filled = textwrap.fill(
+            usage_text = textwrap.fill(
                 f"usage: {usage}", self._width, subsequent_indent=" " * lead, **_WHOLE_WORDS
             )
-            usage = filled.removeprefix("usage: ").replace("\xa0", " ")
+            usage = usage_text.removeprefix("usage: ").replace("\xa0", " ")
         super().add_usage(usage, *more, **named)
 
 
@@ -163,12 +165,12 @@ def metavar(action: argparse.Action) -> str:
     return f"{name} ..." if action.nargs == "+" else name
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
+def suggestion(word: str, names: Iterable[str]) -> str:
     """Return ` Did you mean X?` for a name that resembles a known one; empty otherwise."""
     # Imported here: only a wrong name needs it.
     from difflib import get_close_matches
 
-    close = get_close_matches(word, list(known), n=1)
+    close = get_close_matches(word, list(names), n=1)
     return f" Did you mean {close[0]}?" if close else ""
 
 

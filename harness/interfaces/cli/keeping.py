@@ -53,9 +53,9 @@ def keep_history(out: Path, results: Results, *, begin: bool) -> Sequence[Past]:
 def _commit() -> str:
     """Return the commit of the current repository; empty outside one."""
     try:
-        told = subprocess.run(
+        completed = subprocess.run(
             ["git", "rev-parse", "HEAD"], capture_output=True, text=True, timeout=PATIENCE
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return told.stdout.strip() if told.returncode == 0 else ""
+    return completed.stdout.strip() if completed.returncode == 0 else ""

@@ -25,10 +25,10 @@ def main(options: argparse.Namespace) -> int:
     names = options.folders or models_below(Path())
     targets = resolve_targets(names, standalone=options.standalone)
     choice = replace(targets.choice, words=options.words)
-    found = listed(
+    listing = listed(
         targets.paths, options.engine, floating=options.floating, model=options.chosen_model
     )
-    cases = [(folder, case) for folder, case in found.cases if choice.includes(folder, case)]
+    cases = [(folder, case) for folder, case in listing.cases if choice.includes(folder, case)]
     if options.format == "json":
         rows = [
             {
@@ -45,7 +45,7 @@ def main(options: argparse.Namespace) -> int:
         for _, case in cases:
             print(visible(str(case)))
         print(counted(len(cases), "case"), file=sys.stderr)
-    faults = (*targets.named.faults.values(), *found.faults)
+    faults = (*targets.named.faults.values(), *listing.faults)
     for fault in faults:
         print(f"crosscheck: {fault}", file=sys.stderr)
     return USAGE if faults or not cases else AGREE

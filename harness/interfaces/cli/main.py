@@ -120,11 +120,13 @@ def _parse_and_run(given: Sequence[str]) -> int:
 def _check_first(parser: CommandParser, given: Sequence[str]) -> None:
     """Reject an unknown option in place of a command, before its value is read as a command."""
     first = given[0] if given else "-h"
-    known = ("--help", "--version")
+    options = ("--help", "--version")
     if first == "-h" or not first.startswith("-"):
         return
-    if not any(option.startswith(first) for option in known):
-        hint = suggestion(first, known) or " Options follow the command: `crosscheck run --strict`."
+    if not any(option.startswith(first) for option in options):
+        hint = (
+            suggestion(first, options) or " Options follow the command: `crosscheck run --strict`."
+        )
         parser.error(f"unknown option {first} before a command.{hint}")
 
 
@@ -188,9 +190,11 @@ def build_parser(commands: Collection[str]) -> CommandParser:
         epilog=EPILOG,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="Print the version and exit")
-    made = parser.add_subparsers(dest="command", metavar="COMMAND", help=argparse.SUPPRESS)
+    commands_parser = parser.add_subparsers(
+        dest="command", metavar="COMMAND", help=argparse.SUPPRESS
+    )
     for name, text in COMMANDS.items():
-        command = made.add_parser(name, prog=f"crosscheck {name}", help=text)
+        command = commands_parser.add_parser(name, prog=f"crosscheck {name}", help=text)
         if name in commands:
             declared = importlib.import_module(
                 f"physics_crosscheck.harness.interfaces.cli.parsers.{name}"

@@ -63,8 +63,8 @@ def main(options: argparse.Namespace) -> int:
     for text in mutation_lines(rows, terminal().width):
         print(text)
     if options.json is not None:
-        found = Mutations(summary=summary(rows), rows=tuple(rows))
-        write_whole(options.json, encoded(found, indent=1))
+        mutations = Mutations(summary=summary(rows), rows=tuple(rows))
+        write_whole(options.json, encoded(mutations, indent=1))
     missed = any(row.verdict is FaultVerdict.MISSED for row in rows)
     alarmed = any(
         row.kind is FaultKind.NONE and row.verdict is not FaultVerdict.AGREES for row in rows

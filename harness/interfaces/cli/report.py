@@ -34,10 +34,10 @@ def main(options: argparse.Namespace) -> int:
     page = out / ("changes.html" if len(runs) == 2 else "index.html")
     check_page(page)
     if len(runs) == 2:
-        found = two_runs(*runs)
-        write_two_runs(page, found, (files[0].parent, files[1].parent))
-        print_two_runs(terminal(), found)
-        code = DIFFER if found.moved else AGREE
+        changes = two_runs(*runs)
+        write_two_runs(page, changes, (files[0].parent, files[1].parent))
+        print_two_runs(terminal(), changes)
+        code = DIFFER if changes.moved else AGREE
     else:
         write_report(page, runs[0], read_history(files[0].parent))
         code = AGREE

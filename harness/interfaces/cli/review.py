@@ -32,50 +32,50 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     folders, what = meant(options)
     with LateProgress() as progress:
-        found = gate(folders, what, progress)
-    decided = Review(found, input, _tell).walk()
+        result = gate(folders, what, progress)
+    decided = Review(result, input, _tell).walk()
     _tell("")
-    for change in found.of(Status.NOT_RUN):
+    for change in result.of(Status.NOT_RUN):
         for line in change_lines(change):
             _tell(line)
     try:
         done = accept_each(
-            found, decided.reasons, decided.reasons.keys() - decided.kept, options.baseline
+            result, decided.reasons, decided.reasons.keys() - decided.kept, options.baseline
         )
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
-    _summarize(found, decided)
+    _summarize(result, decided)
     if done.files:
         for line in accepted_lines(done.cases, done.files, terminal().width, with_cases=True):
             _tell(line)
-    if found.of(Status.NOT_RUN) or found.failures:
+    if result.of(Status.NOT_RUN) or result.failures:
         return FAIL
     return DIFFER if decided.rejected or decided.left else AGREE
 
 
-def _summarize(found: GateResult, decided: Decisions) -> None:
+def _summarize(result: GateResult, decided: Decisions) -> None:
     """Print the number of cases per decision, and the edits to undo."""
     counts = {
         "accepted": len(decided.reasons),
         "rejected": len(decided.rejected),
         "not decided": len(decided.left),
-        "could not run": len(found.of(Status.NOT_RUN)),
+        "could not run": len(result.of(Status.NOT_RUN)),
     }
-    told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-    _tell(told or "Nothing to review: every case is as accepted")
+    summary_text = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    _tell(summary_text or "Nothing to review: every case is as accepted")
     files = {(change.id.system, change.id.model) for change in decided.rejected}
-    for diff in found.file_diffs:
+    for diff in result.file_diffs:
         if any(system == diff.system and model in diff.models for system, model in files):
             for one in diff.lines:
                 for line in wrapped(_undo(one), terminal().width):
                     _tell(line)
 
 
-def _undo(one: ChangedLine) -> str:
+def _undo(line: ChangedLine) -> str:
     """Return the remedy of a rejected edit."""
-    what = f"set it back to {one.old}" if one.old else "undo this edit"
-    return f"{one.file}:{one.line} {one.edit or one.message}: {what}"
+    what = f"set it back to {line.old}" if line.old else "undo this edit"
+    return f"{line.file}:{line.line} {line.edit or line.message}: {what}"
 
 
 def _tell(line: str) -> None:

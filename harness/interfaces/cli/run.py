@@ -64,7 +64,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
     check_page(options.out / "index.html")
     warn_unknown(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
-    asked = Options(
+    run_options = Options(
         engines=tuple(options.engine),
         resolution=options.resolution,
         jobs=options.jobs,
@@ -80,10 +80,10 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
     with journal(options.out, resume=options.resume) as done:
         with Progress(every=options.verbose) as progress:
             with asking() as stop:
-                interruption = Interruption(stop, done)
-                ran = run(wanted.folders, asked, progress, interruption, wanted.robots)
+                control = Interruption(stop, done)
+                ran = run(wanted.folders, run_options, progress, control, wanted.robots)
             results = ran.results
-            if not (results.cases or stop.asked or asked.choice.everything):
+            if not (results.cases or stop.asked or run_options.choice.everything):
                 done.remove()
                 why = "no case has such a name, or its engine is not installed"
                 raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
@@ -98,13 +98,15 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
     _print_stopped(results, options.out, done)
     if cache is not None and cache.trouble:
         print(f"crosscheck: {cache.trouble}", file=sys.stderr)
-    if options.verbose and asked.choice.everything:
+    if options.verbose and run_options.choice.everything:
         _print_absent(absent_engine_lines(wanted.folders))
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_unknown(exit_code(results, options.require_engines), wanted.named)
-    if options.strict and (left := [*left_out(results.models), *refused(results)]):
-        print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
+    if options.strict and (untested_parts := [*left_out(results.models), *refused(results)]):
+        print(
+            "\n".join(f"crosscheck: --strict: {line}" for line in untested_parts), file=sys.stderr
+        )
         code = FAIL
     code = SIGNALLED + stop.number if stop.asked else code
     return Ran(whole, code, bool(stop.asked), ran.reads)

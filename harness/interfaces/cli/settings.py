@@ -112,8 +112,8 @@ def _read(file: _SettingsFile, key: str, value: object) -> object:
         raise file.error(key, f"{key} {why}")
     setting = SETTINGS.get(key)
     if setting is None:
-        known = f" Settings: {', '.join(SETTINGS)}."
-        raise file.error(key, f"unknown setting {key!r}.{suggestion(key, SETTINGS)}{known}")
+        setting_names = f" Settings: {', '.join(SETTINGS)}."
+        raise file.error(key, f"unknown setting {key!r}.{suggestion(key, SETTINGS)}{setting_names}")
     try:
         return setting.read(value, file.path.parent)
     except (ValueError, argparse.ArgumentTypeError) as error:

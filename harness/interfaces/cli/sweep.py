@@ -57,9 +57,9 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.only is None:
         check_page(options.out / "index.html")
     wanted = _wanted(options)
-    asked = _asked(options)
-    with crew(asked, wanted) as workers, asking() as stop:
-        whole = planned(asked, wanted, workers)
+    sweep_options = _sweep_options(options)
+    with crew(sweep_options, wanted) as workers, asking() as stop:
+        whole = planned(sweep_options, wanted, workers)
         for line in whole.left_out:
             print(f"crosscheck: skipped: {line}", file=sys.stderr)
         if options.only is not None:
@@ -82,13 +82,13 @@ def _stopped(stop: Stop, out: Path) -> int:
 
 def _wanted(options: argparse.Namespace) -> Wanted:
     """Return the selected folders, models and robot files."""
-    found = resolve_targets(options.folders, standalone=options.standalone)
-    if found.named.faults:
-        raise FolderError("; ".join(found.named.faults.values()))
-    return Wanted(places=[*found.folders, *found.robots], models=dict(found.choice.models))
+    targets = resolve_targets(options.folders, standalone=options.standalone)
+    if targets.named.faults:
+        raise FolderError("; ".join(targets.named.faults.values()))
+    return Wanted(places=[*targets.folders, *targets.robots], models=dict(targets.choice.models))
 
 
-def _asked(options: argparse.Namespace) -> SweepOptions:
+def _sweep_options(options: argparse.Namespace) -> SweepOptions:
     return SweepOptions(
         factors=factors(options.vary),
         design=Design(options.design),
@@ -127,12 +127,12 @@ def _command(options: argparse.Namespace) -> list[str]:
 
 def _summary(out: Path) -> int:
     check_page(out / "index.html")
-    found = summary(plan_of(out), read_rows(out))
-    write_whole(out / "summary.json", encoded(found, indent=1))
-    write_sweep(out / "index.html", found)
-    print_sweep(terminal(), found)
+    sweep_summary = summary(plan_of(out), read_rows(out))
+    write_whole(out / "summary.json", encoded(sweep_summary, indent=1))
+    write_sweep(out / "index.html", sweep_summary)
+    print_sweep(terminal(), sweep_summary)
     print(f"{out / 'rows'}  {out / 'index.html'}")
-    return _code(found.outcomes)
+    return _code(sweep_summary.outcomes)
 
 
 def _code(outcomes: dict[str, int]) -> int:

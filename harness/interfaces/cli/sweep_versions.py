@@ -45,15 +45,16 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
         )
     codes, outs = [], []
     try:
-        found = [
-            (one, interpreter_of(engine, one, options.environments, _tell)) for one in versions
+        interpreters = [
+            (version, interpreter_of(engine, version, options.environments, _tell))
+            for version in versions
         ]
-        for one, python in found:
-            out = options.out / f"{engine}-{one.version}"
-            _tell(f"{engine} {one.version}:")
+        for version, python in interpreters:
+            out = options.out / f"{engine}-{version.version}"
+            _tell(f"{engine} {version.version}:")
             given = [*words[1:], *([] if options.engine else ["--engine", engine])]
-            given += [*_local(options), "--out", str(out), "--under", engine, one.version]
-            code = launch(engine, one.version, python, _CHILD, given, range(256))
+            given += [*_local(options), "--out", str(out), "--under", engine, version.version]
+            code = launch(engine, version.version, python, _CHILD, given, range(256))
             if code not in (AGREE, DIFFER, FAIL):
                 return code  # invalid or interrupted: already reported
             codes.append(code)
@@ -65,8 +66,8 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
     if only:
         return worst
     others = [
-        _told(f"{engine} {a.version} -> {b.version}", one, other)
-        for (a, one), (b, other) in pairwise(zip(versions, outs, strict=True))
+        _print_changes(f"{engine} {a.version} -> {b.version}", version, other)
+        for (a, version), (b, other) in pairwise(zip(versions, outs, strict=True))
     ]
     return max(worst, DIFFER if any(others) else AGREE)
 
@@ -82,26 +83,26 @@ def _local(options: argparse.Namespace) -> list[str]:
     return [*found, "--limit", repr(limits.seconds), "--memory", repr(limits.memory)]
 
 
-def _told(name: str, before: Path, after: Path) -> bool:
+def _print_changes(name: str, before: Path, after: Path) -> bool:
     """Print the differences between two consecutive versions; return whether there are any."""
     plans = read_plan(before), read_plan(after)
     if not all(plans):
         return False
-    found = moved(read_rows(before), read_rows(after))
-    for line in _lines(name, found):
+    changes = moved(read_rows(before), read_rows(after))
+    for line in _lines(name, changes):
         print(line)
-    return found.any
+    return changes.any
 
 
-def _lines(name: str, found: Moved) -> Iterator[str]:
+def _lines(name: str, changes: Moved) -> Iterator[str]:
     counts = (
-        (found.verdicts, "with another verdict"),
-        (found.limits, "with another result"),
-        (found.errors, f"with an error at dt that changed by over {100 * MOVED:.0f} %"),
+        (changes.verdicts, "with another verdict"),
+        (changes.limits, "with another result"),
+        (changes.errors, f"with an error at dt that changed by over {100 * MOVED:.0f} %"),
     )
     parts = [f"{count} {what}" for count, what in counts if count]
-    yield f"{name}: {counted(found.cases, 'case')}: {'; '.join(parts) or 'none changed'}"
-    for pair in found.largest:
+    yield f"{name}: {counted(changes.cases, 'case')}: {'; '.join(parts) or 'none changed'}"
+    for pair in changes.largest:
         for row in (pair.before, pair.after):
             yield from row_lines(row)
 

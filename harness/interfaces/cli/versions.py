@@ -43,23 +43,23 @@ def main(options: argparse.Namespace) -> int:
         diagnose=options.diagnose,
     )
     try:
-        found = run_versions(engine, versions, models, wanted, _tell)
+        result = run_versions(engine, versions, models, wanted, _tell)
     except EnvironmentError_ as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
-    write_versions(options.out / "index.html", found)
+    write_versions(options.out / "index.html", result)
     if options.json:
-        write_whole(options.json, encoded(found, indent=1))
-    print_versions(terminal(), found)
+        write_whole(options.json, encoded(result, indent=1))
+    print_versions(terminal(), result)
     print("  ".join(map(str, filter(None, (options.out / "index.html", options.json)))))
-    return code(found)
+    return code(result)
 
 
-def code(found: Versions) -> int:
+def code(versions: Versions) -> int:
     """Return the exit code; as for the gate, a model that can't be compared does not pass."""
-    if found.incomplete:
+    if versions.incomplete:
         return FAIL
-    return DIFFER if found.changed else AGREE
+    return DIFFER if versions.changed else AGREE
 
 
 def _models(names: list[str], engine: str) -> AskedModels:
@@ -68,11 +68,11 @@ def _models(names: list[str], engine: str) -> AskedModels:
     Raises:
         FolderError: if a name is unknown, or none of its models runs in the engine.
     """
-    alone = robot_files(names)
-    if alone.faults:
-        raise FolderError("; ".join(alone.faults.values()))
-    folders = system_folders(alone.others) if alone.others or not names else []
-    return asked_models(engine, folders, alone.files)
+    robots = robot_files(names)
+    if robots.faults:
+        raise FolderError("; ".join(robots.faults.values()))
+    folders = system_folders(robots.others) if robots.others or not names else []
+    return asked_models(engine, folders, robots.files)
 
 
 def _tell(line: str) -> None:

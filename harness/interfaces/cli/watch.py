@@ -40,7 +40,7 @@ Stamps = Mapping[str, tuple[int, int]]
 Reads = Mapping[str, Mapping[str, str]]
 """Files that each folder's code read or looked for, by folder: states by relative name."""
 
-MOST = 3
+MAX_NAMED_FILES = 3
 """Maximum number of changed files to name."""
 
 
@@ -73,21 +73,23 @@ def watch(wanted: Targets, run: Run) -> int:
     before = _with_reads(before, reads)  # states at the time of reading
     while not ran.stopped:
         files_watched = counted(len(_stamps(wanted, before)), "file")
-        _say(f"watching {files_watched} for changes; press Ctrl-C to end")
+        _print_line(f"watching {files_watched} for changes; press Ctrl-C to end")
         before, again, files = _wait(wanted, before, reads)
         part = _part(wanted, again)
         if not (part.folders or part.robots):
             continue
         if sys.stdout.isatty():
             print("\x1b[2J\x1b[H", end="", flush=True)
-        names = ", ".join(files[:MOST]) + (f" and {len(files) - MOST} more" * (len(files) > MOST))
-        _say(f"{time.strftime('%H:%M:%S')}  changed: {names}")
+        names = ", ".join(files[:MAX_NAMED_FILES]) + (
+            f" and {len(files) - MAX_NAMED_FILES} more" * (len(files) > MAX_NAMED_FILES)
+        )
+        _print_line(f"{time.strftime('%H:%M:%S')}  changed: {names}")
         try:
             ran = run(part, _with_others(ran.results, again))
             reads |= ran.reads
             before = _with_reads(before, ran.reads)
         except FolderError as error:
-            _say(f"crosscheck: {error}")
+            _print_line(f"crosscheck: {error}")
     return ran.code
 
 
@@ -137,11 +139,11 @@ def _wait(
         time.sleep(POLL)
         if now != _stamps(wanted, before):
             continue
-        found = _with_reads(_hashes(wanted), _now(reads))
-        again = {key for key in {*before, *found} if before.get(key) != found.get(key)}
+        hashes_now = _with_reads(_hashes(wanted), _now(reads))
+        again = {key for key in {*before, *hashes_now} if before.get(key) != hashes_now.get(key)}
         if again:
-            return found, again, list(dict.fromkeys(_changed(before, found, again)))
-        before, stamps = found, now
+            return hashes_now, again, list(dict.fromkeys(_changed(before, hashes_now, again)))
+        before, stamps = hashes_now, now
 
 
 def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
@@ -153,24 +155,24 @@ def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
 
 def _hashes(wanted: Targets) -> Hashes:
     """Return hashes of all targets; those of unreadable files have no model name."""
-    found: dict[Place, Mapping[str, str]] = {}
+    hashes: dict[Place, Mapping[str, str]] = {}
     for folder in wanted.folders:
         whole = str(folder), ""
         try:
             scan = folder_files(folder)
         except OSError as error:  # being written, or deleted
-            found[whole] = {str(error.filename or folder): UNREADABLE}
+            hashes[whole] = {str(error.filename or folder): UNREADABLE}
             continue
-        for one in scan.models:
-            found[str(folder), one.model] = {
+        for model_files in scan.models:
+            hashes[str(folder), model_files.model] = {
                 str(folder) if name == BESIDE else os.path.normpath(folder / name): value
-                for name, value in one.hashes.items()
+                for name, value in model_files.hashes.items()
             }
         if scan.broken or not scan.models:
-            found[whole] = {str(folder): "\n".join((scan.system, *scan.broken))}
+            hashes[whole] = {str(folder): "\n".join((scan.system, *scan.broken))}
     for file in wanted.robots:
-        found[str(file), ""] = states_now(Path(), dict.fromkeys(_of_robot(file), ""))
-    return found
+        hashes[str(file), ""] = states_now(Path(), dict.fromkeys(_of_robot(file), ""))
+    return hashes
 
 
 def _now(reads: Reads) -> Reads:
@@ -179,12 +181,12 @@ def _now(reads: Reads) -> Reads:
 
 def _with_reads(hashes: Hashes, reads: Reads) -> Hashes:
     """Add files that the code of folders has read: they affect all models of the folder."""
-    found = dict(hashes)
+    extended = dict(hashes)
     for folder, states in reads.items():
         named = {os.path.normpath(Path(folder, name)): states[name] for name in states}
         if named:
-            found[folder, ""] = {**found.get((folder, ""), {}), **named}
-    return found
+            extended[folder, ""] = {**extended.get((folder, ""), {}), **named}
+    return extended
 
 
 def _of_robot(file: Path) -> list[str]:
@@ -198,14 +200,14 @@ def _of_robot(file: Path) -> list[str]:
 
 def _stamps(wanted: Targets, hashes: Hashes) -> Stamps:
     """Return the stamps of all files in the folders, and of all other hashed files."""
-    found = {}
+    stamps = {}
     for path in {*_inside(wanted.folders), *(name for names in hashes.values() for name in names)}:
         try:
             status = os.stat(path)
         except OSError:
             continue
-        found[path] = status.st_mtime_ns, status.st_size
-    return found
+        stamps[path] = status.st_mtime_ns, status.st_size
+    return stamps
 
 
 def _inside(places: Sequence[Path]) -> Iterator[str]:
@@ -216,5 +218,5 @@ def _inside(places: Sequence[Path]) -> Iterator[str]:
             yield from (os.path.join(base, n) for n in names if not n.startswith("."))
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     print(visible(line), file=sys.stderr, flush=True)

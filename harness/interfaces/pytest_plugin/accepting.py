@@ -31,10 +31,10 @@ class Accepting:
         pytest.UsageError: in CI, or without a reason.
     """
 
-    def __init__(self, config: pytest.Config, folders: Sequence[Path], asked: Terms) -> None:
+    def __init__(self, config: pytest.Config, folders: Sequence[Path], settings: Terms) -> None:
         given = config.getoption("crosscheck_accept")
         self._reason = None if given is None else " ".join(given.split())
-        self._folders, self._asked = folders, asked
+        self._folders, self._settings = folders, settings
         self.told: tuple[str, ...] = ()
         if self._reason is not None and in_ci():
             raise pytest.UsageError("--crosscheck-accept needs a person and is refused in CI")
@@ -57,19 +57,21 @@ class Accepting:
         if not self._reason or hasattr(config, "workerinput"):  # xdist's workers have no reports
             return None
         passed = set(_passed(config))
-        found = gate(
+        result = gate(
             list(self._folders),
             GateOptions(
-                baseline=self._asked.baseline,
-                resolution=self._asked.resolution,
-                limits=self._asked.limits,
+                baseline=self._settings.baseline,
+                resolution=self._settings.resolution,
+                limits=self._settings.limits,
                 parents=(),
             ),
             lambda *_: None,
         )
-        chosen = [change.id for change in found.changes if str(change.id) in passed]
+        chosen = [change.id for change in result.changes if str(change.id) in passed]
         try:
-            done = accept_each(found, dict.fromkeys(chosen, self._reason), (), self._asked.baseline)
+            done = accept_each(
+                result, dict.fromkeys(chosen, self._reason), (), self._settings.baseline
+            )
         except AcceptError as error:
             self.told = (f"crosscheck: {error}",)
             return False
@@ -81,5 +83,5 @@ def _passed(config: pytest.Config) -> list[str]:
     """Return the names of the cases whose tests passed."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     reports = [] if reporter is None else reporter.stats.get("passed", ())
-    known = [dict(r.user_properties) for r in reports if r.when == "call"]
-    return [facts["case"] for facts in known if "case" in facts]
+    properties = [dict(r.user_properties) for r in reports if r.when == "call"]
+    return [facts["case"] for facts in properties if "case" in facts]

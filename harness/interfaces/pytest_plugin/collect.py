@@ -70,25 +70,25 @@ class SystemFile(pytest.File):
             warnings.simplefilter("default")
             for warning in system.warned:
                 warning.again()
-            found = list(model_files(folder))
+            sidecars = list(model_files(folder))
         scenarios = list(system.scenarios)
         audit = "audit" if "audit" not in scenarios else "audit of the model"
-        for one in found:
-            if isinstance(one, UnreadModel):
-                name = one.model if one.model != "-" else "no model file"
-                failure = Failure(one.reason, "", kind="sidecar")
+        for item in sidecars:
+            if isinstance(item, UnreadModel):
+                name = item.model if item.model != "-" else "no model file"
+                failure = Failure(item.reason, "", kind="sidecar")
                 yield _unread(self, folder, system.name, name, failure)
                 continue
-            for engine in one.engines:
-                tail = f"[{engine}]" if len(one.engines) > 1 else ""
+            for engine in item.engines:
+                tail = f"[{engine}]" if len(item.engines) > 1 else ""
                 for scenario in (*scenarios, None):
-                    case = f"{system.name}/{one.model.name}/{scenario or audit}"
+                    case = f"{system.name}/{item.model.name}/{scenario or audit}"
                     yield CrosscheckItem.from_parent(
                         self,
                         name=_plain(case) + tail,
                         target=folder,
                         system=system.name,
-                        model=one,
+                        model=item,
                         engine=engine,
                         scenario=scenario,
                     )
@@ -161,7 +161,7 @@ class CrosscheckItem(pytest.Item):
         super().__init__(**rest)
         self.target, self.model, self.file = target, model, model_path(model or self.path)
         self.system, self.engine, self.scenario = system, engine, scenario
-        self._brief = ""
+        self._summary = ""
         self._where: SourceLine | None = None
         kind = {"model": self.file.name} if model else {}
         self.add_marker(
@@ -238,7 +238,7 @@ class CrosscheckItem(pytest.Item):
             if diagnosis.explained:
                 causes = diagnosis.explanations[0].causes
                 self.user_properties += [("code", cause.code) for cause in causes]
-        self._brief, self._where = in_brief(record, decision, diagnosis)
+        self._summary, self._where = in_brief(record, decision, diagnosis)
         cause, *more = failure_message(record, decision, diagnosis).splitlines()
         text = "\n".join([cause, *self._fixes(record, diagnosis), *more])
         pytest.fail(text, pytrace=False)
@@ -271,14 +271,14 @@ class CrosscheckItem(pytest.Item):
             crash.path, crash.lineno = str(path), 1
             if self._where and self._where.line:
                 crash.path, crash.lineno = str(path.parent / self._where.file), self._where.line
-            crash.message = self._brief
+            crash.message = self._summary
         return shown
 
     def record(self) -> Case | Model:
         """Run the case or the audit; an audit that can't run is a failed case."""
         assert self.model is not None
         runner, target = self.config.stash[RUNNER], self.target
-        one = CaseId(
+        case_id = CaseId(
             system=self.system,
             model=self.file.name,
             scenario=self.scenario or "-",
@@ -286,13 +286,13 @@ class CrosscheckItem(pytest.Item):
         )
         why = self._precondition(self.model)
         if why is not None:
-            return barred_case(one, str(target), why)
+            return barred_case(case_id, str(target), why)
         if self.scenario is not None:
-            return runner.case(one, target, self.model)
-        found = runner.audit(target, self.model, self.engine)
-        if isinstance(found, Failure):
-            return failed_case(one, str(target), found)
-        model = self._model(audit=found.findings, poses=found.poses)
+            return runner.case(case_id, target, self.model)
+        audit = runner.audit(target, self.model, self.engine)
+        if isinstance(audit, Failure):
+            return failed_case(case_id, str(target), audit)
+        model = self._model(audit=audit.findings, poses=audit.poses)
         return runner.marked(model, target)
 
     def reportinfo(self) -> tuple[Path, int, str]:
@@ -313,8 +313,8 @@ class UnreadItem(CrosscheckItem):
 
     def record(self) -> Case:
         """Return the placeholder for its cases."""
-        one = CaseId(system=self.system, model=self.path.name, scenario="-", engine=NO_ENGINE)
-        return failed_case(one, str(self.target), self._failure)
+        case_id = CaseId(system=self.system, model=self.path.name, scenario="-", engine=NO_ENGINE)
+        return failed_case(case_id, str(self.target), self._failure)
 
 
 def properties(case: Case) -> dict[str, str]:
@@ -322,10 +322,10 @@ def properties(case: Case) -> dict[str, str]:
 
     These include the largest numbers, which `figures` omits: those of the deciding component.
     """
-    found = {"outcome": str(case.outcome), **figures(case)}
+    values = {"outcome": str(case.outcome), **figures(case)}
     if (worst := largest(case)) is not None:
-        found["largest"] = f"{worst:.3e}"
-    return found
+        values["largest"] = f"{worst:.3e}"
+    return values
 
 
 def _mark(item: pytest.Item, name: str) -> None:

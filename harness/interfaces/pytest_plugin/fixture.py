@@ -14,8 +14,8 @@ class Checker:
     """Runs models as `check` does, with the settings of the command line; each model once."""
 
     def __init__(self, config: pytest.Config) -> None:
-        self._config, self._terms = config, terms(config)
-        self._found: dict[tuple[object, ...], Results] = {}
+        self._config, self._settings = config, terms(config)
+        self._results: dict[tuple[object, ...], Results] = {}
 
     def __call__(
         self,
@@ -35,24 +35,24 @@ class Checker:
         Raises:
             FolderError: for a path without a target, or an unknown engine.
         """
-        root, terms = self._config.rootpath, self._terms
+        root, settings = self._config.rootpath, self._settings
         names = target_names(paths)
         # As for `check`, a name without a path is a built-in system.
         named = [str(root / name) if (root / name).exists() else name for name in names]
-        wanted = terms.resolution if resolution is None else resolution
+        wanted = settings.resolution if resolution is None else resolution
         key = tuple(named), tuple(engines), wanted, floating, model
-        if key not in self._found:
-            self._found[key] = check(
+        if key not in self._results:
+            self._results[key] = check(
                 *named,
                 engines=engines,
                 resolution=wanted,
-                limit=terms.limits.seconds,
-                memory=terms.limits.memory,
-                baseline=terms.baseline,
+                limit=settings.limits.seconds,
+                memory=settings.limits.memory,
+                baseline=settings.baseline,
                 floating=floating,
                 model=model,
             )
-        found = self._found[key]
+        found = self._results[key]
         if found.untested and not self._config.getoption("crosscheck_require_engines"):
             pytest.skip(found.untested)
         return found

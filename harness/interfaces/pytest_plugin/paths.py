@@ -88,21 +88,21 @@ def to_collect(config: pytest.Config, targets: dict[str, list[Path]]) -> list[st
     argument inside PATH, such as a test's id, selects from it. The ini file's paths, like
     `testpaths`, apply if the command line names nothing.
     """
-    asked = bool(config.getoption("crosscheck"))
+    is_requested = bool(config.getoption("crosscheck"))
     named = config.args_source is config.ArgsSource.ARGS
-    given = [] if asked and not named else list(config.args)
-    if named and not asked:
+    given = [] if is_requested and not named else list(config.args)
+    if named and not is_requested:
         return given
     inside = [Path(argument.split("::")[0]).resolve() for argument in given]
     unwanted = _unwanted(config)
-    for name, found in targets.items():
-        roots = [Path(name).resolve(), *(target.resolve() for target in found)]
+    for name, paths in targets.items():
+        roots = [Path(name).resolve(), *(target.resolve() for target in paths)]
         if named and any(path.is_relative_to(root) for path in inside for root in roots):
             continue
         # Skip paths that pytest collects anyway: pytest 8 loses tests if arguments overlap.
         given += [
             str(file)
-            for file in (one / DECLARATION if one.is_dir() else one for one in found)
+            for file in (one / DECLARATION if one.is_dir() else one for one in paths)
             if not any(_reached(file.resolve().parent, path, unwanted) for path in inside)
         ]
     return list(dict.fromkeys(given))

@@ -74,16 +74,16 @@ class CaseRunner:
             self._prepared[target] = self._ask(prepare, target)
         return self._prepared[target]
 
-    def case(self, one: CaseId, target: Path, model: Sidecar | Path) -> Case:
+    def case(self, case_id: CaseId, target: Path, model: Sidecar | Path) -> Case:
         """Run a case; if the baseline accepts it, add the reason.
 
         A case of a robot file runs once for all tests that need it.
         """
         if isinstance(model, Sidecar):
-            return self._run(one, target, model)
-        if (target, one) not in self._robot_cases:
-            self._robot_cases[target, one] = self._run(one, target, model)
-        return self._robot_cases[target, one]
+            return self._run(case_id, target, model)
+        if (target, case_id) not in self._robot_cases:
+            self._robot_cases[target, case_id] = self._run(case_id, target, model)
+        return self._robot_cases[target, case_id]
 
     def judged_by(self, case_id: CaseId, file: Path) -> list[str]:
         """Return the other engines that have a verdict on a robot file."""
@@ -118,13 +118,13 @@ class CaseRunner:
     def _judged(
         self,
         case: Case | Failure,
-        one: CaseId,
+        case_id: CaseId,
         target: Path,
         measured: Callable[[Snapshot], Measurement | Failure],
     ) -> Case:
         """Return a case with its outcome, and with the reason of its acceptance if there is one."""
         if isinstance(case, Failure):
-            return failed_case(one, str(target), case)
+            return failed_case(case_id, str(target), case)
         if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
             return case
         before = self._before(target)
@@ -150,15 +150,17 @@ class CaseRunner:
 
     def audit(self, target: Path, model: Sidecar | Path, engine: str) -> Audit | Failure:
         """Audit a model, or return why it can't be audited."""
-        found = self.prepared(target)
-        if isinstance(found, Failure):
-            return found
-        if isinstance(found.facts, RobotFacts):
-            return Audit(findings=found.facts.findings, poses=Poses(note="no poses are declared"))
+        preparation = self.prepared(target)
+        if isinstance(preparation, Failure):
+            return preparation
+        if isinstance(preparation.facts, RobotFacts):
+            return Audit(
+                findings=preparation.facts.findings, poses=Poses(note="no poses are declared")
+            )
         task = self._task(model, engine)
-        if not _has_bodies(found):
-            return self._ask(partial(tasks.audit, task=task), found.solved)
-        survey = self._ask(partial(tasks.survey, task=task), found.solved)
+        if not _has_bodies(preparation):
+            return self._ask(partial(tasks.audit, task=task), preparation.solved)
+        survey = self._ask(partial(tasks.survey, task=task), preparation.solved)
         if isinstance(survey, Failure):
             return survey
         return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
@@ -167,13 +169,13 @@ class CaseRunner:
         """Diagnose a model once from its motions in every scenario."""
         key = model_path(model), engine
         if key not in self._diagnoses:
-            found = self.prepared(target)
+            preparation = self.prepared(target)
             value: Diagnosis | Failure
-            if isinstance(found, Failure):
-                value = found
+            if isinstance(preparation, Failure):
+                value = preparation
             else:
                 task = self._task(model, engine)
-                value = self._ask(partial(tasks.diagnosis, task=task), found.solved)
+                value = self._ask(partial(tasks.diagnosis, task=task), preparation.solved)
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value
@@ -192,5 +194,5 @@ class CaseRunner:
             return self._workers.outcome(self._workers.submit(function, argument))
 
 
-def _has_bodies(found: Preparation) -> bool:
-    return isinstance(found.facts, FolderFacts) and found.facts.bodies
+def _has_bodies(preparation: Preparation) -> bool:
+    return isinstance(preparation.facts, FolderFacts) and preparation.facts.bodies

@@ -27,7 +27,7 @@ class CrosscheckSession:
     """The part of the plugin that is registered if there are targets."""
 
     def __init__(self, config: pytest.Config) -> None:
-        asked = terms(config)
+        settings = terms(config)
         targets = meant(config)
         config.args = to_collect(config, targets)
         config.args_source = config.ArgsSource.ARGS
@@ -35,26 +35,26 @@ class CrosscheckSession:
         self._folders = {path for path in paths if path.is_dir()}
         self._robots = paths - self._folders
         try:
-            self._runner = CaseRunner(asked.resolution, asked.limits, asked.baseline)
+            self._runner = CaseRunner(settings.resolution, settings.limits, settings.baseline)
         except BaselineError as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         config.stash[RUNNER] = self._runner
         config.addinivalue_line("markers", ABOUT)
-        self._accepting = Accepting(config, sorted(self._folders), asked)
+        self._accepting = Accepting(config, sorted(self._folders), settings)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collect_file(
         self, file_path: Path, parent: pytest.Collector
     ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
         """Collect declarations and robot files; model files of a folder are not test modules."""
-        found = yield
+        collectors = yield
         if file_path.resolve() in self._robots:
             return [RobotFile.from_parent(parent, path=file_path)]
         if file_path.parent.resolve() not in self._folders:
-            return found
+            return collectors
         if file_path.name == DECLARATION:
             return [SystemFile.from_parent(parent, path=file_path)]
-        return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
+        return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else collectors
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """End the worker process; a run whose cases were all skipped tested nothing and fails."""

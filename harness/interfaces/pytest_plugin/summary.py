@@ -20,18 +20,18 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
         return
     reporter.ensure_newline()
     reporter.section("crosscheck")
-    known = [(report, dict(report.user_properties)) for report in reports]
-    counts = Counter(facts["outcome"] for _, facts in known if "outcome" in facts)
+    report_properties = [(report, dict(report.user_properties)) for report in reports]
+    counts = Counter(facts["outcome"] for _, facts in report_properties if "outcome" in facts)
     parts = [f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one]]
-    agreeing = [facts for _, facts in known if facts.get("outcome") == Outcome.AGREES]
+    agreeing = [facts for _, facts in report_properties if facts.get("outcome") == Outcome.AGREES]
     worst = max((float(facts["largest"]) for facts in agreeing if "largest" in facts), default=None)
     size = "" if worst is None else f"; largest difference of the ok cases: {worst:.1e}"
     reporter.write_line(", ".join(parts) + size)
-    for report, facts in known:
+    for report, facts in report_properties:
         if report.passed and "accepted" in facts:
             outcome = facts.get("outcome", "audit")
             reporter.write_line(f"accepted: {outcome} {report.nodeid}: {facts['accepted']}")
-    skipped = Counter(report.longrepr[2] for report, _ in known if report.skipped)
+    skipped = Counter(report.longrepr[2] for report, _ in report_properties if report.skipped)
     for reason, number in skipped.items():
         reporter.write_line(
             f"skipped: {counted(number, 'test')}: {reason.removeprefix('Skipped: ')}"
@@ -41,7 +41,9 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
             "nothing was tested: no engine of these models is installed."
             " Run pip install 'physics-crosscheck[engines]'."
         )
-    codes = [facts["code"] for report, facts in known if report.failed and "code" in facts]
+    codes = [
+        facts["code"] for report, facts in report_properties if report.failed and "code" in facts
+    ]
     if hint := explain_hint(codes):
         reporter.write_line(hint, light=True)
 

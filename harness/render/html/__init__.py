@@ -72,21 +72,21 @@ def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> 
     Raises:
         OSError: if the file can't be written; an existing page stays unchanged.
     """
-    found = report(results, path.parent, history)
+    view = report(results, path.parent, history)
     places, names = "", frozenset[str]()
     if len(results.cases) > WHOLE:
-        places, names = write_parts(path, _parts(found))
-    write_whole(path, _page(found, places))
+        places, names = write_parts(path, _parts(view))
+    write_whole(path, _page(view, places))
     forget_parts(path, names)
 
 
-def _parts(found: Report) -> Iterator[Part]:
+def _parts(view: Report) -> Iterator[Part]:
     """Yield the files of a report's folders and cases."""
     page = _environment().get_template("part.html")
-    for group in found.groups:
-        yield part_of_group(group, page.render(groups=[group], cases=()), found.packs)
-    for cases in divided(found.groups):
-        yield part_of_cases(cases, page.render(groups=(), cases=cases), found.packs)
+    for group in view.groups:
+        yield part_of_group(group, page.render(groups=[group], cases=()), view.packs)
+    for cases in divided(view.groups):
+        yield part_of_cases(cases, page.render(groups=(), cases=cases), view.packs)
 
 
 def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> str:
@@ -100,24 +100,24 @@ def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     return _page(report(results, out, history))
 
 
-def _page(found: Report, places: str = "") -> str:
+def _page(view: Report, places: str = "") -> str:
     """Return the page of a report.
 
     Args:
-        found: view of the report.
+        view: view of the report.
         places: JSON with the file of each case; empty if the page contains all cases.
     """
-    script = _inline(_script(plots=bool(found.packs)))
+    script = _inline(_script(plots=bool(view.packs)))
     elsewhere: set[str] = set()
     if places:
-        elsewhere = {case.pack for case in found.cases}
-        elsewhere.update(name for group in found.groups for name in group.packs)
+        elsewhere = {case.pack for case in view.cases}
+        elsewhere.update(name for group in view.groups for name in group.packs)
     return template(
         "report.html",
         [script],
         bool(places),
-        report=found,
-        packs=((name, found.packs[name]) for name in found.packs if name not in elsewhere),
+        report=view,
+        packs=((name, view.packs[name]) for name in view.packs if name not in elsewhere),
         early=Markup(EARLY),
         script=Markup(script),
         whole=not places,

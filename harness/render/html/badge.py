@@ -32,40 +32,40 @@ def message(results: Results) -> tuple[str, str]:
     if not results.cases or len(results.cases) == counts[Outcome.ABSENT]:
         return "nothing tested", "grey"
     if amiss:
-        left = Counter(case.outcome for case in amiss)
-        said = {
+        failing = Counter(case.outcome for case in amiss)
+        labels = {
             Outcome.FAILED: "failed", Outcome.DIFFERS: "differ", Outcome.UNRESOLVED: "unresolved",
             Outcome.REFUSED: "refused",
         }  # fmt: skip
-        parts = [f"{left[one]} {word}" for one, word in said.items() if left[one]]
+        parts = [f"{failing[one]} {word}" for one, word in labels.items() if failing[one]]
         return f"{', '.join(parts)} of {len(results.cases)}", "orange"
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
-    known = [digits for case in agreeing if (digits := digits_known(case)) is not None]
-    to = f" to {min(known):.1f} digits" if known else ""
+    digits_of_cases = [digits for case in agreeing if (digits := digits_known(case)) is not None]
+    to = f" to {min(digits_of_cases):.1f} digits" if digits_of_cases else ""
     return f"{len(agreeing)} of {len(results.cases)} agree{to}", "green"
 
 
 def shields(results: Results) -> str:
     """Return the badge as JSON for shields.io: https://shields.io/badges/endpoint-badge"""
-    said, colour = message(results)
-    badge = {"schemaVersion": 1, "label": LABEL, "message": said, "color": _SHIELDS[colour]}
+    text, colour = message(results)
+    badge = {"schemaVersion": 1, "label": LABEL, "message": text, "color": _SHIELDS[colour]}
     return json.dumps(badge) + "\n"
 
 
 def picture(results: Results) -> str:
     """Return the badge as SVG, with the same words for screen readers."""
-    said, colour = message(results)
-    left, right = _width(LABEL), _width(said)
-    whole = f"{LABEL}: {said}"
+    words, colour = message(results)
+    label_width, right = _width(LABEL), _width(words)
+    whole = f"{LABEL}: {words}"
     texts = "".join(
         f'<text x="{x + wide / 2:g}" y="14" textLength="{wide - 12}">{html.escape(text)}</text>'
-        for text, x, wide in ((LABEL, 0, left), (said, left, right))
+        for text, x, wide in ((LABEL, 0, label_width), (words, label_width, right))
     )
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img"'
-        f' aria-label="{html.escape(whole)}"><title>{html.escape(whole)}</title>'
-        f'<rect width="{left + right}" height="20" rx="3" fill="{_COLOURS[colour]}"/>'
-        f'<path d="M3 0h{left - 3}v20H3a3 3 0 0 1-3-3V3a3 3 0 0 1 3-3z" fill="#333a41"/>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{label_width + right}" height="20"'
+        f' role="img" aria-label="{html.escape(whole)}"><title>{html.escape(whole)}</title>'
+        f'<rect width="{label_width + right}" height="20" rx="3" fill="{_COLOURS[colour]}"/>'
+        f'<path d="M3 0h{label_width - 3}v20H3a3 3 0 0 1-3-3V3a3 3 0 0 1 3-3z" fill="#333a41"/>'
         '<g fill="#fff" text-anchor="middle" font-family="Verdana,DejaVu Sans,sans-serif"'
         f' font-size="11">{texts}</g></svg>\n'
     )

@@ -26,7 +26,7 @@ MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time s
 
 
 def case_charts(
-    run: Run, others: Sequence[Run], units: Sequence[str], reach: Sequence[float]
+    run: Run, others: Sequence[Run], units: Sequence[str], magnitudes: Sequence[float]
 ) -> tuple[Chart, ...]:
     """Return the plots of a case.
 
@@ -34,21 +34,23 @@ def case_charts(
         run: its run.
         others: runs of other models and engines in its scenario.
         units: unit of each component.
-        reach: largest magnitude of each component in the system's motions.
+        magnitudes: largest magnitude of each component in the system's motions.
     """
     half = len(run.reference) // 2
     names = run.series.components
-    telling = names.index(run.verdict.component) if run.verdict.component in names else 0
+    deciding = names.index(run.verdict.component) if run.verdict.component in names else 0
     # An empty series has no leading plot.
-    motions = _led((_motion(run, others, i, units[i]) for i in range(half)), telling % max(half, 1))
-    errors = _led((_error(run, i, units[i], reach[i]) for i in range(2 * half)), telling)
+    motions = _led(
+        (_motion(run, others, i, units[i]) for i in range(half)), deciding % max(half, 1)
+    )
+    errors = _led((_error(run, i, units[i], magnitudes[i]) for i in range(2 * half)), deciding)
     return (
         *motions,
         *(_phase(run, i, units) for i in range(half)),
         *errors,
         *_energy(run),
         _convergence(run),
-        *_work(run, others),
+        *_work_precision(run, others),
     )
 
 
@@ -63,8 +65,8 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
     reference, engine = values(series.reference[i]), values(series.engine[i])
     low, high = ends(reference)
     span = (high - low) or 1.0
-    least, most = ends(engine)
-    away = least < low - span or most > high + span
+    least, highest = ends(engine)
+    away = least < low - span or highest > high + span
     return Chart(
         part=MOTION,
         title=f"{name}: reference and engines",
@@ -101,7 +103,7 @@ def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
     half = len(names) // 2
     position, speed = (values(run.series.reference[k]) for k in (i, half + i))
     limits = ends(speed)
-    reach = (limits[1] - limits[0]) or 1.0
+    span = (limits[1] - limits[0]) or 1.0
     return Chart(
         part=MOTION,
         title=f"Phase portrait of {names[i]}",
@@ -126,14 +128,14 @@ def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
         key="Velocity over position, drawn as the motion.",
         summary=f"The reference reaches {largest(position):.3g} {shown(units[i])} and"
         f" {largest(speed):.3g} {shown(units[half + i])}.",
-        y_limits=(limits[0] - 0.3 * reach, limits[1] + 0.3 * reach),
+        y_limits=(limits[0] - 0.3 * span, limits[1] + 0.3 * span),
     )
 
 
-def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
+def _error(run: Run, i: int, unit: str, magnitude: float) -> Chart:
     series = run.series
     name = shown(series.components[i])
-    size = max(largest(series.reference[i]), FLOOR * reach) or 1.0
+    size = max(largest(series.reference[i]), FLOOR * magnitude) or 1.0
     error = single(series.error[i]) / size
     defect, bound = values(series.defect[i]), values(series.defect_uncertainty[i])
     segment_t = run.pack.column(series.segment_t, 6)
@@ -211,9 +213,13 @@ def _energy(run: Run) -> Iterator[Chart]:
 
 
 def _convergence(run: Run) -> Chart:
-    found, full = run.series.convergence, run.series.full_runs
+    convergence, full = run.series.convergence, run.series.full_runs
     steps = values(full.h)[coarse_to_fine(full)]
-    h, defect, increments = values(found.h), values(found.defect), values(found.increments)
+    h, defect, increments = (
+        values(convergence.h),
+        values(convergence.defect),
+        values(convergence.increments),
+    )
     column = run.pack.column
     curves = [
         Curve(label="segments", role="rungs", place=0, x=column(h, 6), y=column(defect, 4)),
@@ -235,11 +241,11 @@ def _convergence(run: Run) -> Chart:
     if slope is None:
         slope, whose = run.verdict.claimed_order, "claimed"
     if len(h) > 1 and defect[-1] > 0:
-        reach = np.array(ends(np.concatenate([h, steps])))
-        guide = defect[-1] * (reach / h[-1]) ** slope
+        step_range = np.array(ends(np.concatenate([h, steps])))
+        guide = defect[-1] * (step_range / h[-1]) ** slope
         label = f"slope {slope:.2f} ({whose})"
         curves.append(
-            Curve(label=label, role="guide", place=0, x=column(reach, 6), y=column(guide, 4))
+            Curve(label=label, role="guide", place=0, x=column(step_range, 6), y=column(guide, 4))
         )
     return Chart(
         part=COST,
@@ -253,15 +259,16 @@ def _convergence(run: Run) -> Chart:
             "Dots: the slope."
         )
         + (" Diamonds: the steps that would give these errors." if wanted else ""),
-        summary=f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')},"
-        f" the error of the segments falls from {sci(_at(defect, 0))} to {sci(_at(defect, -1))};"
-        f" the last one moved the extrapolated limit by {sci(_at(increments, -1))}.",
+        summary=f"As the step falls from {quantity(_value(h, 0), 's')} to"
+        f" {quantity(_value(h, -1), 's')}, the error of the segments falls from"
+        f" {sci(_value(defect, 0))} to {sci(_value(defect, -1))};"
+        f" the last one moved the extrapolated limit by {sci(_value(increments, -1))}.",
         log_x=True,
         log_y=True,
     )
 
 
-def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
+def _work_precision(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
     if run.seconds is None:
         return
     curves = [
@@ -297,5 +304,5 @@ def _method(run: Run) -> str:
     return f"{run.label}, {integrator}" if integrator else run.label
 
 
-def _at(found: Array, place: int) -> float | None:
-    return float(found[place]) if len(found) and np.isfinite(found[place]) else None
+def _value(values: Array, place: int) -> float | None:
+    return float(values[place]) if len(values) and np.isfinite(values[place]) else None

@@ -105,7 +105,10 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
     facts = (
         ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
         ("At dt", () if full_run is None else _at_shipped_step(full_run)),
-        ("Accelerations", () if case.forward_dynamics is None else _told(case.forward_dynamics)),
+        (
+            "Accelerations",
+            () if case.forward_dynamics is None else _dynamics_facts(case.forward_dynamics),
+        ),
         ("One step", () if case.stepping is None else _one_step(case.stepping)),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
         ("Run", tuple(_run(case, scenario))),
@@ -138,8 +141,8 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
 
 def is_judged(case: Case) -> bool:
     """Return whether a case finished with a discrepancy."""
-    known = case.verdict is not None and case.verdict.discrepancy is not None
-    return known and case.outcome is not Outcome.FAILED
+    is_known = case.verdict is not None and case.verdict.discrepancy is not None
+    return is_known and case.outcome is not Outcome.FAILED
 
 
 def _global_error(full_run: FullRun | None) -> str:
@@ -158,8 +161,8 @@ def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> t
     columns: list[float | None] = [None] * 5
     if verdict is not None:
         worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty or 0.0)
-        known = judged and verdict.largest_uncertainty is not None
-        columns[:3] = worst if known else None, verdict.discrepancy, verdict.uncertainty
+        is_known = judged and verdict.largest_uncertainty is not None
+        columns[:3] = worst if is_known else None, verdict.discrepancy, verdict.uncertainty
     if full_run is not None:
         columns[3:] = full_run.global_error, full_run.time_step
     return tuple("" if value is None else f"{value:.6g}" for value in columns)
@@ -180,18 +183,18 @@ def _cost(full_run: FullRun, outcome: Outcome, chaotic: bool) -> str:
             "verdict uses short segments."
         )
     if outcome is Outcome.DIFFERS:
-        said = (
+        sentence = (
             f"At dt = {step}, the error of the whole motion is at most {error} of "
             "the amplitude, from the time step and the difference"
         )
     else:
-        said = f"At dt = {step}, the error is {error} of the amplitude over the whole motion"
+        sentence = f"At dt = {step}, the error is {error} of the amplitude over the whole motion"
     parts = full_run.decomposition
     if parts is None:
-        return f"{said}."
+        return f"{sentence}."
     return (
-        f"{said}: by the end the amplitude is {_signed(parts.amplitude)} off and the phase"
-        f" {quantity(_size(parts.phase), 'rad', 2)} {_late(parts.phase)}."
+        f"{sentence}: by the end the amplitude is {_signed(parts.amplitude)} off and the phase"
+        f" {quantity(_size(parts.phase), 'rad', 2)} {_phase_text(parts.phase)}."
     )
 
 
@@ -203,7 +206,7 @@ def _size(value: float | None) -> float | None:
     return None if value is None else abs(value)
 
 
-def _late(phase: float | None) -> str:
+def _phase_text(phase: float | None) -> str:
     return "" if phase is None else "late" if phase > 0 else "early"
 
 
@@ -231,7 +234,7 @@ def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
     )
 
 
-def _told(dynamics: ForwardDynamics) -> tuple[Fact, ...]:
+def _dynamics_facts(dynamics: ForwardDynamics) -> tuple[Fact, ...]:
     """Return facts about the accelerations that the engine computes without a step."""
     return (
         ("its own, by the equations", f"{dynamics.outcome} ({dynamics.component})"),
@@ -257,8 +260,8 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
 
 
 def _digits(stepping: Stepping) -> str:
-    told = (stepping.digits, stepping.digits_later, stepping.digits_long)
-    first, ten, thousand = (NOTHING if one is None else f"{one:.2g}" for one in told)
+    digits = (stepping.digits, stepping.digits_later, stepping.digits_long)
+    first, ten, thousand = (NOTHING if one is None else f"{one:.2g}" for one in digits)
     return f"{first}, {ten} and {thousand}"
 
 

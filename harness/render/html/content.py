@@ -50,7 +50,7 @@ Parts = tuple[Pack, tuple[Chart, ...], Mapping[str, object]]
 """A pack, its charts, and its other content."""
 
 
-class _Packed(Mapping[str, str]):
+class _LazyPacks(Mapping[str, str]):
     """Mapping of packs that makes each text on access."""
 
     def __init__(self, packs: Mapping[str, Parts]) -> None:
@@ -85,15 +85,15 @@ class Content:
                 pack = Pack(f"pack-model-{place}")
                 self._folder_packs.setdefault(model.folder, []).append(pack.id)
                 self._linear[model.key] = responses(pack, model, system)
-                self._keep(pack, ())
+                self._store_pack(pack, ())
         self._system_packs: dict[str, str] = {}
         for place, system in enumerate(results.systems):
             pack = Pack(f"pack-system-{place}")
             self._system_packs[system.folder] = pack.id
             self._folder_packs.setdefault(system.folder, []).append(pack.id)
-            self._keep(pack, reaches(pack, system), sketch=system.sketch)
+            self._store_pack(pack, reaches(pack, system), sketch=system.sketch)
         self._history = by_case(history)
-        self._keep_cases(_reach(results.cases))
+        self._keep_cases(_magnitudes(results.cases))
         self.history_pack = self._kept_history(results, history)
         self._diagnosis_packs = {
             place: self._diagnosed(place, model) for place, model in enumerate(results.models)
@@ -118,12 +118,12 @@ class Content:
 
     def packs(self) -> Mapping[str, str]:
         """Return every pack by its id, packed on access."""
-        return _Packed(self._packs)
+        return _LazyPacks(self._packs)
 
-    def _keep(self, pack: Pack, charts: Iterable[Chart], **more: object) -> None:
+    def _store_pack(self, pack: Pack, charts: Iterable[Chart], **more: object) -> None:
         self._packs[pack.id] = pack, tuple(charts), more
 
-    def _keep_cases(self, reach: Mapping[str, list[float]]) -> None:
+    def _keep_cases(self, magnitudes: Mapping[str, list[float]]) -> None:
         together: dict[tuple[str, str], list[Run]] = {}
         for run in self._runs:
             if run is not None:
@@ -134,19 +134,21 @@ class Content:
             folder = run.case.folder
             near = together[folder, run.case.scenario][: OVERLAID + 1]
             others = [other for other in near if other is not run][:OVERLAID]
-            charts = case_charts(run, others, self._units(run), reach[folder])
+            charts = case_charts(run, others, self._units(run), magnitudes[folder])
             linear = self._linear.get(run.case.key, ())
             reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
             past = case_history(run.pack, self._history.get(run.case.id, ()))
             charts = (*charts, *past)
-            self._keep(run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others))
+            self._store_pack(
+                run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others)
+            )
 
     def _kept_history(self, results: Results, history: Sequence[Past]) -> str:
         """Return the pack id of the history of all cases; empty without plots."""
         pack = Pack("pack-history")
         charts = run_history(pack, results.cases, history)
         if charts:
-            self._keep(pack, charts)
+            self._store_pack(pack, charts)
         return pack.id if charts else ""
 
     def _motion(self, run: Run, others: Sequence[Run]) -> Motion | None:
@@ -179,18 +181,18 @@ class Content:
         if diagnosis is None:
             return ""
         pack = Pack(f"pack-diagnosis-{place}")
-        own = {
+        tracks = {
             run.case.scenario: run
             for run in self._runs
             if run is not None and run.case.key == model.key
         }
         charts = list(hypotheses(pack, diagnosis))
-        if own and diagnosis.corrected is not None:
-            units = self._units(next(iter(own.values())))
-            charts += corrected(pack, diagnosis.corrected, own, units)
+        if tracks and diagnosis.corrected is not None:
+            units = self._units(next(iter(tracks.values())))
+            charts += corrected(pack, diagnosis.corrected, tracks, units)
         if not charts:
             return ""
-        self._keep(pack, charts)
+        self._store_pack(pack, charts)
         self._folder_packs.setdefault(model.folder, []).append(pack.id)
         return pack.id
 
@@ -199,7 +201,7 @@ def _address(column: Column) -> tuple[str, str]:
     return column.pack, column.key
 
 
-def _reach(cases: Iterable[Case]) -> dict[str, list[float]]:
+def _magnitudes(cases: Iterable[Case]) -> dict[str, list[float]]:
     """Return the largest magnitude of each component over all cases of a folder."""
     found: dict[str, list[float]] = {}
     for case in cases:

@@ -119,10 +119,10 @@ def sentence(model: Model) -> str:
     if not diagnosis.explanations:
         return f"Not diagnosed: {shown(diagnosis.failure or 'no hypothesis fits')}."
     best = diagnosis.explanations[0]
-    if found := model.unexplained_findings:
-        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        begun = BEGIN_WITH_AUDIT[0].upper() + BEGIN_WITH_AUDIT[1:]
-        return f"{begun}: {shown(found[0].message)}{more}."
+    if findings := model.unexplained_findings:
+        more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
+        advice = BEGIN_WITH_AUDIT[0].upper() + BEGIN_WITH_AUDIT[1:]
+        return f"{advice}: {shown(findings[0].message)}{more}."
     if not diagnosis.explained:
         return (
             f"Unexplained: the best single cause, {named(best.causes)}, leaves a "
@@ -147,11 +147,11 @@ def _blamed(model: Model) -> Iterator[SourceLine]:
             yield finding.location
 
 
-def _explanation(one: Explanation) -> ExplanationView:
+def _explanation(explanation: Explanation) -> ExplanationView:
     return ExplanationView(
-        causes=tuple(_cause(cause) for cause in one.causes),
-        left=sci(one.remaining),
-        tied=", ".join(shown(name) for name in one.tied_with),
+        causes=tuple(_cause(cause) for cause in explanation.causes),
+        left=sci(explanation.remaining),
+        tied=", ".join(shown(name) for name in explanation.tied_with),
     )
 
 
@@ -183,8 +183,8 @@ def _files(
 ) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
     """Return the model file and its sidecar, if they contain blamed lines."""
     texts = {model.model: model.text, f"{model.model}.toml": model.sidecar}
-    found = ((file, _lines(text, _marked(blamed, file))) for file, text in texts.items())
-    return tuple((shown(file), lines) for file, lines in found if lines)
+    marked_files = ((file, _lines(text, _marked(blamed, file))) for file, text in texts.items())
+    return tuple((shown(file), lines) for file, lines in marked_files if lines)
 
 
 def _marked(blamed: Sequence[SourceLine], file: str) -> set[int]:

@@ -88,9 +88,9 @@ def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
     """Draw a sketch in its pose."""
     pose = _pose(sketch)
     points = [p for shape in sketch.shapes for p in _extent(shape, pose)]
-    left, right = min(x for x, _ in points), max(x for x, _ in points)
+    low_x, right = min(x for x, _ in points), max(x for x, _ in points)
     low, high = min(y for _, y in points), max(y for _, y in points)
-    size = max(right - left, high - low) or 1.0
+    size = max(right - low_x, high - low) or 1.0
     margin = 0.09 * size
     shapes, labels = [], []
     for number, shape in enumerate(sketch.shapes):
@@ -104,7 +104,7 @@ def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
         )
         if shape.label:
             labels.append(_label(shape, pose, size))
-    box = (left - margin, -high - margin, right - left + 2 * margin, high - low + 2 * margin)
+    box = (low_x - margin, -high - margin, right - low_x + 2 * margin, high - low + 2 * margin)
     kinds = ", ".join(
         f"{shape.kind} {shown(shape.label)}".strip()
         for shape in sketch.shapes
@@ -124,7 +124,7 @@ def _pose(sketch: Sketch) -> list[float]:
     return [0.0 if value is None else value for value in sketch.pose]
 
 
-def _at(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
+def _coordinates(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
     """Return the coordinates of a point, which is a pair of trees."""
     if not isinstance(point, list) or len(point) != 2:
         raise ValueError(f"{point!r} is not a point")
@@ -133,8 +133,8 @@ def _at(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
 
 def _extent(shape: Shape, q: Sequence[float]) -> list[tuple[float, float]]:
     if shape.at is None:
-        return [_at(shape.start, q), _at(shape.end, q)]
-    x, y = _at(shape.at, q)
+        return [_coordinates(shape.start, q), _coordinates(shape.end, q)]
+    x, y = _coordinates(shape.at, q)
     if shape.kind == "angle":
         r = evaluate(shape.radius, q)
         return [(x, y), *((x + r * math.cos(a), y + r * math.sin(a)) for a in _arc(shape, q))]
@@ -150,10 +150,10 @@ def _arc(shape: Shape, q: Sequence[float]) -> tuple[float, float, float]:
 def _matrix(shape: Shape, q: Sequence[float]) -> str:
     """Return the matrix of a shape from its places, as in script/motion.js."""
     if shape.kind == "angle":
-        x, y = _at(shape.at, q)
+        x, y = _coordinates(shape.at, q)
         values = (1.0, 0.0, 0.0, 1.0, x, y)
     elif shape.at is not None:
-        x, y = _at(shape.at, q)
+        x, y = _coordinates(shape.at, q)
         w, h, a = (evaluate(tree, q) for tree in (shape.width, shape.height, shape.angle))
         values = (
             w * math.cos(a),
@@ -164,7 +164,7 @@ def _matrix(shape: Shape, q: Sequence[float]) -> str:
             y,
         )
     else:
-        (x, y), (x2, y2) = _at(shape.start, q), _at(shape.end, q)
+        (x, y), (x2, y2) = _coordinates(shape.start, q), _coordinates(shape.end, q)
         length = math.hypot(x2 - x, y2 - y) or 1.0
         dx, dy = x2 - x, y2 - y
         values = (dx, dy, -dy / length, dx / length, x, y)
@@ -187,7 +187,7 @@ def _path(shape: Shape, q: Sequence[float], size: float) -> str:
             marks = "".join(f"M{_n((i + 0.5) / 12)},0l-.03,{_n(-0.8 * w)}" for i in range(12))
             return f"M0,0L1,0{marks}"
         case "measure":
-            length = math.dist(_at(shape.start, q), _at(shape.end, q)) or 1.0
+            length = math.dist(_coordinates(shape.start, q), _coordinates(shape.end, q)) or 1.0
             tip = _n(1 - w / length)
             return f"M0,0L1,0M{tip},{_n(0.5 * w)}L1,0L{tip},{_n(-0.5 * w)}"
         case "block":
@@ -218,12 +218,12 @@ def _arc_path(shape: Shape, q: Sequence[float], w: float) -> str:
 
 def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
     if shape.kind == "angle":
-        x, y = _at(shape.at, q)
+        x, y = _coordinates(shape.at, q)
         r = 1.18 * evaluate(shape.radius, q)
         middle = _arc(shape, q)[1]
         x, y = x + r * math.cos(middle), y + r * math.sin(middle)
     elif shape.at is not None:
-        x, y = _at(shape.at, q)
+        x, y = _coordinates(shape.at, q)
         if shape.kind == "disc":
             # Below the centre, off the mark on the radius; next to a disc that is too small.
             h = evaluate(shape.height, q)
@@ -231,14 +231,14 @@ def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
         elif shape.kind == "spiral":
             x, y = x - 0.6 * evaluate(shape.width, q), y + 0.6 * evaluate(shape.height, q)
     else:
-        (x, y), (x2, y2) = _at(shape.start, q), _at(shape.end, q)
+        (x, y), (x2, y2) = _coordinates(shape.start, q), _coordinates(shape.end, q)
         length = math.hypot(x2 - x, y2 - y) or 1.0
         off = (0.045 if shape.kind == "measure" else 0.075) * size
         nx, ny = -(y2 - y) / length * off, (x2 - x) / length * off
         # Above a horizontal part, right of a hanging one; below a damper, as springs lie above it.
-        side = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
-        side = -side if shape.kind == "damper" else side
-        x, y = (x + x2) / 2 + side * nx, (y + y2) / 2 + side * ny
+        sign = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
+        sign = -sign if shape.kind == "damper" else sign
+        x, y = (x + x2) / 2 + sign * nx, (y + y2) / 2 + sign * ny
     letter, _, index = shown(shape.label).partition("_")
     if not index and len(letter) > 1 and letter[-1].isdigit():
         letter, index = letter.rstrip("0123456789"), letter[len(letter.rstrip("0123456789")) :]

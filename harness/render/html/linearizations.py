@@ -94,10 +94,10 @@ def _linear_view(about: Linearization, system: System, models: Sequence[Model]) 
     )
 
 
-def _transfer(one: TransferFunction, system: System) -> Markup:
-    output = next(each.formula.latex for each in system.outputs if each.name == one.output)
-    source = next(each.latex for each in system.inputs if each.name == one.input)
-    return mathml(rf"\frac{{{output}}}{{{source}}} = {one.formula.latex}", block=True)
+def _transfer(transfer: TransferFunction, system: System) -> Markup:
+    output = next(each.formula.latex for each in system.outputs if each.name == transfer.output)
+    source = next(each.latex for each in system.inputs if each.name == transfer.input)
+    return mathml(rf"\frac{{{output}}}{{{source}}} = {transfer.formula.latex}", block=True)
 
 
 def _mode(mode: Mode, coordinates: Sequence[Quantity]) -> tuple[str, ...]:
@@ -120,20 +120,20 @@ def _entry(value: float | None) -> str:
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}"
 
 
-def _engine(model: Model, one: EngineLinearization) -> EngineLinearView:
-    poles, taylor = one.poles, one.taylor_poles
+def _engine(model: Model, linearization: EngineLinearization) -> EngineLinearView:
+    poles, taylor = linearization.poles, linearization.taylor_poles
     size = _largest(taylor)
-    alike = one.mode_similarity
+    alike = linearization.mode_similarity
     return EngineLinearView(
         model=shown(model.model),
         engine=shown(model.engine),
         errors=(
-            sci(one.a_error),
-            sci(one.b_error),
-            sci(one.transfer_error),
+            sci(linearization.a_error),
+            sci(linearization.b_error),
+            sci(linearization.transfer_error),
             NOTHING if alike is None else sci(max(0.0, 1.0 - alike)),
-            NOTHING if one.one_step is None else sci(one.one_step.error),
-            NOTHING if one.one_step is None else _radius(one.one_step),
+            NOTHING if linearization.one_step is None else sci(linearization.one_step.error),
+            NOTHING if linearization.one_step is None else _radius(linearization.one_step),
         ),
         poles=tuple(
             (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
@@ -142,9 +142,9 @@ def _engine(model: Model, one: EngineLinearization) -> EngineLinearView:
     )
 
 
-def _radius(one: DiscreteLinearization) -> str:
+def _radius(linearization: DiscreteLinearization) -> str:
     """Return the largest growth factor of a state in one step."""
-    return NOTHING if one.radius is None else f"{one.radius:.6f}"
+    return NOTHING if linearization.radius is None else f"{linearization.radius:.6f}"
 
 
 def _complex(pole: Pole | EnginePole) -> complex:

@@ -26,7 +26,7 @@ _VALUES = frozenset(["true", "false", "prefix", "postfix", "normal"])
 
 # The space separates factors of several letters.
 _TIMES = Markup('<mo rspace="0.14em">\u2062</mo>')
-_OF = Markup("<mo>\u2061</mo>")
+_APPLY = Markup("<mo>\u2061</mo>")
 
 
 @lru_cache(maxsize=4096)
@@ -52,7 +52,7 @@ def _group(element: Element) -> Markup:
         if child.tag == "mspace":  # TeX's thin space between factors; the spaces are added below
             continue
         if before is not None and before.tag in _OPERANDS and child.tag in _OPERANDS:
-            written += _OF if _is_function(before) else _TIMES
+            written += _APPLY if _is_function(before) else _TIMES
         if before is not None and _sign(before) == "=" and _sign(child) in ("+", "−"):
             child.set("form", "prefix")  # not an operation there
         written += _element(child)

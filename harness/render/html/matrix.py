@@ -19,10 +19,10 @@ from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC
 
 Pair = tuple[Case, CaseView]
 
-TOLD = frozenset({"reach", "unresolved", "rounded", "pose"})
+MODEL_NOTES = frozenset({"reach", "unresolved", "rounded", "pose"})
 """Kinds of notes about the model itself, not about an engine's reading."""
 
-MOST = 8
+MAX_NOTES = 8
 """Maximum number of notes per engine."""
 
 
@@ -146,14 +146,14 @@ def _worst(models: Mapping[str, Mapping[str, Sequence[Pair]]]) -> tuple[int, flo
 
 def _notes(engine: str, models: Sequence[Model]) -> tuple[str, ...]:
     """Return distinct notes, the most frequent first."""
-    told = Counter(
+    counts = Counter(
         note.message
         for model in models
         if model.engine == engine
         for note in model.audit or ()
-        if note.severity == "note" and note.kind not in TOLD
+        if note.severity == "note" and note.kind not in MODEL_NOTES
     )
-    return tuple(shown(message) for message, _ in told.most_common(MOST))
+    return tuple(shown(message) for message, _ in counts.most_common(MAX_NOTES))
 
 
 def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
@@ -164,8 +164,8 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     alike = sum(case.outcome is outcome for case, _ in pairs)
     judged = [case for case, v in pairs if v.judged]
     digits = [digits_of(case) for case in judged]
-    known = [d for d in digits if d not in (NOTHING, "all")]
-    fewest = min(known, key=float, default="all" if "all" in digits else NOTHING)
+    numeric = [d for d in digits if d not in (NOTHING, "all")]
+    fewest = min(numeric, key=float, default="all" if "all" in digits else NOTHING)
     largest = _largest_error(pairs)
     costs = [took for case in judged if (took := _cost(case)) is not None]
     cost = _pace(max(costs)) if costs else ""
@@ -176,7 +176,7 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
         symbol=SYMBOLS[outcome],
         counts=counts,
         digits=fewest,
-        tint=fewest if known else "",
+        tint=fewest if numeric else "",
         global_error=largest,
         cost=cost,
         summary=(
@@ -193,10 +193,10 @@ def _largest_error(pairs: Sequence[Pair]) -> str:
         for case, view in pairs
         if view.judged and not view.chaotic and case.full_run is not None
     ]
-    known = [error for error in errors if error is not None]
-    if not known and any(view.chaotic for _, view in pairs):
+    finite = [error for error in errors if error is not None]
+    if not finite and any(view.chaotic for _, view in pairs):
         return CHAOTIC
-    return percent(max(known, default=None))
+    return percent(max(finite, default=None))
 
 
 def _pace(cost: float) -> str:

@@ -44,9 +44,9 @@ def _grid(response: Sequence[Rows]) -> Array:
     return np.array([np.ravel(np.array(row, dtype=float)) for row in response])
 
 
-def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Chart:
-    w = pack.column(one.frequencies, 5)
-    taylor, engine = _grid(one.taylor_response), _grid(one.response)
+def _response(pack: Pack, linearization: EngineLinearization, pairs: Sequence[str]) -> Chart:
+    w = pack.column(linearization.frequencies, 5)
+    taylor, engine = _grid(linearization.taylor_response), _grid(linearization.response)
     curves: list[Curve] = []
     for place, label in enumerate(pairs[:PAIRS]):
         curves += [
@@ -59,16 +59,16 @@ def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Cha
         ]
     return Chart(
         part=LINEAR,
-        title=f"Frequency response about “{shown(one.equilibrium)}”",
+        title=f"Frequency response about “{shown(linearization.equilibrium)}”",
         x_label="frequency [rad/s]",
         y_label="output per input, SI units",
         curves=tuple(curves),
         key="Wide line: the transfer function of the linearized equations. Dashes: that of the"
         " engine, linearized by itself.",
         summary=(
-            f"From {quantity(one.frequencies[0], 'rad/s', 3)} to "
-            f"{quantity(one.frequencies[-1], 'rad/s', 3)}; they differ by at most "
-            f"{sci(one.transfer_error)} of the largest value."
+            f"From {quantity(linearization.frequencies[0], 'rad/s', 3)} to "
+            f"{quantity(linearization.frequencies[-1], 'rad/s', 3)}; they differ by at most "
+            f"{sci(linearization.transfer_error)} of the largest value."
         ),
         log_x=True,
         log_y=True,
@@ -77,8 +77,8 @@ def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Cha
 
 def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
     """Plot the error of the linear equations over amplitude."""
-    found = system.derivation.linearity if system.derivation else ()
-    if not found:
+    linearity = system.derivation.linearity if system.derivation else ()
+    if not linearity:
         return ()
     curves = tuple(
         Curve(
@@ -88,9 +88,9 @@ def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
             x=pack.column(one.amplitudes, 5),
             y=pack.column(one.errors, 4),
         )
-        for place, one in enumerate(found)
+        for place, one in enumerate(linearity)
     )
-    first = found[0]
+    first = linearity[0]
     return (
         Chart(
             part=LINEAR,
@@ -119,7 +119,7 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
     count = len(ranked)
     # The best is on top.
     rows: Array = np.arange(count, dtype=np.float64)[::-1] + 0.5
-    left = np.array([max(one.remaining, 1e-16) for one in ranked])
+    remaining = np.array([max(one.remaining, 1e-16) for one in ranked])
     floor = max(diagnosis.floor or 0.0, 1e-16)
     y = pack.column(rows, 4)
     line = np.array([0.0, count])
@@ -130,7 +130,7 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
             x_label="residual share of the discrepancy",
             y_label="",
             curves=(
-                Curve(label="left", role="lollipop", place=0, x=pack.column(left, 4), y=y),
+                Curve(label="left", role="lollipop", place=0, x=pack.column(remaining, 4), y=y),
                 Curve(
                     label="uncertainty",
                     role="guide",
@@ -163,33 +163,33 @@ def corrected(
         runs: runs of the model, by scenario.
         units: unit of each component.
     """
-    for one in motion.scenarios:
-        run = runs.get(one.scenario)
+    for scenario in motion.scenarios:
+        run = runs.get(scenario.scenario)
         if run is None:
             continue
         for i in range(len(run.reference) // 2):
-            yield _corrected(pack, motion, one, run, i, shown(units[i]))
-        yield _defects(pack, one, run)
+            yield _corrected(pack, motion, scenario, run, i, shown(units[i]))
+        yield _defects(pack, scenario, run)
 
 
 def _corrected(
-    pack: Pack, motion: CorrectedMotion, one: CorrectedScenario, run: Run, i: int, unit: str
+    pack: Pack, motion: CorrectedMotion, scenario: CorrectedScenario, run: Run, i: int, unit: str
 ) -> Chart:
     """Plot the i-th coordinate."""
     name, put_in = shown(run.series.components[i]), _values_put_in(motion.causes)
-    then, now = _apart(motion, one, run.series, i)
+    then, now = _apart(motion, scenario, run.series, i)
     low, high = ends(values(run.series.reference[i]))
     margin = 0.5 * ((high - low) or 1.0)
-    fitted = pack.column(single(one.corrected[i]), 6)
+    fitted = pack.column(single(scenario.corrected[i]), 6)
     with_it = f"{motion.put_into} with {put_in}"
     return Chart(
         part=CAUSE,
-        title=f"{shown(one.scenario)}: {name}, corrected",
+        title=f"{shown(scenario.scenario)}: {name}, corrected",
         x_label="t [s]",
         y_label=f"{name} [{unit}]",
         curves=(
             Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
-            Curve(label=with_it, role="corrected", place=0, x=pack.column(one.t, 6), y=fitted),
+            Curve(label=with_it, role="corrected", place=0, x=pack.column(scenario.t, 6), y=fitted),
             Curve(label=f"this: {run.label}", role="engine", place=0, x=run.t, y=run.engine[i]),
         ),
         key=f"Wide line: the equations as declared. Thin line: the {motion.put_into} with the value"
@@ -214,7 +214,7 @@ def _estimate(cause: Cause) -> str:
 
 
 def _apart(
-    motion: CorrectedMotion, one: CorrectedScenario, series: Series, i: int
+    motion: CorrectedMotion, scenario: CorrectedScenario, series: Series, i: int
 ) -> tuple[float, float]:
     """Return the largest distance of a run from its expected curve, before and after.
 
@@ -225,19 +225,19 @@ def _apart(
     import scipy.interpolate
 
     t, engine, reference = values(series.t), single(series.engine[i]), values(series.reference[i])
-    fitted = single(one.corrected[i])
-    corrected_t = values(one.t)[: len(fitted)]
+    fitted = single(scenario.corrected[i])
+    corrected_t = values(scenario.t)[: len(fitted)]
     target = engine if motion.put_into == "equations" else reference
-    known = np.isfinite(target)
-    inside = (corrected_t <= t[known][-1]) & np.isfinite(fitted)
+    finite = np.isfinite(target)
+    inside = (corrected_t <= t[finite][-1]) & np.isfinite(fitted)
     # The samples differ; a cubic is accurate enough for a smooth plot.
-    at = scipy.interpolate.CubicSpline(t[known], target[known])(corrected_t[inside])
-    return largest(engine - reference), largest(fitted[inside] - at)
+    interpolated = scipy.interpolate.CubicSpline(t[finite], target[finite])(corrected_t[inside])
+    return largest(engine - reference), largest(fitted[inside] - interpolated)
 
 
-def _defects(pack: Pack, one: CorrectedScenario, run: Run) -> Chart:
-    t = pack.column(one.segment_t, 6)
-    before, after = _rows(one.before), _rows(one.after)
+def _defects(pack: Pack, scenario: CorrectedScenario, run: Run) -> Chart:
+    t = pack.column(scenario.segment_t, 6)
+    before, after = _rows(scenario.before), _rows(scenario.after)
 
     def worst(rows: Array) -> Column:
         return pack.column(np.max(np.abs(rows), axis=0), 3)
@@ -245,7 +245,7 @@ def _defects(pack: Pack, one: CorrectedScenario, run: Run) -> Chart:
     names = ", ".join(shown(name) for name in run.series.components)
     return Chart(
         part=CAUSE,
-        title=f"{shown(one.scenario)}: defects before and after",
+        title=f"{shown(scenario.scenario)}: defects before and after",
         x_label="t [s]",
         y_label="relative defect",
         curves=(

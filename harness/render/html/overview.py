@@ -119,21 +119,21 @@ def gathered(
         views: views of the cases, by the identity of their records.
         diagnoses: diagnoses of the models that differ or have findings.
     """
-    found = [(one.worst, *one.others) for one in troubles(results.cases)]
-    causes = list(_causes(found, results, views, diagnoses))
-    told = {key for _, keys in causes for key in keys}
+    groups = [(one.worst, *one.others) for one in troubles(results.cases)]
+    causes = list(_causes(groups, results, views, diagnoses))
+    explained = {key for _, keys in causes for key in keys}
     rest: list[Trouble] = []
-    for group in found:
-        left = [case for case in group if not _told(case, told)]
-        if left:
-            rest.append(_unexplained(left, results, views, diagnoses))
+    for group in groups:
+        unexplained = [case for case in group if not _is_covered(case, explained)]
+        if unexplained:
+            rest.append(_unexplained(unexplained, results, views, diagnoses))
     failures = (_failure(*one) for one in untold_failures(results))
-    audits = _audits(results.models, diagnoses, told)
+    audits = _audits(results.models, diagnoses, explained)
     return (*(one for one, _ in causes), *rest, *failures, *audits)
 
 
-def _told(case: Case, told: set[ModelKey]) -> bool:
-    return case.outcome is Outcome.DIFFERS and case.key in told
+def _is_covered(case: Case, explained: set[ModelKey]) -> bool:
+    return case.outcome is Outcome.DIFFERS and case.key in explained
 
 
 def _causes(
@@ -145,7 +145,7 @@ def _causes(
     """Yield each explaining cause of differences, with the models that it affects."""
     for alike in explained_alike(results.models):
         keys = {model.key for model in alike}
-        cases = [case for group in groups for case in group if _told(case, keys)]
+        cases = [case for group in groups for case in group if _is_covered(case, keys)]
         diagnosis = alike[0].diagnosis
         if not cases or diagnosis is None or not diagnosis.explained:
             continue
@@ -199,9 +199,9 @@ def _fix(change: Wanted) -> Fix:
 def _linked(cases: Sequence[Case], views: Mapping[int, CaseView]) -> tuple[Link, ...]:
     """Return links to the first of some cases."""
     engines = {case.engine for case in cases}
-    found = [views[id(case)] for case in cases[:SCENARIOS_LINKED]]
+    linked = [views[id(case)] for case in cases[:SCENARIOS_LINKED]]
     return tuple(
-        (v.id, f"{v.scenario} [{v.engine}]" if len(engines) > 1 else v.scenario) for v in found
+        (v.id, f"{v.scenario} [{v.engine}]" if len(engines) > 1 else v.scenario) for v in linked
     )
 
 
@@ -250,11 +250,11 @@ def _failure(model: Model, what: str, why: str) -> Trouble:
 
 
 def _audits(
-    models: Sequence[Model], diagnoses: Mapping[ModelKey, DiagnosisView], told: set[ModelKey]
+    models: Sequence[Model], diagnoses: Mapping[ModelKey, DiagnosisView], explained: set[ModelKey]
 ) -> Iterator[Trouble]:
     """Yield audit findings of models without an explaining cause."""
     for alike in audited_alike(models):
-        if any(model.key in told or model.accepted for model in alike):
+        if any(model.key in explained or model.accepted for model in alike):
             continue
         if any(model.unexplained_findings for model in alike):
             continue  # its cases report it
@@ -271,7 +271,7 @@ def _audits(
         )
 
 
-_SAID = {
+_PHRASES = {
     Outcome.DIFFERS: ("differs", "differ"),
     Outcome.FAILED: ("could not be run to its end", "could not be run to their end"),
     Outcome.UNRESOLVED: ("is unresolved", "are unresolved"),
@@ -280,19 +280,19 @@ _SAID = {
 }
 
 
-def verdict(results: Results, found: Sequence[Trouble]) -> str:
+def verdict(results: Results, troubles: Sequence[Trouble]) -> str:
     """Return the verdict in words and, on failure, what to do."""
     if not results.cases:
         return "Nothing was run."
     counts = Counter(case.outcome for case in results.cases)
-    parts = [f"{n} {said[n > 1]}" for one, said in _SAID.items() if (n := counts[one])]
+    parts = [f"{n} {said[n > 1]}" for one, said in _PHRASES.items() if (n := counts[one])]
     if accepted := sum(bool(case.accepted) for case in results.cases):
         parts.append(f"{accepted} accepted as known")
-    told = ", ".join(parts) or "every motion matches the equations"
-    told = f"{told[0].upper()}{told[1:]}."
-    if fixes := sum(len(one.remedy.fixes) for one in found):
-        return f"{told} {counted(fixes, 'number')} to change."
-    return told if found else f"{told} Nothing to change."
+    sentence = ", ".join(parts) or "every motion matches the equations"
+    sentence = f"{sentence[0].upper()}{sentence[1:]}."
+    if fixes := sum(len(one.remedy.fixes) for one in troubles):
+        return f"{sentence} {counted(fixes, 'number')} to change."
+    return sentence if troubles else f"{sentence} Nothing to change."
 
 
 def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, ...]:
@@ -319,7 +319,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
     if not agreeing:
         return ()
     weakest = max(agreeing, key=lambda pair: float(pair[1].sorts[0] or 0.0))[1]
-    found = [
+    extremes = [
         Standing(
             id=weakest.id,
             what="fewest agreeing digits",
@@ -327,10 +327,10 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
             name=_name(weakest),
         )
     ]
-    told = [pair for pair in agreeing if not pair[1].chaotic]
-    if told:
-        dearest = max(told, key=lambda pair: float(pair[1].sorts[3] or 0.0))[1]
-        found.append(
+    comparable = [pair for pair in agreeing if not pair[1].chaotic]
+    if comparable:
+        dearest = max(comparable, key=lambda pair: float(pair[1].sorts[3] or 0.0))[1]
+        extremes.append(
             Standing(
                 id=dearest.id,
                 what=f"largest error at dt ({dearest.step})",
@@ -338,16 +338,16 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
                 name=_name(dearest),
             )
         )
-    if left := [view for _, view in agreeing if view.chaotic]:
-        found.append(
+    if chaotic := [view for _, view in agreeing if view.chaotic]:
+        extremes.append(
             Standing(
-                id=left[0].id,
+                id=chaotic[0].id,
                 what="chaotic motions, which no time step follows to the end",
-                value=str(len(left)),
-                name=_name(left[0]),
+                value=str(len(chaotic)),
+                name=_name(chaotic[0]),
             )
         )
-    return tuple(found)
+    return tuple(extremes)
 
 
 def _name(view: CaseView) -> str:

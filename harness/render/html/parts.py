@@ -59,9 +59,9 @@ def divided(groups: Iterable[Group]) -> Iterator[tuple[Shown, ...]]:
     for group in groups:
         scenarios: dict[str, list[Shown]] = {}
         for model in group.models:
-            for case, beside in model.cases:
-                one = Shown(case=case, beside=beside, model=model, group=group)
-                scenarios.setdefault(case.scenario, []).append(one)
+            for case, links in model.cases:
+                shown_case = Shown(case=case, beside=links, model=model, group=group)
+                scenarios.setdefault(case.scenario, []).append(shown_case)
         for cases in scenarios.values():
             rest = iter(cases)
             while some := tuple(islice(rest, TOGETHER)):
@@ -70,22 +70,22 @@ def divided(groups: Iterable[Group]) -> Iterator[tuple[Shown, ...]]:
 
 def part_of_cases(cases: Sequence[Shown], html: str, packs: Mapping[str, str]) -> Part:
     """Return the file of some cases: their pages as HTML, and their packs."""
-    own = {one.case.pack: packs[one.case.pack] for one in cases if one.case.pack}
-    return _part(html, own, [one.case.id for one in cases])
+    own_packs = {one.case.pack: packs[one.case.pack] for one in cases if one.case.pack}
+    return _part(html, own_packs, [one.case.id for one in cases])
 
 
 def part_of_group(group: Group, html: str, packs: Mapping[str, str]) -> Part:
     """Return the file of a folder: its page with the sketch of its motions, and its diagnoses."""
     diagnoses = [model.diagnosis for model in group.models if model.diagnosis]
-    own = {name: packs[name] for name in group.packs}
-    return _part(html, own, [group.id, *(diagnosis.id for diagnosis in diagnoses)])
+    own_packs = {name: packs[name] for name in group.packs}
+    return _part(html, own_packs, [group.id, *(diagnosis.id for diagnosis in diagnoses)])
 
 
-def _part(html: str, own: Mapping[str, str], views: Sequence[str]) -> Part:
+def _part(html: str, own_packs: Mapping[str, str], views: Sequence[str]) -> Part:
     content = compressed({"html": html})
-    name = hashlib.sha256("".join((content, *own.values())).encode()).hexdigest()[:16] + ".js"
-    given = msgspec.json.encode([name, content, own]).decode()
-    return Part(name=name, text=f"crosscheckPart(...{given});\n", ids=(*views, *own))
+    name = hashlib.sha256("".join((content, *own_packs.values())).encode()).hexdigest()[:16] + ".js"
+    given = msgspec.json.encode([name, content, own_packs]).decode()
+    return Part(name=name, text=f"crosscheckPart(...{given});\n", ids=(*views, *own_packs))
 
 
 def folder_of(page: Path) -> Path:
@@ -110,10 +110,10 @@ def write_parts(page: Path, parts: Iterable[Part]) -> tuple[str, frozenset[str]]
     places: dict[str, int] = {}
     names: list[str] = []
     with tempfile.TemporaryDirectory(dir=page.parent, prefix=f".{folder.name}.") as temporary:
-        for one in parts:
-            Path(temporary, one.name).write_text(one.text, encoding="utf-8")
-            places |= dict.fromkeys(one.ids, len(names))
-            names.append(one.name)
+        for part in parts:
+            Path(temporary, part.name).write_text(part.text, encoding="utf-8")
+            places |= dict.fromkeys(part.ids, len(names))
+            names.append(part.name)
         folder.mkdir(exist_ok=True)
         for name in names:
             Path(temporary, name).replace(folder / name)

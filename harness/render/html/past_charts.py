@@ -15,7 +15,7 @@ from physics_crosscheck.harness.results.status import counted
 
 HISTORY = "Over time"
 
-MOST = 12
+MAX_CURVES = 12
 """Maximum number of curves in one plot; more would be indistinguishable."""
 
 LAST = 6
@@ -30,10 +30,10 @@ Rows = Sequence[tuple[float, float]]
 
 def by_case(history: Iterable[Past]) -> dict[CaseId, list[Past]]:
     """Group past runs by case."""
-    found: dict[CaseId, list[Past]] = {}
-    for one in history:
-        found.setdefault(one.id, []).append(one)
-    return found
+    by_name: dict[CaseId, list[Past]] = {}
+    for past in history:
+        by_name.setdefault(past.id, []).append(past)
+    return by_name
 
 
 def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
@@ -48,20 +48,20 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
         name = shown(past[0].engine)
         return {
             shown(f"{name} {version}".strip()): [
-                (_milliseconds(when), found)
+                (_milliseconds(when), number)
                 for when, one in dated
-                if one.version == version and (found := value(one)) is not None
+                if one.version == version and (number := value(one)) is not None
             ]
             for version in versions
         }
 
     commits = list(dict.fromkeys(one.commit[:9] for _, one in dated if one.commit))
-    told = f" Commits: {shown(', '.join(commits[-LAST:]))}." if commits else ""
+    commit_note = f" Commits: {shown(', '.join(commits[-LAST:]))}." if commits else ""
     return _charts(
         pack,
         rows(lambda one: one.digits),
         rows(lambda one: one.global_error),
-        f"{counted(len(dated), 'run')} since {start:%Y-%m-%d}.{told}",
+        f"{counted(len(dated), 'run')} since {start:%Y-%m-%d}.{commit_note}",
     )
 
 
@@ -84,7 +84,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         return ()
     start = min(whole)
     chaotic = {case.id for case in cases if is_chaotic(case)}
-    engines = list(dict.fromkeys(case.engine for case in cases))[:MOST]
+    engines = list(dict.fromkeys(case.engine for case in cases))[:MAX_CURVES]
 
     def rows(worst: Callable[[Iterable[float]], float], name: str) -> dict[str, Rows]:
         found: dict[str, Rows] = {}
@@ -111,9 +111,9 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
 
 
 def _charts(
-    pack: Pack, digits: Mapping[str, Rows], errors: Mapping[str, Rows], told: str
+    pack: Pack, digits: Mapping[str, Rows], errors: Mapping[str, Rows], note: str
 ) -> tuple[Chart, ...]:
-    found = []
+    charts = []
     for title, label, rows, log, form in (
         ("Agreeing digits", "digits", digits, False, "{:.1f}"),
         ("Error at dt", "relative error", errors, True, ""),
@@ -134,7 +134,7 @@ def _charts(
         values = [value for points in rows.values() for _, value in points]
         low, high = min(values), max(values)
         ends = (form.format(low), form.format(high)) if form else (percent(low), percent(high))
-        found.append(
+        charts.append(
             Chart(
                 part=HISTORY,
                 title=title,
@@ -143,20 +143,20 @@ def _charts(
                 y_label=label,
                 curves=curves,
                 key="One mark per run; colour and shape identify the curve.",
-                summary=f"{told} Between {ends[0]} and {ends[1]}.",
+                summary=f"{note} Between {ends[0]} and {ends[1]}.",
                 log_y=log,
                 y_limits=None if log else (0.0, max(16.0, high)),
             )
         )
-    return tuple(found)
+    return tuple(charts)
 
 
 def _when(time: str) -> datetime | None:
     try:
-        found = datetime.fromisoformat(time)
+        date = datetime.fromisoformat(time)
     except ValueError:
         return None
-    return found.astimezone(UTC) if found.tzinfo else found.replace(tzinfo=UTC)
+    return date.astimezone(UTC) if date.tzinfo else date.replace(tzinfo=UTC)
 
 
 def _milliseconds(when: datetime) -> float:

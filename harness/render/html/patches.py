@@ -18,7 +18,7 @@ def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
         edits: edits of one cause.
         texts: (name, text) of the files that may be edited.
     """
-    parts, made = [], 0
+    parts, edit_count = [], 0
     for name, text in texts:
         data = text.encode(errors="surrogatepass")
         here = [
@@ -27,7 +27,7 @@ def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
             for where in edit.locations
             if where.span is not None and is_spelled(where, name, data)
         ]
-        made += len(here)
+        edit_count += len(here)
         changed = data
         for (start, end), new, _ in sorted(here, reverse=True):
             changed = changed[:start] + new.encode() + changed[end:]
@@ -35,16 +35,16 @@ def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
             parts.append(
                 _diff(here[0][2], _lines(text), _lines(changed.decode(errors="surrogatepass")))
             )
-    certain = made == sum(len(edit.locations) for edit in edits)
+    certain = edit_count == sum(len(edit.locations) for edit in edits)
     return "".join(parts) if certain else ""
 
 
 def lines_of(patch: str) -> tuple[str, ...]:
     """Return the removed and added lines of a diff with their signs, with less indentation."""
     rows = (row for row in _lines(patch) if not row.startswith(("--- ", "+++ ")))
-    told = [(row[0], row[1:].rstrip("\r\n")) for row in rows if row.startswith(("-", "+"))]
-    margin = min((len(text) - len(text.lstrip()) for _, text in told), default=0)
-    return tuple(f"{sign} {text[margin:]}" for sign, text in told)
+    changed_rows = [(row[0], row[1:].rstrip("\r\n")) for row in rows if row.startswith(("-", "+"))]
+    margin = min((len(text) - len(text.lstrip()) for _, text in changed_rows), default=0)
+    return tuple(f"{sign} {text[margin:]}" for sign, text in changed_rows)
 
 
 def _lines(text: str) -> list[str]:

@@ -84,18 +84,18 @@ def values(row: Numbers) -> Array:
 
 def single(row: Numbers) -> Array:
     """Return numbers; nan for those beyond plotting range, as in a diverged motion."""
-    found = values(row)
-    return np.where(np.abs(found) > np.finfo(np.float32).max, np.nan, found)
+    numbers = values(row)
+    return np.where(np.abs(numbers) > np.finfo(np.float32).max, np.nan, numbers)
 
 
 def largest(row: Numbers | Array) -> float:
     """Return the largest finite magnitude; 0 without one."""
-    found = np.abs(np.asarray(row, dtype=float))
-    finite = found[np.isfinite(found)]
+    magnitudes = np.abs(np.asarray(row, dtype=float))
+    finite = magnitudes[np.isfinite(magnitudes)]
     return float(finite.max()) if finite.size else 0.0
 
 
-def ends(found: Array) -> tuple[float, float]:
+def ends(numbers: Array) -> tuple[float, float]:
     """Return the minimum and maximum of the finite values; zeros without one."""
-    finite = found[np.isfinite(found)]
+    finite = numbers[np.isfinite(numbers)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

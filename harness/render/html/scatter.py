@@ -93,8 +93,8 @@ class _Axis:
 
     def share(self, value: float) -> float:
         """Return the position of a value, 0 to 1."""
-        at = math.log10(value) if self.log else value
-        return (at - self.low) / (self.high - self.low)
+        position = math.log10(value) if self.log else value
+        return (position - self.low) / (self.high - self.low)
 
     def ticks(self) -> list[float]:
         """Return some round values."""
@@ -119,12 +119,12 @@ def mark(number: int, label: str) -> Mark:
 
 def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> Scatter | None:
     """Draw points with a logarithmic y axis; None without points to draw."""
-    known = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y) and p.y > 0]
-    if not known:
+    drawable = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y) and p.y > 0]
+    if not drawable:
         return None
-    xs = [p.x for p in known]
+    xs = [p.x for p in drawable]
     across = _Axis.of(xs, min(xs) > 0 and max(xs) / min(xs) >= WIDE)
-    upward = _Axis.of([p.y for p in known], True)
+    upward = _Axis.of([p.y for p in drawable], True)
     return Scatter(
         title=shown(title),
         x_label=shown(x_label),
@@ -137,7 +137,7 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
                 p.outcome,
                 shown(p.told),
             )
-            for p in known
+            for p in drawable
         ),
         x_ticks=tuple(
             Tick(at=_x(across.share(value)), label=label)
@@ -177,9 +177,9 @@ class Bar:
 
 def bars(counts: Mapping[str, int]) -> tuple[Bar, ...]:
     """Return counts as bars."""
-    most = max(counts.values(), default=1)
+    largest = max(counts.values(), default=1)
     return tuple(
-        Bar(label=shown(name), count=count, share=f"{100 * count / most:.1f}", kind=shown(name))
+        Bar(label=shown(name), count=count, share=f"{100 * count / largest:.1f}", kind=shown(name))
         for name, count in counts.items()
     )
 

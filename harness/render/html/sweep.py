@@ -104,27 +104,28 @@ class Page:
     rows: tuple[Row, ...]
 
 
-def write_sweep(path: Path, found: SweepSummary) -> None:
+def write_sweep(path: Path, sweep_summary: SweepSummary) -> None:
     """Write the page."""
-    write_whole(path, render_sweep(found))
+    write_whole(path, render_sweep(sweep_summary))
 
 
-def render_sweep(found: SweepSummary) -> str:
+def render_sweep(sweep_summary: SweepSummary) -> str:
     """Return the page as HTML; the same rows give the same text."""
-    return template("sweep.html", page=_page(found), frame=FRAME)
+    return template("sweep.html", page=_page(sweep_summary), frame=FRAME)
 
 
-def _page(found: SweepSummary) -> Page:
-    left = found.plan.cases - found.done
-    systems = list(dict.fromkeys(one.system for one in found.groups))
+def _page(sweep_summary: SweepSummary) -> Page:
+    remaining = sweep_summary.plan.cases - sweep_summary.done
+    systems = list(dict.fromkeys(one.system for one in sweep_summary.groups))
     return Page(
         title=shown(f"Sweep of {', '.join(systems) or 'nothing'}"),
-        summary=", ".join(f"{count} {name}" for name, count in found.outcomes.items()) or "no rows",
-        cost=_cost(found),
-        left=f"{counted(left, 'case')} not run yet" if left else "",
-        command=shown(found.plan.command),
-        outcomes=bars(found.outcomes),
-        digits=bars(found.digits),
+        summary=", ".join(f"{count} {name}" for name, count in sweep_summary.outcomes.items())
+        or "no rows",
+        cost=_cost(sweep_summary),
+        left=f"{counted(remaining, 'case')} not run yet" if remaining else "",
+        command=shown(sweep_summary.plan.command),
+        outcomes=bars(sweep_summary.outcomes),
+        digits=bars(sweep_summary.digits),
         groups=tuple(
             Group(
                 system=shown(one.system),
@@ -134,29 +135,32 @@ def _page(found: SweepSummary) -> Page:
                 digits=NOTHING if one.least_digits is None else f"{one.least_digits:.1f}",
                 error=percent(one.worst_error),
             )
-            for one in found.groups
+            for one in sweep_summary.groups
         ),
-        figures=tuple(_figures(found, system) for system in systems),
-        rows=tuple(map(_row, found.worst)),
+        figures=tuple(_figures(sweep_summary, system) for system in systems),
+        rows=tuple(map(_row, sweep_summary.worst)),
     )
 
 
-def _cost(found: SweepSummary) -> str:
-    if found.overhead is None:
+def _cost(sweep_summary: SweepSummary) -> str:
+    if sweep_summary.overhead is None:
         return ""
     return (
-        f"{cost_line(found)}, of it"
-        f" {found.reference_seconds / found.engine_seconds:.2f} for reference motions and"
-        f" {found.loading_seconds / found.engine_seconds:.2f} for loading models"
+        f"{cost_line(sweep_summary)}, of it"
+        f" {sweep_summary.reference_seconds / sweep_summary.engine_seconds:.2f} for reference"
+        f" motions and {sweep_summary.loading_seconds / sweep_summary.engine_seconds:.2f} for"
+        " loading models"
     )
 
 
-def _figures(found: SweepSummary, system: str) -> Figures:
+def _figures(sweep_summary: SweepSummary, system: str) -> Figures:
     """Return the plots of a system's cases over each varied quantity."""
-    rows = [row for row in found.sampled if row.system == system]
+    rows = [row for row in sweep_summary.sampled if row.system == system]
     what = AT_THE_STEP if any(row.global_error is not None for row in rows) else OF_SEGMENTS
     series = list(dict.fromkeys(f"{row.engine}, {row.integrator}" for row in rows))
-    names = [name for name in found.plan.constants if any(name in row.constants for row in rows)]
+    names = [
+        name for name in sweep_summary.plan.constants if any(name in row.constants for row in rows)
+    ]
     drawn = [scatter_of(rows, series, name, what) for name in names]
     if len({row.step for row in rows}) > 1:
         drawn.append(scatter_of(rows, series, "", what))
@@ -191,8 +195,8 @@ def _points(rows: list[SweepRow], series: list[str], name: str, what: Shown) -> 
         if x is None or y is None or row.outcome is Outcome.FAILED:
             continue
         number = series.index(f"{row.engine}, {row.integrator}")
-        told = f"#{row.index} {row.name}: {what.told(y)}"
-        yield Point(x=x, y=y, series=number, outcome=row.outcome.value, told=told)
+        label = f"#{row.index} {row.name}: {what.told(y)}"
+        yield Point(x=x, y=y, series=number, outcome=row.outcome.value, told=label)
 
 
 def _row(row: SweepRow) -> Row:

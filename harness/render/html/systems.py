@@ -105,8 +105,8 @@ def system_view(system: System, models: Sequence[Model], pack: str) -> SystemVie
 def _symbols(system: System) -> Iterator[tuple[Markup | str, ...]]:
     """Yield the outputs with the expression of each."""
     for what, quantities in (("coordinate", system.coordinates), ("input", system.inputs)):
-        for one in quantities:
-            yield mathml(one.latex), what, shown(one.unit), shown(one.description)
+        for entry in quantities:
+            yield mathml(entry.latex), what, shown(entry.unit), shown(entry.description)
     for output in system.outputs:
         meaning = shown(output.description)
         yield mathml(output.formula.latex), "output", shown(output.unit), meaning
@@ -137,10 +137,10 @@ def _scenario(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _files(models: Sequence[Model]) -> tuple[ModelFile, ...]:
-    found = []
+    rows = []
     for name in dict.fromkeys(model.model for model in models):
         same = [model for model in models if model.model == name]
-        found.append(
+        rows.append(
             ModelFile(
                 model=shown(name),
                 engines=", ".join(shown(model.engine) for model in same),
@@ -149,7 +149,7 @@ def _files(models: Sequence[Model]) -> tuple[ModelFile, ...]:
                 failures=tuple(failure for model in same for failure in _failures(model)),
             )
         )
-    return tuple(found)
+    return tuple(rows)
 
 
 def _covers(model: Model) -> str:

@@ -52,32 +52,32 @@ class Page:
     same: tuple[Row, ...]
 
 
-def write_two_runs(path: Path, found: TwoRuns, folders: tuple[Path, Path]) -> None:
+def write_two_runs(path: Path, runs: TwoRuns, folders: tuple[Path, Path]) -> None:
     """Write the page, with a relative link to each run's report if it exists.
 
     Args:
         path: path of the page.
-        found: changes between the runs.
+        runs: changes between the runs.
         folders: folders with results and report of the earlier and the later run.
     """
-    write_whole(path, render_two_runs(found, path.parent, folders))
+    write_whole(path, render_two_runs(runs, path.parent, folders))
 
 
-def render_two_runs(found: TwoRuns, place: Path, folders: tuple[Path, Path]) -> str:
+def render_two_runs(runs: TwoRuns, place: Path, folders: tuple[Path, Path]) -> str:
     """Return the page as HTML, to be saved in the folder `place`."""
     pages = [folder / "index.html" for folder in folders]
     before, after = (
         Path(os.path.relpath(page, place)).as_posix() if page.is_file() else "" for page in pages
     )
-    rows = [_row(case, before, after) for case in found.cases]
-    moved = len(found.moved)
+    rows = [_row(case, before, after) for case in runs.cases]
+    moved = len(runs.moved)
     page = Page(
         title=f"{moved} of {counted(len(rows), 'case')} changed",
-        headline=shown(headline(found)),
-        reports=((shown(found.before), before), (shown(found.after), after)),
-        versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in found.versions),
-        mended=tuple(map(shown, found.mended)),
-        broken=tuple(map(shown, found.broken)),
+        headline=shown(headline(runs)),
+        reports=((shown(runs.before), before), (shown(runs.after), after)),
+        versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in runs.versions),
+        mended=tuple(map(shown, runs.mended)),
+        broken=tuple(map(shown, runs.broken)),
         moved=tuple(row for row in rows if row.kinds),
         same=tuple(row for row in rows if not row.kinds),
     )

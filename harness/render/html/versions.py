@@ -59,43 +59,43 @@ class Page:
     sections: tuple[Section, ...]
 
 
-def write_versions(path: Path, found: Versions) -> None:
+def write_versions(path: Path, result: Versions) -> None:
     """Write the page, with relative links to each version's report."""
-    write_whole(path, render_versions(found, path.parent))
+    write_whole(path, render_versions(result, path.parent))
 
 
-def render_versions(found: Versions, place: Path) -> str:
+def render_versions(result: Versions, place: Path) -> str:
     """Return the page as HTML, to be saved in a folder."""
     page = Page(
-        title=shown(f"{found.engine} {' -> '.join(one.version for one in found.versions)}"),
-        advice=shown(advice(found).partition(";")[0]),
-        left_out=tuple(map(shown, found.left_out)),
-        reports=tuple(_reports(found, place)),
-        sections=tuple(_section(found.engine, one) for one in found.upgrades),
+        title=shown(f"{result.engine} {' -> '.join(one.version for one in result.versions)}"),
+        advice=shown(advice(result).partition(";")[0]),
+        left_out=tuple(map(shown, result.left_out)),
+        reports=tuple(_reports(result, place)),
+        sections=tuple(_section(result.engine, one) for one in result.upgrades),
     )
     return template("versions.html", page=page)
 
 
-def _reports(found: Versions, place: Path) -> Iterator[tuple[str, str]]:
-    for one in found.versions:
-        where = Path(os.path.relpath(one.report, place)) / "index.html"
-        yield shown(f"{found.engine} {one.version}"), where.as_posix()
+def _reports(result: Versions, place: Path) -> Iterator[tuple[str, str]]:
+    for version in result.versions:
+        where = Path(os.path.relpath(version.report, place)) / "index.html"
+        yield shown(f"{result.engine} {version.version}"), where.as_posix()
 
 
-def _section(engine: str, one: Upgrade) -> Section:
+def _section(engine: str, upgrade: Upgrade) -> Section:
     return Section(
-        title=shown(f"{engine} {one.before} -> {one.after}"),
-        counts=shown(counts(one)),
-        rows=tuple(_row(case) for case in one.cases if case.kinds),
+        title=shown(f"{engine} {upgrade.before} -> {upgrade.after}"),
+        counts=shown(counts(upgrade)),
+        rows=tuple(_row(case) for case in upgrade.cases if case.kinds),
         models=tuple(
             Beside(
                 name=shown(model.id),
                 kinds=", ".join(model.kinds),
                 messages=tuple(map(shown, model.messages)),
             )
-            for model in one.models
+            for model in upgrade.models
         ),
-        same=tuple(map(_row, one.same)),
+        same=tuple(map(_row, upgrade.same)),
     )
 
 

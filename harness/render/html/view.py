@@ -132,12 +132,12 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     diagnoses = _diagnoses(results.models, pairs, ids, content)
     worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
     counts = Counter(case.outcome for case in results.cases)
-    found = gathered(results, {id(case): view for case, view in pairs}, diagnoses)
+    issues = gathered(results, {id(case): view for case, view in pairs}, diagnoses)
     shown_names = {folder: name for folder, (_, name) in names.items()}
     baseline = results.baseline
     return Report(
         title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')} agree",
-        verdict=verdict(results, found),
+        verdict=verdict(results, issues),
         summary=shown(summary(results)),
         settings=(
             ("created", shown(results.created)),
@@ -148,7 +148,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
         counts=tuple(
             Count(outcome=o, symbol=SYMBOLS[o], meaning=o.meaning, cases=counts[o]) for o in Outcome
         ),
-        troubles=found,
+        troubles=issues,
         again=shown(run_again(results, out)),
         standing=standing_out(pairs),
         changes=None if baseline is None else changes(baseline, pairs),
@@ -246,17 +246,17 @@ def _diagnoses(
     for case, view in pairs:
         if case.outcome is Outcome.DIFFERS:
             differing.setdefault(case.key, []).append((view.id, view.scenario))
-    found = {}
+    views = {}
     for place, model in enumerate(models):
         if model.diagnosis is not None or model.findings:
             name = slug(model.system, model.model, model.engine)
-            found[model.key] = diagnosis_view(
+            views[model.key] = diagnosis_view(
                 model,
                 ids.new(f"diagnosis-{name}"),
                 content.diagnosis_pack(place),
                 differing.get(model.key, ()),
             )
-    return found
+    return views
 
 
 BESIDE = 12
@@ -277,11 +277,11 @@ def _model_groups(
         for case, view in mine:
             engines = [v for v in same[case.scenario] if v is not view][:BESIDE]
             scenarios = [v for _, v in mine if v is not view][:BESIDE]
-            beside = Beside(
+            links = Beside(
                 engines=tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
                 scenarios=tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
             )
-            cases.append((view, beside))
+            cases.append((view, links))
         groups.append(
             ModelGroup(
                 model=mine[0][1].model,

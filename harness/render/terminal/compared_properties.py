@@ -26,30 +26,30 @@ MINOR = 1e-5
 
 
 def print_properties(
-    console: Console, outcome: Outcome, found: Compared, *, is_named: bool = False
+    console: Console, outcome: Outcome, compared: Compared, *, is_named: bool = False
 ) -> None:
     """Print properties that differ with an effect on motions, frames, and the others.
 
     Args:
         console: to print on.
         outcome: of the comparison.
-        found: by it.
+        compared: by it.
         is_named: whether the verdict names the first property that differs.
     """
-    moving = [one for one in found.properties if one.moves]
-    frames = [one for one in found.properties if one.kind == "frame"]
-    idle = [one for one in found.properties if not one.moves and one.kind != "frame"]
+    moving = [one for one in compared.properties if one.moves]
+    frames = [one for one in compared.properties if one.kind == "frame"]
+    without_effect = [one for one in compared.properties if not one.moves and one.kind != "frame"]
     agrees = outcome is Outcome.AGREES
     title = "bodies and joints that differ, largest effect first"
     if agrees:
         title = "bodies and joints that differ without an effect on these runs"
-    alone = is_named and outcome is Outcome.DIFFERS and len(moving) == 1 and not found.turned
-    if not alone or found.impossible or not is_explained(found):
+    is_single = is_named and outcome is Outcome.DIFFERS and len(moving) == 1 and not compared.turned
+    if not is_single or compared.impossible or not is_explained(compared):
         _print_all(console, title, moving)
     if not agrees:
-        _print_share(console, found)
+        _print_share(console, compared)
     _print_all(console, "frames that differ", frames)
-    _print_all(console, "differences without an effect on these runs", idle)
+    _print_all(console, "differences without an effect on these runs", without_effect)
 
 
 def minor_line(count: int) -> str:
@@ -58,10 +58,10 @@ def minor_line(count: int) -> str:
     return f"  {count} minor {noun} (below 1e-5), see --json"
 
 
-def is_explained(found: Compared) -> bool:
+def is_explained(compared: Compared) -> bool:
     """Return whether differences between the files are the cause."""
-    moving = any(one.moves for one in found.properties)
-    return moving and found.explained is not None and found.explained >= SHARE
+    moving = any(one.moves for one in compared.properties)
+    return moving and compared.explained is not None and compared.explained >= SHARE
 
 
 def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -> None:
@@ -77,14 +77,16 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
 
 def _folded(rows: Sequence[ComparedProperty]) -> list[str]:
     """Return a line per difference; equal ones of several joints and minor ones share a line."""
-    minor = [one for one in rows[1:] if one.relative is not None and 0 < one.relative < MINOR]
+    minor = [row for row in rows[1:] if row.relative is not None and 0 < row.relative < MINOR]
     alike: dict[tuple[str, str], list[str]] = {}
-    for one in rows:
-        if one in minor:
+    for row in rows:
+        if row in minor:
             continue
-        line = _where(one) + one.message
-        head, found, tail = line.partition(f" of joint {one.about}: ") if one.about else (line,) * 3
-        key = (head, tail) if found == f" of joint {one.about}: " else (line, "")
+        line = _where(row) + row.message
+        head, middle, tail = (
+            line.partition(f" of joint {row.about}: ") if row.about else (line,) * 3
+        )
+        key = (head, tail) if middle == f" of joint {row.about}: " else (line, "")
         alike.setdefault(key, []).append(line)
     lines = [
         own[0] if len(own) == 1 else f"{head} of {len(own)} joints: {tail}"
@@ -95,10 +97,10 @@ def _folded(rows: Sequence[ComparedProperty]) -> list[str]:
     return lines
 
 
-def _where(one: ComparedProperty) -> str:
+def _where(row: ComparedProperty) -> str:
     """Return the line in A, and the one in B if it differs."""
-    told = [line_name(where) for where in (one.where_a, one.where_b) if where is not None]
-    shown = ", ".join(dict.fromkeys(told))
+    lines = [line_name(where) for where in (row.where_a, row.where_b) if where is not None]
+    shown = ", ".join(dict.fromkeys(lines))
     return f"{shown}  " if shown else ""
 
 
@@ -107,18 +109,18 @@ def line_name(where: SourceLine) -> str:
     return Path(str(where)).name
 
 
-def _print_share(console: Console, found: Compared) -> None:
+def _print_share(console: Console, compared: Compared) -> None:
     """Print the share of the discrepancy that the files' own equations give."""
-    if found.explained is None or found.off is None:
+    if compared.explained is None or compared.off is None:
         return
-    if is_explained(found):
+    if is_explained(compared):
         return  # the verdict has the share
-    a, b = (float("inf") if one is None else one for one in found.off)
-    also = " too" if found.properties or found.differences else ""
+    a, b = (float("inf") if inertia is None else inertia for inertia in compared.off)
+    also = " too" if compared.properties or compared.differences else ""
     say(
         console,
         f"  the engines differ{also}. Distance from the equations of the file:"
         f" {a:.1e} in A, {b:.1e} in B",
     )
-    for one in found.impossible:
-        say(console, f"  {one}")
+    for inertia in compared.impossible:
+        say(console, f"  {inertia}")

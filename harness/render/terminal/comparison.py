@@ -40,7 +40,7 @@ MINOR = 1e-5
 MOST_EXPLAINED = 0.5
 """Share of a discrepancy above which a difference is its cause."""
 
-FEW = 6
+MAX_WITHOUT_EFFECT = 6
 """Number of differences without an effect that are listed next to those with one."""
 
 VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in B(.*)")
@@ -49,16 +49,16 @@ VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in 
 
 def print_comparison(console: Console, comparison: Comparison) -> None:
     """Print the verdict with its cause and remedy, other differences, then what was compared."""
-    found = comparison.found
-    if found is None:
+    compared = comparison.found
+    if compared is None:
         _print_failure(console, comparison)
     else:
-        _print_outcome(console, comparison, found)
-        edit = _edit_that_explains(found)
-        print_properties(console, comparison.outcome, found, is_named=edit is None)
-        _print_terms(console, comparison.outcome, found)
-        _print_differences(console, comparison.outcome, found)
-        _print_models(console, comparison, found)
+        _print_outcome(console, comparison, compared)
+        edit = _edit_that_explains(compared)
+        print_properties(console, comparison.outcome, compared, is_named=edit is None)
+        _print_terms(console, comparison.outcome, compared)
+        _print_differences(console, comparison.outcome, compared)
+        _print_models(console, comparison, compared)
 
 
 def _print_failure(console: Console, comparison: Comparison) -> None:
@@ -68,27 +68,27 @@ def _print_failure(console: Console, comparison: Comparison) -> None:
         say(console, f"  | {line}")
 
 
-def _print_models(console: Console, comparison: Comparison, found: Compared) -> None:
+def _print_models(console: Console, comparison: Comparison, compared: Compared) -> None:
     """Print the compared files, engines and runs, and the parts that were not compared."""
     console.print()
     for label, model in zip("AB", comparison.models, strict=True):
         pull = ", ".join(f"{g:g}" for g in model.gravity or ())
         gravity = f", gravity ({pull})" if pull else ""
         say(console, f"{label}  {model.model} in {model.engine}{gravity}")
-    runs = counted(found.runs.count, "run")
+    runs = counted(compared.runs.count, "run")
     say(
         console,
-        f"   {runs} of {found.runs.length:.3g} s from states of {found.states_of},"
-        f" {found.runs.driven} of them with known forces",
+        f"   {runs} of {compared.runs.length:.3g} s from states of {compared.states_of},"
+        f" {compared.runs.driven} of them with known forces",
         "dim",
     )
-    if found.left_out:
-        names = ", ".join(found.left_out)
-        say(console, f"   without a partner in {found.states_of}: {names}", "dim")
-    for note in (*_folded(found.notes, comparison.models), *found.map):
+    if compared.left_out:
+        names = ", ".join(compared.left_out)
+        say(console, f"   without a partner in {compared.states_of}: {names}", "dim")
+    for note in (*_folded(compared.notes, comparison.models), *compared.map):
         if not note.startswith(NOT_COMPARED):
             say(console, f"   {note}", "dim")
-    if line := _not_compared(found):
+    if line := _not_compared(compared):
         say(console, line, "yellow")
 
 
@@ -105,21 +105,21 @@ def _folded(notes: Sequence[str], models: Sequence[ComparedModel]) -> list[str]:
     return shown
 
 
-def _not_compared(found: Compared) -> str:
+def _not_compared(compared: Compared) -> str:
     """Return a line on what the runs omit, and which differences they cannot show."""
     begin = f"{NOT_COMPARED}: "
-    parts = [note.removeprefix(begin) for note in found.notes if note.startswith(begin)]
-    silent = [one for one in found.untested if not one.startswith(NOT_COMPARED)]
+    parts = [note.removeprefix(begin) for note in compared.notes if note.startswith(begin)]
+    silent = [one for one in compared.untested if not one.startswith(NOT_COMPARED)]
     if silent:
         parts.append(f"{counted(len(silent), 'difference')} without an effect on these runs")
     text = "; ".join(parts).replace("limits of position", "joint limits")
     return f"{begin}{text}" if parts else ""
 
 
-def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:
+def _print_outcome(console: Console, comparison: Comparison, compared: Compared) -> None:
     """Print the verdict, with the first cause, the remedy, and the size of the difference."""
     outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
-    size = f"{_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}"
+    size = f"{_size(compared.discrepancy)}, uncertainty {_size(compared.uncertainty)}"
     names = [Path(model.model).name for model in comparison.models]
     if outcome is Outcome.AGREES:
         engines = " and ".join(dict.fromkeys(model.engine for model in comparison.models))
@@ -128,32 +128,34 @@ def _print_outcome(console: Console, comparison: Comparison, found: Compared) ->
         text = f"{move}: difference {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
-    cause, remedy = _cause(found, names) if outcome is Outcome.DIFFERS else ("", "")
+    cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
     text = with_code(comparison.code, cause or comparison.reason)
     print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
     if outcome is not Outcome.DIFFERS:
-        say(console, f"  difference {size}, on {found.component}")
+        say(console, f"  difference {size}, on {compared.component}")
         return
     if remedy:
         say(console, f"Fix: {remedy}")
-    say(console, f"  motions differ by {size}, on {found.component}")
-    if len(found.joints) > 1:
-        say(console, f"  by joint: {_by_joint(found)}")
+    say(console, f"  motions differ by {size}, on {compared.component}")
+    if len(compared.joints) > 1:
+        say(console, f"  by joint: {_by_joint(compared)}")
 
 
-def _cause(found: Compared, names: Sequence[str]) -> tuple[str, str]:
+def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
     """Return the most important difference in a sentence, with lines and values, and the remedy."""
-    if found.turned:
-        turned = ", ".join(found.turned)
-        verb = "turns" if len(found.turned) == 1 else "turn"
-        remedy = f"map it with --joints, or reverse the axis (then {_size(found.left_when_turned)}"
+    if compared.turned:
+        turned = ", ".join(compared.turned)
+        verb = "turns" if len(compared.turned) == 1 else "turn"
+        remedy = (
+            f"map it with --joints, or reverse the axis (then {_size(compared.left_when_turned)}"
+        )
         return f"{turned} {verb} the other way in B", f"{remedy} remains)"
-    if (edit := _edit_that_explains(found)) is not None:
+    if (edit := _edit_that_explains(compared)) is not None:
         return _edit_cause(edit.edits[0], names, _share(edit.explained or 0.0))
-    moving = [one for one in found.properties if one.moves]
+    moving = [one for one in compared.properties if one.moves]
     if moving:
-        return _property_cause(moving[0], len(moving), found, names)
-    return (found.terms[0].message, "") if _is_cause_a_term(found) else ("", "")
+        return _property_cause(moving[0], len(moving), compared, names)
+    return (compared.terms[0].message, "") if _is_cause_a_term(compared) else ("", "")
 
 
 def _is_cause_a_term(compared: Compared) -> bool:
@@ -167,11 +169,15 @@ def _is_cause_a_term(compared: Compared) -> bool:
     return bool(compared.terms)
 
 
-def _edit_that_explains(found: Compared) -> FileDifference | None:
+def _edit_that_explains(compared: Compared) -> FileDifference | None:
     """Return the first edit that alone explains most of the difference."""
-    for one in found.differences:
-        if len(one.edits) == 1 and not one.not_tried and (one.explained or 0.0) > MOST_EXPLAINED:
-            return one
+    for difference in compared.differences:
+        if (
+            len(difference.edits) == 1
+            and not difference.not_tried
+            and (difference.explained or 0.0) > MOST_EXPLAINED
+        ):
+            return difference
     return None
 
 
@@ -186,19 +192,19 @@ def _edit_cause(edit: FileEdit, names: Sequence[str], share: str) -> tuple[str, 
 
 
 def _property_cause(
-    one: ComparedProperty, count: int, found: Compared, names: Sequence[str]
+    row: ComparedProperty, count: int, compared: Compared, names: Sequence[str]
 ) -> tuple[str, str]:
     share = ""
-    if found.explained is not None and found.explained > 0:
+    if compared.explained is not None and compared.explained > 0:
         others = f" with {counted(count - 1, 'other difference')}" if count > 1 else ""
-        share = f" ({_share(found.explained)} of the difference{others})"
+        share = f" ({_share(compared.explained)} of the difference{others})"
     a, b = (
         line_name(where) if where else name
-        for where, name in zip((one.where_a, one.where_b), names, strict=True)
+        for where, name in zip((row.where_a, row.where_b), names, strict=True)
     )
-    match = VALUES.fullmatch(one.message)
+    match = VALUES.fullmatch(row.message)
     if match is None:
-        return f"{a}, {b}: {one.message}{share}", ""
+        return f"{a}, {b}: {row.message}{share}", ""
     subject, what, here, there, _ = match.groups()
     label = f"{what.strip()} of {subject}" if what else subject
     cause = f"{a} {label}: {here}, {b}: {there}{share}"
@@ -209,10 +215,10 @@ def _size(value: float | None) -> str:
     return f"{float('inf') if value is None else value:.1e}"
 
 
-def _by_joint(found: Compared) -> str:
-    sizes = [float("inf") if size is None else size for size in found.by_component]
-    n = len(found.joints)
-    worst = {name: max(sizes[i], sizes[n + i]) for i, name in enumerate(found.joints)}
+def _by_joint(compared: Compared) -> str:
+    sizes = [float("inf") if size is None else size for size in compared.by_component]
+    n = len(compared.joints)
+    worst = {name: max(sizes[i], sizes[n + i]) for i, name in enumerate(compared.joints)}
     order = sorted(worst, key=lambda name: -_rounded(worst[name]))
     apart = [name for name in order if worst[name] > 0]
     return ", ".join(f"{name} {worst[name]:.1e}" for name in apart[:MOST_TOLD])
@@ -223,9 +229,9 @@ def _rounded(size: float) -> float:
     return float(f"{size:.5e}")
 
 
-def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
-    is_named = outcome is Outcome.DIFFERS and _is_cause_a_term(found)
-    shown = found.terms[1:] if is_named else found.terms  # the verdict names the first
+def _print_terms(console: Console, outcome: Outcome, compared: Compared) -> None:
+    is_named = outcome is Outcome.DIFFERS and _is_cause_a_term(compared)
+    shown = compared.terms[1:] if is_named else compared.terms  # the verdict names the first
     if shown:
         title = f"{'other ' if is_named else ''}measured terms that differ, largest effect first"
         console.print(f"\n{title}")
@@ -233,58 +239,70 @@ def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
             say(console, f"  {term.message}")
         if len(shown) > MOST_TERMS:
             console.print(f"  and {len(shown) - MOST_TERMS} more, see --json")
-    elif found.terms:
+    elif compared.terms:
         return
-    elif outcome is Outcome.DIFFERS and not found.turned and not is_explained(found):
+    elif outcome is Outcome.DIFFERS and not compared.turned and not is_explained(compared):
         console.print("\nno single measured term differs beyond its uncertainty")
 
 
-def _print_differences(console: Console, outcome: Outcome, found: Compared) -> None:
+def _print_differences(console: Console, outcome: Outcome, compared: Compared) -> None:
     """Print the tested edits; minor ones, and those without an effect, as counts."""
-    named = outcome is Outcome.DIFFERS and not found.turned
-    if named and found.differences == (_edit_that_explains(found),):
+    named = outcome is Outcome.DIFFERS and not compared.turned
+    if named and compared.differences == (_edit_that_explains(compared),):
         return  # the verdict names it
-    if not found.differences:
+    if not compared.differences:
         return
     agrees = outcome is Outcome.AGREES
-    shown = [one for one in found.differences if not agrees or len(one.edits) == 1]
-    still = [one for one in shown if one.moved == 0.0 and not one.not_tried]
-    if agrees or len(still) <= FEW:
+    shown = [
+        difference
+        for difference in compared.differences
+        if not agrees or len(difference.edits) == 1
+    ]
+    still = [
+        difference for difference in shown if difference.moved == 0.0 and not difference.not_tried
+    ]
+    if agrees or len(still) <= MAX_WITHOUT_EFFECT:
         still = []
-    minor = [one for one in shown if _is_minor(one)]
-    shown = [one for one in shown if one not in still and one not in minor]
+    minor = [difference for difference in shown if _is_minor(difference)]
+    shown = [
+        difference for difference in shown if difference not in still and difference not in minor
+    ]
     if shown:
         console.print("\nwhere the files differ, A -> B")
-    for one in shown[:MOST_TOLD]:
-        say(console, "  " + "  ".join(filter(None, _cells(one, agrees))))
+    for difference in shown[:MOST_TOLD]:
+        say(console, "  " + "  ".join(filter(None, _cells(difference, agrees))))
     if len(shown) > MOST_TOLD:
         console.print(f"  and {len(shown) - MOST_TOLD} more, see --json")
     if minor:
         say(console, minor_line(len(minor)))
     if still:
         say(console, f"  {len(still)} more differences have no effect on these runs, see --json")
-    if found.untried:
-        say(console, f"  not tried alone: {counted(found.untried, 'more difference')}")
+    if compared.untried:
+        say(console, f"  not tried alone: {counted(compared.untried, 'more difference')}")
 
 
-def _is_minor(one: FileDifference) -> bool:
+def _is_minor(difference: FileDifference) -> bool:
     """Return whether a difference is rounding or has a small effect, and is not the cause."""
-    if len(one.edits) != 1 or (one.explained or 0.0) > MOST_EXPLAINED or one.not_tried:
+    if (
+        len(difference.edits) != 1
+        or (difference.explained or 0.0) > MOST_EXPLAINED
+        or difference.not_tried
+    ):
         return False
-    if one.moved is not None and 0.0 < one.moved < MINOR:
+    if difference.moved is not None and 0.0 < difference.moved < MINOR:
         return True
     try:
-        a, b = float(one.edits[0].a), float(one.edits[0].b)
+        a, b = float(difference.edits[0].a), float(difference.edits[0].b)
     except ValueError:
         return False
     return abs(a - b) <= SIX_DIGITS * max(abs(a), abs(b))
 
 
-def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:
-    if len(one.edits) > 1:
-        return "", f"all {len(one.edits)} together:", _effect(one, agrees)
-    (edit,) = one.edits
-    return _lines(edit), f"{edit.what}: {edit.a} -> {edit.b}", _effect(one, agrees)
+def _cells(difference: FileDifference, agrees: bool) -> tuple[str, str, str]:
+    if len(difference.edits) > 1:
+        return "", f"all {len(difference.edits)} together:", _effect(difference, agrees)
+    (edit,) = difference.edits
+    return _lines(edit), f"{edit.what}: {edit.a} -> {edit.b}", _effect(difference, agrees)
 
 
 def _lines(edit: FileEdit) -> str:
@@ -297,15 +315,15 @@ def _lines(edit: FileEdit) -> str:
     return a if a == b or edit.where_a.line == edit.where_b.line else f"{a}, {b}"
 
 
-def _effect(one: FileDifference, agrees: bool) -> str:
-    if one.not_tried:
-        return f"not tried: {one.not_tried}"
-    if one.moved == 0.0:
+def _effect(difference: FileDifference, agrees: bool) -> str:
+    if difference.not_tried:
+        return f"not tried: {difference.not_tried}"
+    if difference.moved == 0.0:
         return "no effect on these runs"
     if agrees:
-        return f"changes motions by {_size(one.moved)}, which other edits cancel"
-    share = _share(one.explained or 0.0)
-    return f"{share} of the difference, changes motions by {_size(one.moved)}"
+        return f"changes motions by {_size(difference.moved)}, which other edits cancel"
+    share = _share(difference.explained or 0.0)
+    return f"{share} of the difference, changes motions by {_size(difference.moved)}"
 
 
 def _share(explained: float) -> str:

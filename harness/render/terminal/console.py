@@ -24,9 +24,9 @@ _WORD_STYLES = {word: STYLES[outcome] for outcome, word in WORDS.items()}
 
 def terminal() -> Console:
     """Return a console on standard output with colours for outcomes only."""
-    known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
+    has_width = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
     return Console(
-        soft_wrap=False, highlight=False, emoji=False, width=None if known else LOG_COLUMNS
+        soft_wrap=False, highlight=False, emoji=False, width=None if has_width else LOG_COLUMNS
     )
 
 

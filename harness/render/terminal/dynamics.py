@@ -18,9 +18,9 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
     ]
     if not alike:
         return []
-    found, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
+    largest, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
     states = sum(one.states for one, _ in alike)
     return [
         f"accelerations of {counted(len(alike), 'case')} at {counted(states, 'state')} agree to"
-        f" {found.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})"
+        f" {largest.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})"
     ]

@@ -257,9 +257,9 @@ def _mode_remark(mode: records.Mode) -> str:
     return f"grows, {mode.growth:.6g} 1/s" if mode.growth else ""
 
 
-def _by_amplitude(found: Sequence[records.Linearity]) -> list[tuple[Number, ...]]:
+def _by_amplitude(linearity: Sequence[records.Linearity]) -> list[tuple[Number, ...]]:
     """Return rows of an amplitude and each mode's error at it."""
-    return list(zip(found[0].amplitudes, *(mode.errors for mode in found), strict=True))
+    return list(zip(linearity[0].amplitudes, *(mode.errors for mode in linearity), strict=True))
 
 
 def _template(name: str) -> str:

@@ -88,8 +88,8 @@ def print_models(console: Console, cases: Iterable[Case], *, details: bool = Fal
         note = "chaotic: a motion that no time step follows to its end; the model is right"
         _print_note(console, note)
     if len(shown) < len(rows):
-        left = counted(len(rows) - len(shown), "more row")
-        _print_note(console, f"{left}: every case ok; --details shows them")
+        hidden = counted(len(rows) - len(shown), "more row")
+        _print_note(console, f"{hidden}: every case ok; --details shows them")
     if lost:
         _print_note(console, f"a wider terminal also shows: {', '.join(lost)}")
 
@@ -202,8 +202,8 @@ def _error(error: Number, chaotic: bool) -> str:
 def _step_for_tenth(runs: Sequence[FullRun]) -> str:
     """Return the time step for an error of 0.1 % in every motion; empty if unknown."""
     steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
-    found = known(steps)
-    return duration(min(found)) if found and len(found) == len(steps) else ""
+    finite = known(steps)
+    return duration(min(finite)) if finite and len(finite) == len(steps) else ""
 
 
 def _sizes(cases: Sequence[Case]) -> tuple[Number, Number]:

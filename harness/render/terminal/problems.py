@@ -80,21 +80,21 @@ def print_problems(console: Console, results: Results, *, details: bool = False)
         results: results of the run.
         details: whether to list all cases, findings and residuals.
     """
-    known = problems(results, details=details)
-    width = max((len(WORDS[one.outcome]) for one in known), default=0)
-    for one in known[:MAX_PROBLEMS]:
-        _print_problem(console, one, max(width, 5))
-    if len(known) > MAX_PROBLEMS:
-        left = counted(len(known) - MAX_PROBLEMS, "more problem")
-        print_wrapped(console, f"  {left}: see the report")
-    return [one.code for one in known if one.outcome is not Outcome.ABSENT]
+    all_problems = problems(results, details=details)
+    width = max((len(WORDS[problem.outcome]) for problem in all_problems), default=0)
+    for problem in all_problems[:MAX_PROBLEMS]:
+        _print_problem(console, problem, max(width, 5))
+    if len(all_problems) > MAX_PROBLEMS:
+        hidden = counted(len(all_problems) - MAX_PROBLEMS, "more problem")
+        print_wrapped(console, f"  {hidden}: see the report")
+    return [problem.code for problem in all_problems if problem.outcome is not Outcome.ABSENT]
 
 
 def problems(results: Results, *, details: bool = False) -> list[Problem]:
     """Return the problems of a run, the worst first."""
     short = is_single_file(results)
-    found = [_of_trouble(one, results, short, details) for one in troubles(results.cases)]
-    found += [
+    found_problems = [_of_trouble(one, results, short, details) for one in troubles(results.cases)]
+    found_problems += [
         Problem(
             outcome=Outcome.FAILED,
             code=part_code(),
@@ -103,8 +103,8 @@ def problems(results: Results, *, details: bool = False) -> list[Problem]:
         )
         for model, what, why in untold_failures(results)
     ]
-    found += _faults(results, short, details)
-    return sorted(found, key=lambda one: -one.outcome.severity)
+    found_problems += _faults(results, short, details)
+    return sorted(found_problems, key=lambda one: -one.outcome.severity)
 
 
 def is_single_file(results: Results) -> bool:
@@ -113,24 +113,26 @@ def is_single_file(results: Results) -> bool:
     return len(places) == 1 and all(folder.endswith(model) for folder, model in places)
 
 
-def _print_problem(console: Console, one: Problem, width: int) -> None:
-    word = WORDS[one.outcome]
+def _print_problem(console: Console, problem: Problem, width: int) -> None:
+    word = WORDS[problem.outcome]
     lead = f"  {word}{' ' * (width - len(word))} "
-    first = f"{one.name}  {one.headline}"
+    first = f"{problem.name}  {problem.headline}"
     if len(lead) + len(first) > console.width:  # the file name is easier to find without folders
-        print_wrapped(console, one.name, lead=lead, style=STYLES[one.outcome], indent=INDENT)
-        print_wrapped(console, one.headline, lead=" " * INDENT, indent=INDENT)
+        print_wrapped(
+            console, problem.name, lead=lead, style=STYLES[problem.outcome], indent=INDENT
+        )
+        print_wrapped(console, problem.headline, lead=" " * INDENT, indent=INDENT)
     else:
-        print_wrapped(console, first, lead=lead, style=STYLES[one.outcome], indent=INDENT)
-    for label, text in one.notes:
+        print_wrapped(console, first, lead=lead, style=STYLES[problem.outcome], indent=INDENT)
+    for label, text in problem.notes:
         before = f"{label}:".ljust(7) if label else ""
         print_wrapped(console, text, lead=" " * INDENT + before, indent=INDENT + len(before))
-    for line in one.output:
+    for line in problem.output:
         print_wrapped(console, line, lead=f"{' ' * INDENT}| ", indent=INDENT + 2)
 
 
-def _of_trouble(trouble: Trouble, results: Results, short: bool, details: bool) -> Problem:
-    case, cases = trouble.worst, (trouble.worst, *trouble.others)
+def _of_trouble(issue: Trouble, results: Results, short: bool, details: bool) -> Problem:
+    case, cases = issue.worst, (issue.worst, *issue.others)
     if case.outcome is Outcome.DIFFERS:
         return _difference(cases, results, short, details)
     headline = with_code(case.code, case.reason)
@@ -138,7 +140,7 @@ def _of_trouble(trouble: Trouble, results: Results, short: bool, details: bool) 
         name = counted(len(cases), "case")
         return Problem(outcome=case.outcome, code=case.code, name=name, headline=headline)
     name = _engine_name(cases) if short else str(case.id)
-    notes = () if short or not trouble.others else (("", _others(cases, details)),)
+    notes = () if short or not issue.others else (("", _others(cases, details)),)
     return Problem(
         outcome=case.outcome,
         code=case.code,
@@ -267,9 +269,11 @@ def _massless(cause: Cause, model: Model) -> list[AuditFinding]:
     """Return the findings about links without mass whose inertia an engine drops."""
     if cause.kind != "dropped":
         return []
-    found = [one for one in model.findings if MASSLESS in one.subject[1:]]
-    named = [one for one in found if any(f"[{one.subject[0]}]" in each for each in cause.subject)]
-    return named or found
+    massless = [one for one in model.findings if MASSLESS in one.subject[1:]]
+    named = [
+        one for one in massless if any(f"[{one.subject[0]}]" in each for each in cause.subject)
+    ]
+    return named or massless
 
 
 def _places(places: Iterable[tuple[SourceLine | None, str]], folder: str) -> str:
@@ -279,11 +283,11 @@ def _places(places: Iterable[tuple[SourceLine | None, str]], folder: str) -> str
         if where is None:
             continue
         shown = shown_line(folder, where) if folder else where
-        at = str(shown)
+        place = str(shown)
         if shown.file == last and shown.line is not None:
-            at = f":{shown.line}"
+            place = f":{shown.line}"
         last = shown.file
-        parts.append(f"{at} {name}".rstrip())
+        parts.append(f"{place} {name}".rstrip())
     return ", ".join(dict.fromkeys(parts))
 
 
@@ -314,9 +318,9 @@ def _of_file(model: Model, findings: Iterable[AuditFinding]) -> list[AuditFindin
     ]
 
 
-def _finding_note(one: AuditFinding) -> Note:
-    where = "" if one.location is None else f"{one.location}: "
-    return "found", with_code(one.code, f"{where}{one.message}")
+def _finding_note(finding: AuditFinding) -> Note:
+    where = "" if finding.location is None else f"{finding.location}: "
+    return "found", with_code(finding.code, f"{where}{finding.message}")
 
 
 def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
@@ -325,8 +329,8 @@ def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
     for model in results.models:
         if model.findings and not model.accepted:
             files.setdefault((model.folder, model.model), []).append(model)
-    found = [_fault(models, short, details) for models in files.values()]
-    return [one for one in found if one is not None]
+    faults = [_fault(models, short, details) for models in files.values()]
+    return [one for one in faults if one is not None]
 
 
 def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | None:
@@ -375,35 +379,35 @@ def _poses_follow(wanted: Iterable[tuple[object, ...]], models: Sequence[Model])
     return bool(fixes) and fixes <= of_causes
 
 
-def _is_explained(one: AuditFinding, models: Sequence[Model]) -> bool:
+def _is_explained(finding: AuditFinding, models: Sequence[Model]) -> bool:
     """Return whether another problem already reports the same fault: a cause, or a difference."""
     for model in models:
         diagnosis = model.diagnosis
         if diagnosis is None or not diagnosis.explanations:
             continue
         if not diagnosis.explained:
-            if any(one.is_like(known, 0.1) for known in model.unexplained_findings):
+            if any(finding.is_like(known, 0.1) for known in model.unexplained_findings):
                 return True
             continue
         # A default is reported only with a wrong term, which follows from the cause.
-        if one.kind == "default" or (one.location is None and one.kind in SAME_FAULT):
+        if finding.kind == "default" or (finding.location is None and finding.kind in SAME_FAULT):
             return True
         causes = diagnosis.explanations[0].causes
-        if any(_is_same(one, cause) or one in _massless(cause, model) for cause in causes):
+        if any(_is_same(finding, cause) or finding in _massless(cause, model) for cause in causes):
             return True
     return False
 
 
-def _is_same(one: AuditFinding, cause: Cause) -> bool:
+def _is_same(finding: AuditFinding, cause: Cause) -> bool:
     """Return whether a finding is about a number of a cause."""
-    if set(one.subject) & set(cause.subject):
+    if set(finding.subject) & set(cause.subject):
         return True
-    where = one.location
+    where = finding.location
     return where is not None and any(_is_same_place(where, each) for each in cause.locations)
 
 
-def _is_same_place(one: SourceLine, other: SourceLine) -> bool:
+def _is_same_place(line: SourceLine, other: SourceLine) -> bool:
     """Return whether two lines have the same number, or are equal if no number is known."""
-    if Path(one.file).name != Path(other.file).name or one.line != other.line:
+    if Path(line.file).name != Path(other.file).name or line.line != other.line:
         return False
-    return one.span is None or other.span is None or one.span == other.span
+    return line.span is None or other.span is None or line.span == other.span

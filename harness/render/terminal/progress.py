@@ -104,8 +104,8 @@ class Counter:
             )
         elif total and not silent and self._clock() - self._last >= LOG_SECONDS:
             self._last = self._clock()
-            of = f"{done} of {counted(total, self._thing)} ({100 * done // total} %)"
-            print(of, file=sys.stderr, flush=True)
+            progress_text = f"{done} of {counted(total, self._thing)} ({100 * done // total} %)"
+            print(progress_text, file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
         self.end()

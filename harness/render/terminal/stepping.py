@@ -14,36 +14,38 @@ def stepping_lines(cases: Iterable[Case]) -> list[str]:
 
     A case that differs in the limit of small steps is omitted: its single step differs too.
     """
-    known = [(case, case.stepping) for case in cases if case.stepping is not None]
-    alike = [(case, one) for case, one in known if one.outcome is Outcome.AGREES]
+    steppings = [(case, case.stepping) for case in cases if case.stepping is not None]
+    alike = [(case, stepping) for case, stepping in steppings if stepping.outcome is Outcome.AGREES]
     lines = [_alike(alike)] if alike else []
     seen = set()
-    for case, one in known:
+    for case, stepping in steppings:
         model = case.id.of_model
-        if one.outcome is Outcome.AGREES or case.outcome is Outcome.DIFFERS or model in seen:
+        if stepping.outcome is Outcome.AGREES or case.outcome is Outcome.DIFFERS or model in seen:
             continue
         seen.add(model)
-        lines.append(f"single step of {model} {_apart(one)}")
+        lines.append(f"single step of {model} {_apart(stepping)}")
     return lines
 
 
 def _alike(cases: list[tuple[Case, Stepping]]) -> str:
-    worst, one = max(cases, key=lambda entry: entry[1].discrepancy or 0.0)
+    worst, stepping = max(cases, key=lambda entry: entry[1].discrepancy or 0.0)
     verb = "follows" if len(cases) == 1 else "follow"
     return (
         f"single step of {counted(len(cases), 'case')} {verb} the engine's own rule to"
-        f" {one.discrepancy or 0.0:.1e} of how far it moves (worst: {worst.id})"
+        f" {stepping.discrepancy or 0.0:.1e} of how far it moves (worst: {worst.id})"
     )
 
 
-def _apart(one: Stepping) -> str:
-    if one.outcome is Outcome.UNRESOLVED:
-        return f"is too uncertain to compare with {one.rule} ({one.uncertainty or 0.0:.1e})"
-    why = f"; also acting: {one.besides}" if one.besides else (
+def _apart(stepping: Stepping) -> str:
+    if stepping.outcome is Outcome.UNRESOLVED:
+        return (
+            f"is too uncertain to compare with {stepping.rule} ({stepping.uncertainty or 0.0:.1e})"
+        )
+    why = f"; also acting: {stepping.besides}" if stepping.besides else (
         "; the integrator differs, or something acts at this step only"
     )  # fmt: skip
-    off = "without bound" if one.discrepancy is None else f"by {one.discrepancy:.1e}"
+    off = "without bound" if stepping.discrepancy is None else f"by {stepping.discrepancy:.1e}"
     return (
-        f"deviates from {one.rule} at {one.step:g} s: {one.component} {off} of how far it moves"
-        f" (uncertainty {one.uncertainty or 0.0:.1e}){why}"
+        f"deviates from {stepping.rule} at {stepping.step:g} s: {stepping.component} {off}"
+        f" of how far it moves (uncertainty {stepping.uncertainty or 0.0:.1e}){why}"
     )

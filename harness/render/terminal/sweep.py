@@ -21,9 +21,9 @@ MAX_ROWS = 12
 """Maximum number of listed cases without agreement."""
 
 
-def print_sweep(console: Console, found: SweepSummary) -> None:
+def print_sweep(console: Console, sweep_summary: SweepSummary) -> None:
     """Print the verdict, the outcomes by system and engine, and the worst cases."""
-    _say(console, verdict_line(found))
+    _print_line(console, verdict_line(sweep_summary))
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in (
         "system",
@@ -35,62 +35,65 @@ def print_sweep(console: Console, found: SweepSummary) -> None:
         "error at dt",
     ):
         table.add_column(title)
-    for one in found.groups:
+    for group in sweep_summary.groups:
         table.add_row(
-            escape(one.system),
-            escape(one.engine),
-            escape(one.integrator),
-            str(sum(one.outcomes.values())),
-            _coloured(one.outcomes),
-            "–" if one.least_digits is None else f"{one.least_digits:.1f}",
-            _percent(one.worst_error),
+            escape(group.system),
+            escape(group.engine),
+            escape(group.integrator),
+            str(sum(group.outcomes.values())),
+            _coloured(group.outcomes),
+            "–" if group.least_digits is None else f"{group.least_digits:.1f}",
+            _percent(group.worst_error),
         )
     wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
     if wide <= console.width:
         console.print(table)
     else:
-        _print_groups(console, found)
-    bad = [row for row in found.worst if row.outcome is not Outcome.AGREES]
+        _print_groups(console, sweep_summary)
+    bad = [row for row in sweep_summary.worst if row.outcome is not Outcome.AGREES]
     for row in bad[:MAX_ROWS]:
         for line in row_lines(row):
-            _say(console, line)
-    if cost := cost_line(found):
-        _say(console, cost)
+            _print_line(console, line)
+    if cost := cost_line(sweep_summary):
+        _print_line(console, cost)
 
 
-def _print_groups(console: Console, found: SweepSummary) -> None:
+def _print_groups(console: Console, sweep_summary: SweepSummary) -> None:
     """Print the outcomes as a list if a table would be too wide."""
-    for one in found.groups:
-        digits = "" if one.least_digits is None else f", {one.least_digits:.1f} digits"
-        counts = ", ".join(_counts(one.outcomes))
-        _say(
+    for group in sweep_summary.groups:
+        digits = "" if group.least_digits is None else f", {group.least_digits:.1f} digits"
+        counts = ", ".join(_counts(group.outcomes))
+        _print_line(
             console,
-            f"  {one.system} [{one.engine}], {one.integrator}: {counts}{digits},"
-            f" error at dt up to {_percent(one.worst_error)}",
+            f"  {group.system} [{group.engine}], {group.integrator}: {counts}{digits},"
+            f" error at dt up to {_percent(group.worst_error)}",
         )
 
 
-def verdict_line(found: SweepSummary) -> str:
+def verdict_line(sweep_summary: SweepSummary) -> str:
     """Return the verdict, the number of cases per outcome, and the number of remaining cases."""
-    counts = ", ".join(_counts(found.outcomes))
-    left = found.plan.cases - found.done
-    more = f"; {left} not run yet" if left else ""
-    broken = not found.outcomes or found.outcomes.keys() & {Outcome.FAILED, Outcome.REFUSED}
-    differ = found.outcomes.keys() - {Outcome.AGREES.value}
+    counts = ", ".join(_counts(sweep_summary.outcomes))
+    remaining = sweep_summary.plan.cases - sweep_summary.done
+    more = f"; {remaining} not run yet" if remaining else ""
+    broken = not sweep_summary.outcomes or sweep_summary.outcomes.keys() & {
+        Outcome.FAILED,
+        Outcome.REFUSED,
+    }
+    differ = sweep_summary.outcomes.keys() - {Outcome.AGREES.value}
     word = "ERROR" if broken else "FAIL" if differ else "ok"
     if word == "ok":
-        agree = f"{counted(found.done, 'case')} {'agrees' if found.done == 1 else 'agree'}"
-        return f"ok  {agree}{more}"
-    return f"{word}  {counted(found.done, 'case')}: {counts or 'none'}{more}"
+        verb = "agrees" if sweep_summary.done == 1 else "agree"
+        return f"ok  {counted(sweep_summary.done, 'case')} {verb}{more}"
+    return f"{word}  {counted(sweep_summary.done, 'case')}: {counts or 'none'}{more}"
 
 
-def cost_line(found: SweepSummary) -> str:
+def cost_line(sweep_summary: SweepSummary) -> str:
     """Return the cost of all engine steps; empty where no case ran."""
-    if found.overhead is None:
+    if sweep_summary.overhead is None:
         return ""
-    seconds = f"{found.engine_seconds:.1f} s of processor time"
-    steps = f"{found.steps:.3g} engine steps took {seconds}"
-    return f"{steps}; the whole sweep {found.overhead:.2f} times as much"
+    seconds = f"{sweep_summary.engine_seconds:.1f} s of processor time"
+    steps = f"{sweep_summary.steps:.3g} engine steps took {seconds}"
+    return f"{steps}; the whole sweep {sweep_summary.overhead:.2f} times as much"
 
 
 def row_lines(row: SweepRow) -> Iterator[str]:
@@ -109,7 +112,7 @@ def row_lines(row: SweepRow) -> Iterator[str]:
     yield visible(f"  {row.command}")
 
 
-def _say(console: Console, line: str) -> None:
+def _print_line(console: Console, line: str) -> None:
     """Print a line with its status word in colour, wrapped unless it is a command."""
     lines = [line] if line.startswith("  crosscheck ") else wrapped(line, console.width)
     print_status_lines(console, lines)

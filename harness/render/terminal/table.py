@@ -116,14 +116,14 @@ def _failing(counts: Counter[Outcome], total: int, unit: str) -> list[str]:
     }
     if unit == "engine":
         verbs[Outcome.REFUSED] = ("refuses the file", "refuse the file")
-    found = [(counts[one], *verb) for one, verb in verbs.items() if counts[one]]
-    number, *verb = found[0]
+    failing = [(counts[one], *verb) for one, verb in verbs.items() if counts[one]]
+    number, *verb = failing[0]
     first = f"{number} of {counted(total, unit)} {_verb(number, *verb)}"
-    return [first, *(f"{n} {_verb(n, *each)}" for n, *each in found[1:])]
+    return [first, *(f"{n} {_verb(n, *each)}" for n, *each in failing[1:])]
 
 
-def _verb(number: int, one: str, several: str) -> str:
-    return one if number == 1 else several
+def _verb(number: int, singular: str, several: str) -> str:
+    return singular if number == 1 else several
 
 
 def _reservations(results: Results) -> list[str]:
@@ -269,20 +269,27 @@ def _print_list(console: Console, title: str, lines: Sequence[str]) -> None:
 
 def _linear(models: Iterable[Model]) -> list[str]:
     """Return the errors of engines' linearizations; differences are findings."""
-    alike = [(model, one) for model in models for one in model.linearizations if not one.differs]
-    lost = dict.fromkeys(str(model.id) for model, one in alike if one.a_bound is None)
+    alike = [
+        (model, linearization)
+        for model in models
+        for linearization in model.linearizations
+        if not linearization.differs
+    ]
+    lost = dict.fromkeys(
+        str(model.id) for model, linearization in alike if linearization.a_bound is None
+    )
     errors: list[tuple[float, Model, EngineLinearization]] = [
-        (max(one.a_error, one.b_error or 0.0), model, one)
-        for model, one in alike
-        if one.a_error is not None and one.a_bound is not None
+        (max(linearization.a_error, linearization.b_error or 0.0), model, linearization)
+        for model, linearization in alike
+        if linearization.a_error is not None and linearization.a_bound is not None
     ]
     lines = []
     if errors:
-        worst, model, one = max(errors, key=lambda entry: entry[0])
+        worst, model, linearization = max(errors, key=lambda entry: entry[0])
         lines.append(
             f"{counted(len(errors), 'linearization')} of the engines: A and B agree with the"
             f" equations to {worst:.1e} of the largest entry"
-            f" (worst: {model.id} about {one.equilibrium})"
+            f" (worst: {model.id} about {linearization.equilibrium})"
         )
     if lost:
         lines.append(f"linearization without a limit: {', '.join(lost)}")
@@ -292,10 +299,10 @@ def _linear(models: Iterable[Model]) -> list[str]:
 def _single_steps(models: Iterable[Model]) -> list[str]:
     """Return the error of a linearized step against the engine's rule, and growing modes."""
     steps = [
-        (model, one, one.one_step)
+        (model, linearization, linearization.one_step)
         for model in models
-        for one in model.linearizations
-        if not one.differs and one.one_step is not None
+        for linearization in model.linearizations
+        if not linearization.differs and linearization.one_step is not None
     ]
     ruled = [
         (step.error, model)
@@ -309,12 +316,12 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
             f"{counted(len(ruled), 'linearized step')}: follows the engine's own rule to"
             f" {error:.1e} of the largest entry that it changes (worst: {worst.id})"
         )
-    for model, one, step in steps:
+    for model, linearization, step in steps:
         grown, exact = step.radius or 0.0, step.exact_radius or 0.0
         if grown > 1 + GROWS and exact < 1 - GROWS:
             lines.append(
                 f"{model.id} grows by {grown - 1:.1e} in each step of {step.step:g} s about"
-                f" {one.equilibrium}, where the equations decay"
+                f" {linearization.equilibrium}, where the equations decay"
             )
     return lines
 
@@ -330,8 +337,8 @@ def _print_changes(console: Console, baseline: BaselineChanges) -> None:
         f"{begin}  {', '.join(f'{one.scenario} [{one.engine}]' for one in group)}: {message}"
         for (begin, message), group in alike.items()
     ]
-    if (left := len(changes) - MAX_PROBLEMS) > 0:
-        lines.append(f"{counted(left, 'more change')}: see the report")
+    if (hidden := len(changes) - MAX_PROBLEMS) > 0:
+        lines.append(f"{counted(hidden, 'more change')}: see the report")
     _print_list(console, f"changes since {baseline.name}", lines)
 
 

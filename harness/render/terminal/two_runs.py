@@ -114,18 +114,18 @@ def two_runs(before: Results, after: Results) -> TwoRuns:
     )
 
 
-def headline(found: TwoRuns) -> str:
+def headline(runs: TwoRuns) -> str:
     """Return one line: how many cases changed, and how."""
-    counts = Counter(kind for case in found.moved for kind in case.kinds)
-    said = {
+    counts = Counter(kind for case in runs.moved for kind in case.kinds)
+    kinds = {
         "verdict": "with another verdict", "new": "new", "gone": "gone",
         "digits": "with another difference", "global error": "with another error at dt",
         "step": "with another dt",
     }  # fmt: skip
-    parts = [f"{counts[kind]} {said[kind]}" for kind in KINDS if counts[kind]]
-    worse = sum(case.worse for case in found.cases)
-    told = f"{counted(len(found.cases), 'case')}: {', '.join(parts) or 'nothing changed'}"
-    return f"{told}; {worse} worse" if worse else told
+    parts = [f"{counts[kind]} {kinds[kind]}" for kind in KINDS if counts[kind]]
+    worse = sum(case.worse for case in runs.cases)
+    line = f"{counted(len(runs.cases), 'case')}: {', '.join(parts) or 'nothing changed'}"
+    return f"{line}; {worse} worse" if worse else line
 
 
 def digits_change(then: Number, now: Number) -> str:
@@ -136,26 +136,26 @@ def digits_change(then: Number, now: Number) -> str:
     return before if before == after else f"{before} -> {after}"
 
 
-def print_two_runs(console: Console, found: TwoRuns) -> None:
+def print_two_runs(console: Console, runs: TwoRuns) -> None:
     """Print the summary, then what changed, worst first."""
-    say(console, f"{'FAIL' if found.moved else 'ok'}  {headline(found)}")
-    for what, then, now in found.versions:
+    say(console, f"{'FAIL' if runs.moved else 'ok'}  {headline(runs)}")
+    for what, then, now in runs.versions:
         say(console, f"{what} {then} -> {now}")
-    both = [case for case in found.moved if case.before is not None and case.after is not None]
-    if told := both[:MOST_TOLD]:
-        _print_table(console, told)
+    both = [case for case in runs.moved if case.before is not None and case.after is not None]
+    if shown_causes := both[:MOST_TOLD]:
+        _print_table(console, shown_causes)
     if len(both) > MOST_TOLD:
         say(console, f"and {len(both) - MOST_TOLD} more, on the page")
     for kind in ("gone", "new"):
         models: dict[str, list[str]] = {}
-        for case in found.moved:
+        for case in runs.moved:
             if kind in case.kinds:
                 models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
         for model, scenarios in models.items():
             say(console, f"{kind}  {model}: {', '.join(scenarios)}")
-    for line in found.mended:
+    for line in runs.mended:
         say(console, f"fixed  {line}")
-    for line in found.broken:
+    for line in runs.broken:
         say(console, f"new fault  {line}")
 
 
@@ -176,11 +176,11 @@ def _print_table(console: Console, cases: Sequence[Movement]) -> None:
 def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:
     """Return cases by name and, for equal names, their order."""
     times: Counter[CaseId] = Counter()
-    found = {}
+    by_name = {}
     for case in cases:
-        found[case.id, times[case.id]] = case
+        by_name[case.id, times[case.id]] = case
         times[case.id] += 1
-    return found
+    return by_name
 
 
 def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
@@ -229,14 +229,14 @@ def _apart(then: Number, now: Number) -> bool:
 def _causes(results: Results) -> list[str]:
     """Return the faults of each explained model file, a line per number."""
     lines = (
-        f"{alike[0].system}/{_told(change)}"
+        f"{alike[0].system}/{_change_text(change)}"
         for alike in explained_alike(results.models)
         for change in changes_of(alike[0])
     )
     return list(dict.fromkeys(lines))
 
 
-def _told(change: Change) -> str:
+def _change_text(change: Change) -> str:
     shorter = tuple(map(_short, change.locations))
     return str(dataclasses.replace(change, locations=shorter))
 

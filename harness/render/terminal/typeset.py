@@ -89,10 +89,10 @@ class Style(ABC):
         degrees = round(math.degrees(cmath.phase(value)), 2) + 0.0
         return self.number(size) + self.phase.replace("#", f"{degrees:g}")
 
-    def sum(self, terms: Terms) -> str:
+    def sum(self, addends: Terms) -> str:
         """Format a sum in the given order."""
         text = ""
-        for coefficient, factor in terms:
+        for coefficient, factor in addends:
             if _is(coefficient, 0):
                 continue
             negative = coefficient.could_extract_minus_sign()
@@ -106,15 +106,15 @@ class Style(ABC):
     def _product(self, coefficient: sp.Expr, factor: sp.Expr) -> str:
         if _is(coefficient, 1):
             return self.math(factor)
-        left = self.math(coefficient)
+        formula = self.math(coefficient)
         if coefficient.is_Add:
-            left = self.bracket(left)
-        return left if factor == 1 else f"{left}{self.times}{self.math(factor)}"
+            formula = self.bracket(formula)
+        return formula if factor == 1 else f"{formula}{self.times}{self.math(factor)}"
 
     def polynomial(self, expression: sp.Expr, variable: sp.Symbol) -> str:
         """Format a polynomial in falling powers of a variable, with factored coefficients."""
-        terms = sp.Poly(expression, variable).terms()
-        return self.sum([(sp.factor(c), variable**power) for (power,), c in terms])
+        monomials = sp.Poly(expression, variable).terms()
+        return self.sum([(sp.factor(c), variable**power) for (power,), c in monomials])
 
     def rational(self, expression: sp.Expr, variable: sp.Symbol) -> str:
         """Format a quotient of polynomials with a positive leading coefficient below."""

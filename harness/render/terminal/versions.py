@@ -19,70 +19,69 @@ from physics_crosscheck.harness.results.status import counted
 MOST_TOLD = 40
 
 
-def print_versions(console: Console, found: Versions) -> None:
+def print_versions(console: Console, versions: Versions) -> None:
     """Print the verdict with the remedy, then the changes of each upgrade, worst first."""
-    say(console, advice(found))
-    for one in found.upgrades:
+    say(console, advice(versions))
+    for upgrade in versions.upgrades:
         console.print()
-        say(console, f"{found.engine} {one.before} -> {one.after}", "bold")
-        told = [case for case in one.cases if case.kinds]
-        if told:
-            _print_table(console, told[:MOST_TOLD])
-            for case in told[:MOST_TOLD]:
+        say(console, f"{versions.engine} {upgrade.before} -> {upgrade.after}", "bold")
+        changed = [case for case in upgrade.cases if case.kinds]
+        if changed:
+            _print_table(console, changed[:MOST_TOLD])
+            for case in changed[:MOST_TOLD]:
                 _print_messages(console, case)
-        if len(told) > MOST_TOLD:
-            say(console, f"and {len(told) - MOST_TOLD} more")
-        for model in one.models:
+        if len(changed) > MOST_TOLD:
+            say(console, f"and {len(changed) - MOST_TOLD} more")
+        for model in upgrade.models:
             say(console, f"{model.id}: {', '.join(model.kinds)}")
             for message in model.messages:
                 say(console, f"  {message}")
-        say(console, counts(one))
+        say(console, counts(upgrade))
 
 
-def counts(one: Upgrade) -> str:
+def counts(upgrade: Upgrade) -> str:
     """Return one line: how many cases changed, and how well the others agree."""
     parts = []
-    if one.same:
-        parts.append(f"{len(one.same)} unchanged{_alike(one.same)}")
-    if one.changed:
-        parts.append(f"{len(one.changed)} changed")
-    if one.not_compared:
-        parts.append(f"{len(one.not_compared)} not compared")
-    models = f"; {counted(len(one.models), 'model')} changed" if one.models else ""
-    return f"{counted(len(one.cases), 'case')}: {', '.join(parts) or 'none'}{models}"
+    if upgrade.same:
+        parts.append(f"{len(upgrade.same)} unchanged{_alike(upgrade.same)}")
+    if upgrade.changed:
+        parts.append(f"{len(upgrade.changed)} changed")
+    if upgrade.not_compared:
+        parts.append(f"{len(upgrade.not_compared)} not compared")
+    models = f"; {counted(len(upgrade.models), 'model')} changed" if upgrade.models else ""
+    return f"{counted(len(upgrade.cases), 'case')}: {', '.join(parts) or 'none'}{models}"
 
 
-def advice(found: Versions) -> str:
+def advice(versions: Versions) -> str:
     """Return the verdict, and what to do."""
-    first, last = found.versions[0], found.versions[-1]
-    if found.incomplete:
-        begun = (
-            f"ERROR  {found.engine}: not everything could be compared. Fix the errors below first"
-        )
-    elif found.changed:
-        begun = (
-            f"FAIL  {found.engine} {first.version} -> {last.version} changes results. Check them"
+    first, last = versions.versions[0], versions.versions[-1]
+    if versions.incomplete:
+        text = f"ERROR  {versions.engine}: not everything could be compared."
+        text += " Fix the errors below first"
+    elif versions.changed:
+        text = (
+            f"FAIL  {versions.engine} {first.version} -> {last.version} changes results. Check them"
             " before you upgrade"
         )
     else:
         return (
-            f"ok  {found.engine} {last.version} can replace {first.version} for these models:"
+            f"ok  {versions.engine} {last.version} can replace {first.version} for these models:"
             " no result changes"
         )
-    reports = "  ".join(f"{one.report}/index.html" for one in found.versions)
-    return f"{begun}. Reports: {reports}"
+    reports = "  ".join(f"{one.report}/index.html" for one in versions.versions)
+    return f"{text}. Reports: {reports}"
 
 
 def _alike(same: Sequence[VersionCase]) -> str:
     """Return to what tolerance limits agree, and how many are bitwise equal."""
-    known = [case for case in same if case.apart is not None and case.uncertainty is not None]
-    if not known:
+    measured = [case for case in same if case.apart is not None and case.uncertainty is not None]
+    if not measured:
         return ""
-    bitwise = sum(case.apart == 0.0 for case in known)
-    if bitwise == len(known):
+    bitwise = sum(case.apart == 0.0 for case in measured)
+    if bitwise == len(measured):
         return " (identical to the last bit)"
-    size = max(case.apart or 0.0 for case in known)
-    bound = max(case.uncertainty or 0.0 for case in known)
+    size = max(case.apart or 0.0 for case in measured)
+    bound = max(case.uncertainty or 0.0 for case in measured)
     last = f", {bitwise} identical to the last bit" if bitwise else ""
     return f" (differ by at most {size:.1e}, uncertainty {bound:.0e}{last})"
 
