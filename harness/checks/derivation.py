@@ -22,7 +22,7 @@ from physics_crosscheck.harness.render.terminal.equations import (
     Matrix,
     Transfer,
 )
-from physics_crosscheck.harness.render.terminal.typeset import Terms, deviation
+from physics_crosscheck.harness.render.terminal.typeset import SumTerms, deviation
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import (
     TaylorLinearization,
@@ -160,14 +160,14 @@ def _transfers(one: TaylorLinearization, system: System) -> list[Transfer]:
 
 def _series(
     equations: Equations, one: TaylorLinearization, moved: Mapping[sp.Symbol, sp.Symbol]
-) -> list[tuple[Terms, Terms]]:
+) -> list[tuple[SumTerms, SumTerms]]:
     system = equations.system
     if sum(sp.count_ops(row) for row in equations.residual) > LONG_SERIES:
         return []
     place = dict(zip(system.q, one.symbolic_position, strict=True))
     rest = place | dict.fromkeys((*system.v, *system.a, *system.u), sp.Integer(0))
     variables = [*system.a, *system.v, *(moved.get(q, q) for q in system.q), *system.u]
-    sides: list[tuple[Terms, Terms]] = []
+    sides: list[tuple[SumTerms, SumTerms]] = []
     for row in equations.residual:
         series = taylor(row, rest, ORDER)
         shifted = series.subs({q: d + place[q] for q, d in moved.items()}, simultaneous=True)

@@ -11,7 +11,7 @@ import sympy as sp
 from physics_crosscheck.harness.checks.sketch import sketch_record
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.base import number, numbers, rows
-from physics_crosscheck.harness.render.terminal.typeset import Latex, Terms, latex_name
+from physics_crosscheck.harness.render.terminal.typeset import Latex, SumTerms, latex_name
 from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.errata import EquationCheck, errata
 from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, classify
@@ -98,10 +98,10 @@ def constants(system: System) -> tuple[records.Constant, ...]:
     )
 
 
-def motion_terms(equations: Equations) -> tuple[tuple[Terms, Terms], ...]:
+def motion_terms(equations: Equations) -> tuple[tuple[SumTerms, SumTerms], ...]:
     """M a = f, both sides of each row: accelerations; the motion's own forces, then the inputs."""
     system = equations.system
-    sides: list[tuple[Terms, Terms]] = []
+    sides: list[tuple[SumTerms, SumTerms]] = []
     for row, force in zip(equations.mass.tolist(), equations.force, strict=True):
         if (
             sp.count_ops(force) > LONG_OPERATIONS

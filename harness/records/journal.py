@@ -142,7 +142,7 @@ def _lock(file: int, path: Path) -> None:
         )
 
 
-class _Head(msgspec.Struct):
+class _JournalHead(msgspec.Struct):
     """The first line."""
 
     pid: int
@@ -151,7 +151,7 @@ class _Head(msgspec.Struct):
 def _owner(path: Path) -> str:
     try:
         with path.open("rb") as file:
-            return f" (process {msgspec.json.decode(file.readline(200), type=_Head).pid})"
+            return f" (process {msgspec.json.decode(file.readline(200), type=_JournalHead).pid})"
     except (OSError, msgspec.MsgspecError):
         return ""
 

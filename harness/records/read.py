@@ -52,7 +52,7 @@ def _error_text(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-class _Head(msgspec.Struct):
+class _ResultsHead(msgspec.Struct):
     """The field that distinguishes another schema from a broken file."""
 
     schema: int
@@ -74,7 +74,7 @@ def read_results(path: Path) -> Results:
         raise ResultsError(f"{path}: {reason}") from None
     again = "run `crosscheck run` again"
     try:
-        schema = msgspec.json.decode(data, type=_Head).schema
+        schema = msgspec.json.decode(data, type=_ResultsHead).schema
     except msgspec.ValidationError:
         schema = None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):

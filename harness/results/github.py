@@ -23,7 +23,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.issues import audited_alike, named_models, untold_failures
-from physics_crosscheck.harness.results.next_steps import Change, changes_of, stated_changes
+from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of, stated_changes
 from physics_crosscheck.harness.results.places import placed, shown_line
 from physics_crosscheck.harness.results.visible import visible
 
@@ -62,7 +62,7 @@ class Annotation:
     title: str
     message: str
     locations: tuple[SourceLine, ...] = ()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ProposedChange, ...] = ()
     model: Model | None = None
 
     def command(self, root: Path) -> str:
@@ -146,7 +146,7 @@ def case_note(case: Case, model: Model | None) -> Annotation:
     """
     message, blamed = case.reason, list(case.locations)
     diagnosis, code = model.diagnosis if model else None, case.code
-    changes: list[Change] = []
+    changes: list[ProposedChange] = []
     if model and diagnosis and diagnosis.explained and diagnosis.explanations:
         best = placed(diagnosis.explanations[0], model.folder)
         message = f"{' and '.join(cause_sentences(best)[:-1])}: {message}"

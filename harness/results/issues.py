@@ -13,14 +13,14 @@ from physics_crosscheck.harness.records.results import Results
 
 
 @dataclass(frozen=True)
-class Trouble:
+class Issue:
     """Cases with the same problem: the worst one, and the others."""
 
     worst: Case
     others: tuple[Case, ...]
 
 
-def troubles(cases: Iterable[Case]) -> list[Trouble]:
+def collect_issues(cases: Iterable[Case]) -> list[Issue]:
     """Group cases that don't agree and weren't accepted, worst first.
 
     Cases of one model file that differ form a group. So do cases with the same kind of difference
@@ -30,7 +30,7 @@ def troubles(cases: Iterable[Case]) -> list[Trouble]:
     amiss = [c for c in cases if c.outcome is not Outcome.AGREES and not c.accepted]
     for case in sorted(amiss, key=_worst_first):
         groups.setdefault(_kind(case), []).append(case)
-    return [Trouble(worst, tuple(others)) for worst, *others in groups.values()]
+    return [Issue(worst, tuple(others)) for worst, *others in groups.values()]
 
 
 def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:

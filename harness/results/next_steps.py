@@ -17,7 +17,7 @@ DEFAULT_OUT = Path("reports")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class ProposedChange:
     """A proposed change of a number in a file, or of its copies.
 
     Attributes:
@@ -45,12 +45,12 @@ def run_again(results: Results, out: Path) -> str:
     return f"crosscheck run --last-failed{there}"
 
 
-def changes_of(model: Model) -> list[Change]:
+def changes_of(model: Model) -> list[ProposedChange]:
     """Return the changes of numbers in files that explain a model's motions, if any."""
     if model.diagnosis is None or not model.diagnosis.explained:
         return []
     return [
-        Change(
+        ProposedChange(
             subject=cause.subject,
             locations=tuple(shown_line(model.folder, one) for one in cause.locations),
             old=cause.nominal,
@@ -61,7 +61,9 @@ def changes_of(model: Model) -> list[Change]:
     ]
 
 
-def stated_changes(model: Model, findings: Iterable[AuditFinding] | None = None) -> list[Change]:
+def stated_changes(
+    model: Model, findings: Iterable[AuditFinding] | None = None
+) -> list[ProposedChange]:
     """Return changes of numbers that differ from their bindings, found without motion.
 
     Args:
@@ -69,7 +71,7 @@ def stated_changes(model: Model, findings: Iterable[AuditFinding] | None = None)
         findings: findings to use; None: all findings of the model.
     """
     return [
-        Change(
+        ProposedChange(
             subject=one.subject,
             locations=(shown_line(model.folder, one.location),),
             old=one.found,

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.codes import CODES, Code
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.github import Annotation, run_notes
-from physics_crosscheck.harness.results.next_steps import Change
+from physics_crosscheck.harness.results.next_steps import ProposedChange
 from physics_crosscheck.harness.results.places import column, is_spelled, shown_path
 from physics_crosscheck.harness.results.visible import visible
 
@@ -100,7 +100,7 @@ def _places(note: Annotation) -> Iterator[dict[str, object]]:
             yield {"physicalLocation": place}
 
 
-def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | None:
+def _fix(changes: Iterable[ProposedChange], model: Model | None) -> dict[str, object] | None:
     """Return all replacements as one fix; None if a file no longer contains an old text."""
     files: dict[str, list[object]] = {}
     fix_parts = []

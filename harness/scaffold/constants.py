@@ -21,7 +21,7 @@ _LONGEST = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class ConstantRow:
     """A constant to declare."""
 
     name: str
@@ -43,7 +43,7 @@ class Ledger:
 
     file: Path
     data: bytes
-    rows: list[Row] = field(default_factory=list)
+    rows: list[ConstantRow] = field(default_factory=list)
     bindings: dict[str, str] = field(default_factory=dict)
     names: set[str] = field(default_factory=lambda: set(_RESERVED))
     shared: dict[str, list[str]] = field(default_factory=dict)
@@ -95,7 +95,9 @@ class Ledger:
             else (f"{place.file.name}:{place.line}")
         )
         self.rows.append(
-            Row(name=identifier, value=abs(value), unit=unit, description=what, source=source)
+            ConstantRow(
+                name=identifier, value=abs(value), unit=unit, description=what, source=source
+            )
         )
         if address is not None:
             self._issued[address, unit] = identifier

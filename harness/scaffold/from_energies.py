@@ -11,11 +11,11 @@ import sympy as sp
 from physics_crosscheck.harness.audits import audits
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.scaffold.assets import neighbours
-from physics_crosscheck.harness.scaffold.constants import Ledger, Row
+from physics_crosscheck.harness.scaffold.constants import ConstantRow, Ledger
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import Mechanism
 from physics_crosscheck.harness.scaffold.mjcf import read_mjcf
-from physics_crosscheck.harness.scaffold.scenarios import Plan, plan, provisional
+from physics_crosscheck.harness.scaffold.scenarios import ScenarioPlan, plan, provisional
 from physics_crosscheck.harness.scaffold.text import sidecar_text, system_text
 from physics_crosscheck.harness.scaffold.urdf import read_urdf
 from physics_crosscheck.reference.mechanism.system import System
@@ -79,7 +79,7 @@ class Energies:
         self.remarks.extend(_checked(folder, self._target, suffix, self._left_out))
         (folder / self._sidecar).write_bytes(self._sidecar_bytes())
 
-    def _text(self, chosen: Plan) -> str:
+    def _text(self, chosen: ScenarioPlan) -> str:
         rows = self._ledger.rows
         return system_text(self._target.name, self._model.name, self._mechanism, rows, chosen)
 
@@ -105,7 +105,7 @@ def _read(model: Path, data: bytes, ledger: Ledger) -> Mechanism:
     mechanism = read_urdf(model, data, ledger)
     g = ledger.name("g")
     ledger.rows.append(
-        Row(
+        ConstantRow(
             name=g,
             value=GRAVITY,
             unit="m/s^2",

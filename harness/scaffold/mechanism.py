@@ -16,7 +16,7 @@ class Turn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Joint:
+class FormulaJoint:
     """A hinge or slide.
 
     Attributes:
@@ -45,7 +45,7 @@ class Joint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Body:
+class FormulaBody:
     """A body. Its frame is shifted and rotated in its parent's frame, then moved by its joints.
 
     Attributes:
@@ -62,7 +62,7 @@ class Body:
     parent: str
     at: Triple
     turns: tuple[Turn, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[FormulaJoint, ...]
     mass: str
     centre: Triple
     principal: tuple[Turn, ...]
@@ -81,11 +81,11 @@ class Body:
 class Mechanism:
     """Everything that was read, and remarks about it."""
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[FormulaBody, ...]
     gravity: Triple
     remarks: tuple[str, ...]
 
     @property
-    def joints(self) -> tuple[Joint, ...]:
+    def joints(self) -> tuple[FormulaJoint, ...]:
         """All joints, in the order of the tree."""
         return tuple(joint for body in self.bodies for joint in body.joints)

@@ -18,7 +18,13 @@ from physics_crosscheck.harness.modelfiles.locations.location import LocationErr
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger
 from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+from physics_crosscheck.harness.scaffold.mechanism import (
+    FormulaBody,
+    FormulaJoint,
+    Mechanism,
+    Triple,
+    Turn,
+)
 
 _FOREIGN = {
     "include": "parts in other files",
@@ -48,10 +54,10 @@ def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
     if not there:
         titles = " or ".join(engine.title for engine in able)
         raise NewError(f"{path}: reading an MJCF needs {titles}, which is not installed")
-    return _Reader(path, data, ledger, there[0]).mechanism()
+    return _MjcfReader(path, data, ledger, there[0]).mechanism()
 
 
-class _Reader:
+class _MjcfReader:
     def __init__(self, path: Path, data: bytes, ledger: Ledger, engine: Engine) -> None:
         self.source, self.ledger, self.path = SourceFile(path, data), ledger, path
         self.title = engine.title
@@ -110,7 +116,7 @@ class _Reader:
 
     def _body(
         self, i: int, body: CompiledBody, element: RawElement, frames: dict[int, str]
-    ) -> Body:
+    ) -> FormulaBody:
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
         position = self._triple(
@@ -127,7 +133,7 @@ class _Reader:
         )
         frames[i] = self.ledger.name(name, "frame")
         mass, centre, principal, moments, products = self._inertial(body, element, address, name)
-        return Body(
+        return FormulaBody(
             name=name,
             symbol=frames[i],
             parent=frames[body.parent],
@@ -204,7 +210,7 @@ class _Reader:
         )
         return mass, centre, inner, (moments[0], moments[1], moments[2]), none
 
-    def _joint(self, joint: CompiledJoint, element: RawElement) -> Joint:
+    def _joint(self, joint: CompiledJoint, element: RawElement) -> FormulaJoint:
         name = joint.name
         if joint.kind not in ("hinge", "slide"):
             raise self.refuse(
@@ -229,7 +235,7 @@ class _Reader:
         symbol = self.ledger.name(name)
         number = self._of_joint(element, name)
         x, y, z = joint.axis
-        return Joint(
+        return FormulaJoint(
             name=name,
             symbol=symbol,
             hinge=hinge,
@@ -286,14 +292,14 @@ class _Reader:
         while wanted is None and holder is not None:
             wanted, holder = holder.attributes.get("childclass"), holder.parent
         defaults = [e for e in self.elements if e.tag == "default"]
-        found = next(
+        element_above = next(
             (e for e in defaults if e.attributes.get("class", "main") == (wanted or "main")), None
         )
-        while found is not None and found.tag == "default":
-            for child in _children(found, element.tag):
+        while element_above is not None and element_above.tag == "default":
+            for child in _children(element_above, element.tag):
                 if key in child.attributes:
                     return self._address(child) and f"{self._address(child)}@{key}"
-            found = found.parent
+            element_above = element_above.parent
         return None
 
     def _address(self, element: RawElement) -> str | None:

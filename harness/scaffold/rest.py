@@ -11,7 +11,7 @@ import sympy as sp
 
 from physics_crosscheck.harness.scaffold.constants import quarter
 from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.mechanism import Joint
+from physics_crosscheck.harness.scaffold.mechanism import FormulaJoint
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
 from physics_crosscheck.reference.mechanism.system import System
 
@@ -19,7 +19,7 @@ ROOM = 0.02
 """Share of a joint's range that a motion keeps clear at both ends."""
 
 
-def clipped(value: float, joint: Joint) -> float:
+def clipped(value: float, joint: FormulaJoint) -> float:
     """Return the value, or the middle of the limits if it is too close to them."""
     if joint.limits is None:
         return value
@@ -28,7 +28,7 @@ def clipped(value: float, joint: Joint) -> float:
     return value if low + room < value < high - room else (low + high) / 2
 
 
-def rest_position(system: System, joints: Sequence[Joint]) -> Array:
+def rest_position(system: System, joints: Sequence[FormulaJoint]) -> Array:
     """Return a stable rest position well within the limits, if there is one.
 
     Otherwise return one at a limit or beyond it, for example if a spring holds a joint at its
@@ -75,12 +75,12 @@ def rest_position(system: System, joints: Sequence[Joint]) -> Array:
     )
 
 
-def _unwound(position: Array, joints: Sequence[Joint]) -> Array:
+def _unwound(position: Array, joints: Sequence[FormulaJoint]) -> Array:
     turns = [j.hinge and j.limits is None for j in joints]
     return np.where(turns, (position + math.pi) % (2 * math.pi) - math.pi, position)
 
 
-def named_position(rest: Array, joints: Sequence[Joint]) -> tuple[tuple[str, ...], bool]:
+def named_position(rest: Array, joints: Sequence[FormulaJoint]) -> tuple[tuple[str, ...], bool]:
     """Return each coordinate as text, and whether one is neither zero nor a quarter turn."""
     names = []
     search = False

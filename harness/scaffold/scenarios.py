@@ -11,7 +11,7 @@ import scipy.linalg
 import sympy as sp
 
 from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.mechanism import Joint
+from physics_crosscheck.harness.scaffold.mechanism import FormulaJoint
 from physics_crosscheck.harness.scaffold.rest import ROOM, clipped, named_position, rest_position
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.mechanism.declaration import Scenario, t
@@ -29,7 +29,7 @@ STILL = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class ScenarioMotion:
     """A scenario of n joints.
 
     Attributes:
@@ -58,14 +58,14 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ScenarioPlan:
     """A rest position, whether it is approximate (`search`), and the scenarios."""
 
     rest: tuple[str, ...]
     search: bool
-    motions: tuple[Motion, ...]
+    motions: tuple[ScenarioMotion, ...]
 
-    def lines(self, joints: Sequence[Joint], forces: Sequence[str]) -> list[str]:
+    def lines(self, joints: Sequence[FormulaJoint], forces: Sequence[str]) -> list[str]:
         """Return the lines of system.py that declare the plan."""
         position = ", ".join(f"{j.symbol}: {r}" for j, r in zip(joints, self.rest, strict=True))
         lines = [
@@ -90,15 +90,15 @@ class Plan:
         return [*lines, "    ),"]
 
 
-def provisional(joints: Sequence[Joint]) -> Plan:
+def provisional(joints: Sequence[FormulaJoint]) -> ScenarioPlan:
     """Return a placeholder plan that makes a declaration complete."""
     middle = tuple(f"{clipped(0.0, joint):g}" for joint in joints)
     still = tuple((0.0, 1.0) for _ in joints)
-    return Plan(
+    return ScenarioPlan(
         middle,
         True,
         (
-            Motion(
+            ScenarioMotion(
                 name="any",
                 description="any",
                 start=tuple(map(float, middle)),
@@ -111,7 +111,7 @@ def provisional(joints: Sequence[Joint]) -> Plan:
     )
 
 
-def plan(system: System, joints: Sequence[Joint]) -> Plan:
+def plan(system: System, joints: Sequence[FormulaJoint]) -> ScenarioPlan:
     """Choose a rest position, and motions within the joints' limits.
 
     If it rests at a limit or beyond (a spring can hold a joint there), motions are about the middle
@@ -145,7 +145,7 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
     sizes.append(("driven", "a harmonic force on every joint", 0.1, tuple(pushes)))
     motions = []
     for name, description, size, forces in sizes:
-        motion = Motion(
+        motion = ScenarioMotion(
             name=name,
             description=description,
             start=_start(centre, joints, signs, size),
@@ -157,7 +157,7 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
         motion = _moving(equations, motion, centre, joints, linear)
         if not any(motion.speeds) or not _uniform(equations, motion):
             motions.append(_within(equations, motion, centre, joints))
-    return Plan(names, search, tuple(motions))
+    return ScenarioPlan(names, search, tuple(motions))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,11 +209,11 @@ class _Linear:
 
 def _moving(
     equations: Equations,
-    motion: Motion,
+    motion: ScenarioMotion,
     centre: Array,
-    joints: Sequence[Joint],
+    joints: Sequence[FormulaJoint],
     linear: _Linear,
-) -> Motion:
+) -> ScenarioMotion:
     """Add an initial velocity for each joint that would hardly move in a motion.
 
     A hinge with a vertical axis has no restoring force: released, it stays. The velocity takes it
@@ -237,13 +237,13 @@ def _moving(
     return replace(motion, speeds=tuple(speeds))
 
 
-def _uniform(equations: Equations, motion: Motion) -> bool:
+def _uniform(equations: Equations, motion: ScenarioMotion) -> bool:
     """Return whether nothing accelerates: such a motion depends on no number of the model."""
     speeds = _states(equations, motion)[1][:, len(motion.start) :]
     return bool(np.max(np.ptp(speeds, axis=0)) <= 1e-6 * np.max(np.abs(speeds)))
 
 
-def _distance(rest: float, joint: Joint) -> float:
+def _distance(rest: float, joint: FormulaJoint) -> float:
     """Return the distance that a joint can move in both directions."""
     if joint.limits is None:
         return math.inf if joint.hinge else 1.0
@@ -252,7 +252,7 @@ def _distance(rest: float, joint: Joint) -> float:
 
 
 def _start(
-    rest: Array, joints: Sequence[Joint], signs: Sequence[float], size: float
+    rest: Array, joints: Sequence[FormulaJoint], signs: Sequence[float], size: float
 ) -> tuple[float, ...]:
     distances = []
     for r, joint, sign in zip(rest, joints, signs, strict=True):
@@ -261,7 +261,9 @@ def _start(
     return tuple(distances)
 
 
-def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[Joint]) -> Motion:
+def _within(
+    equations: Equations, motion: ScenarioMotion, rest: Array, joints: Sequence[FormulaJoint]
+) -> ScenarioMotion:
     """Scale a motion towards rest, or shorten it, to stay within limits."""
     low = np.array([-math.inf if j.limits is None else j.limits[0] for j in joints])
     high = np.array([math.inf if j.limits is None else j.limits[1] for j in joints])
@@ -285,7 +287,7 @@ def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[
     return best
 
 
-def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> float:
+def _free(equations: Equations, motion: ScenarioMotion, low: Array, high: Array) -> float:
     """Return how long a motion stays within bounds, s."""
     times, states = _states(equations, motion)
     places = states[:, : len(low)]
@@ -293,7 +295,7 @@ def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> floa
     return motion.duration if not out.any() else float(times[int(np.argmax(out))])
 
 
-def _states(equations: Equations, motion: Motion) -> tuple[Array, Array]:
+def _states(equations: Equations, motion: ScenarioMotion) -> tuple[Array, Array]:
     """Return times, (600,), and states along a motion, (600, 2n).
 
     Raises:

@@ -8,16 +8,24 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.scaffold.constants import Ledger, Row
-from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
-from physics_crosscheck.harness.scaffold.scenarios import Plan
+from physics_crosscheck.harness.scaffold.constants import ConstantRow, Ledger
+from physics_crosscheck.harness.scaffold.mechanism import (
+    FormulaBody,
+    FormulaJoint,
+    Mechanism,
+    Triple,
+    Turn,
+)
+from physics_crosscheck.harness.scaffold.scenarios import ScenarioPlan
 from physics_crosscheck.reference.mechanism.pose import WORLD
 
 _WIDTH = 100
 _STRING_OR_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|#.*')
 
 
-def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row], plan: Plan) -> str:
+def system_text(
+    name: str, file: str, mechanism: Mechanism, rows: Sequence[ConstantRow], plan: ScenarioPlan
+) -> str:
     """Return the text of system.py; text of the model file appears in literals only."""
     joints, file = mechanism.joints, plain(file)
     body = "\n".join(
@@ -124,7 +132,7 @@ def sidecar_text(
     return "\n".join(lines) + "\n"
 
 
-def _coordinate(joint: Joint) -> str:
+def _coordinate(joint: FormulaJoint) -> str:
     kind = "hinge about" if joint.hinge else "slide along"
     what = f"{kind} {_axis(joint.axis)}, {joint.where}"
     if joint.limits is not None:
@@ -134,7 +142,7 @@ def _coordinate(joint: Joint) -> str:
     )
 
 
-def _pose(body: Body) -> str:
+def _pose(body: FormulaBody) -> str:
     kind, name = body.place.partition(":")[0], _named(body.place)
     return f"{body.symbol}.pose({quoted(name)}, {quoted(f'{kind} {body.name}')})"
 
@@ -145,7 +153,7 @@ def _named(place: str) -> str:
     return f"{name}_" if name == WORLD else name
 
 
-def _constant(row: Row) -> list[str]:
+def _constant(row: ConstantRow) -> list[str]:
     parts = (
         f"{quoted(row.name)}, {row.value!r}, {quoted(row.unit)},",
         f"{quoted(row.description)}, {quoted(row.source)}",
@@ -156,7 +164,7 @@ def _constant(row: Row) -> list[str]:
     return [f"{row.name} = Constant({parts[0]}", f"    {parts[1]})"]
 
 
-def _input(joint: Joint) -> str:
+def _input(joint: FormulaJoint) -> str:
     unit = "N*m" if joint.hinge else "N"
     name = joint.force
     return (
@@ -165,7 +173,7 @@ def _input(joint: Joint) -> str:
     )
 
 
-def _frames(body: Body) -> list[str]:
+def _frames(body: FormulaBody) -> list[str]:
     steps = [*_shift(body.at), *map(_turn, body.turns)]
     for joint in body.joints:
         word = f"hinge({joint.symbol}, about=" if joint.hinge else f"slide({joint.symbol}, along="
@@ -238,7 +246,7 @@ def _axis(axis: Sequence[float]) -> str:
     return f"({', '.join(str(int(a)) if a == int(a) else repr(a) for a in axis)})"
 
 
-def _unit(joint: Joint) -> str:
+def _unit(joint: FormulaJoint) -> str:
     return "rad" if joint.hinge else "m"
 
 

@@ -10,7 +10,13 @@ from physics_crosscheck.harness.modelfiles.locations.location import LocationErr
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger, finite, quarter
 from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+from physics_crosscheck.harness.scaffold.mechanism import (
+    FormulaBody,
+    FormulaJoint,
+    Mechanism,
+    Triple,
+    Turn,
+)
 
 _AXES: tuple[tuple[float, float, float], ...] = ((0, 0, 1), (0, 1, 0), (1, 0, 0))
 _ZERO: Triple = ("0", "0", "0")
@@ -22,10 +28,10 @@ def read_urdf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
     Raises:
         NewError: naming file, line and the unreadable part.
     """
-    return _Reader(path, data, ledger).mechanism()
+    return _UrdfReader(path, data, ledger).mechanism()
 
 
-class _Reader:
+class _UrdfReader:
     def __init__(self, path: Path, data: bytes, ledger: Ledger) -> None:
         self.source, self.ledger = SourceFile(path, data), ledger
         try:
@@ -49,7 +55,7 @@ class _Reader:
                 f"{self.source.file}: it has {len(roots)} links without a parent; expected one"
             )
         frames = {roots[0]: "ground"}
-        bodies: list[Body] = []
+        bodies: list[FormulaBody] = []
         queue = [roots[0]]
         while queue:
             parent = queue.pop(0)
@@ -92,7 +98,7 @@ class _Reader:
             parents[name] = element
         return parents
 
-    def _body(self, link: RawElement, joint: RawElement, frames: dict[str, str]) -> Body:
+    def _body(self, link: RawElement, joint: RawElement, frames: dict[str, str]) -> FormulaBody:
         name, joint_name = link.attributes["name"], joint.attributes["name"]
         position, turns = self._origin(joint, f"joint[{joint_name}]", name)
         moving = self._joint(joint)
@@ -126,7 +132,7 @@ class _Reader:
             products = self._tensor(element, ("ixy", "ixz", "iyz"), within, name)
         frames[name] = self.ledger.name(name, "frame")
         parent = frames[_child_link(joint, "parent")]
-        return Body(
+        return FormulaBody(
             name=name,
             symbol=frames[name],
             parent=parent,
@@ -155,7 +161,7 @@ class _Reader:
         )
         return ixx, two, three
 
-    def _joint(self, joint: RawElement) -> Joint | None:
+    def _joint(self, joint: RawElement) -> FormulaJoint | None:
         name, kind = joint.attributes["name"], joint.attributes.get("type", "")
         if kind == "fixed":
             return None
@@ -199,7 +205,7 @@ class _Reader:
                     gazebo, "springStiffness", name, "stiffness", f"{force}/{unit}"
                 )
                 rest = self._text(gazebo, "springReference", name, "rest", unit)
-        return Joint(
+        return FormulaJoint(
             name=name,
             symbol=symbol,
             hinge=hinge,
@@ -245,7 +251,7 @@ class _Reader:
         if origin is None:
             return _ZERO, ()
         place = self._three(origin, "xyz", "0 0 0")
-        at = tuple(
+        position = tuple(
             self.ledger.number(
                 value,
                 (name, axis),
@@ -270,7 +276,7 @@ class _Reader:
                 for i, axis in ((2, _AXES[0]), (1, _AXES[1]), (0, _AXES[2]))
                 if roll_pitch_yaw[i]
             ]
-            return (at[0], at[1], at[2]), tuple(turns)
+            return (position[0], position[1], position[2]), tuple(turns)
         for i, axis, what in ((2, _AXES[0], "yaw"), (1, _AXES[1], "pitch"), (0, _AXES[2], "roll")):
             angle = self.ledger.number(
                 roll_pitch_yaw[i],
@@ -281,7 +287,7 @@ class _Reader:
             )
             if angle != "0":
                 turns.append(Turn(axis, angle))
-        return (at[0], at[1], at[2]), tuple(turns)
+        return (position[0], position[1], position[2]), tuple(turns)
 
     def _wanted(self, inertial: RawElement, tag: str) -> RawElement:
         element = _child(inertial, tag)

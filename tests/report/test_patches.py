@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.html.patches import lines_of, unified
-from physics_crosscheck.harness.results.next_steps import Change
+from physics_crosscheck.harness.results.next_steps import ProposedChange
 from tests.records.made import case, finding, model, results
 
 URDF = """<robot>
@@ -38,14 +38,14 @@ def located(address: str, file: Path, text: str) -> SourceLine:
     return source_line(find_in(text.encode(), file, [address])[address])
 
 
-def edit(subject: str | tuple[str, ...], new: str, text: str = URDF) -> Change:
+def edit(subject: str | tuple[str, ...], new: str, text: str = URDF) -> ProposedChange:
     addresses = (subject,) if isinstance(subject, str) else subject
     file = Path("models/disc/robot.urdf")
     places = tuple(located(one, file, text) for one in addresses)
-    return Change(subject=addresses, locations=places, old=float(places[0].text), new=new)
+    return ProposedChange(subject=addresses, locations=places, old=float(places[0].text), new=new)
 
 
-def patched(*edits: Change, text: str = URDF) -> str:
+def patched(*edits: ProposedChange, text: str = URDF) -> str:
     return unified(edits, (("robot.urdf", text), ("robot.urdf.toml", SIDECAR)))
 
 
@@ -69,7 +69,7 @@ def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline
     (folder / "robot.urdf.toml").write_text(SIDECAR)
     where = located("settings.gravity[2]", Path("models/disc/robot.urdf.toml"), SIDECAR)
     subject = ("sidecar:settings.gravity[2]",)
-    gravity = Change(subject=subject, locations=(where,), old=-9.8, new="-9.81")
+    gravity = ProposedChange(subject=subject, locations=(where,), old=-9.8, new="-9.81")
     told = patched(MASS, gravity)
     subprocess.run(["git", "apply", "-"], input=told, text=True, cwd=tmp_path, check=True)
     assert (folder / "robot.urdf").read_text() == URDF.replace("0.9", "0.8")
@@ -95,7 +95,7 @@ def test_of_equal_numbers_in_a_line_the_one_that_is_meant_is_changed() -> None:
         replace(MASS, locations=(AT, SourceLine(file=AT.file, line=4))),
     ],
 )
-def test_what_is_not_certain_makes_no_patch_at_all(uncertain: Change) -> None:
+def test_what_is_not_certain_makes_no_patch_at_all(uncertain: ProposedChange) -> None:
     """Another number stands there, no such bytes, no bytes known, another file, one of two."""
     assert patched(uncertain) == ""
     other = edit("link[rod]/inertial/origin@xyz[2]", "-0.4")

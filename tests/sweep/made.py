@@ -7,7 +7,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.extras.sweep.factors import factors
-from physics_crosscheck.harness.extras.sweep.plan import Plan, SweepOptions
+from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions
 from physics_crosscheck.harness.extras.sweep.run import Wanted, planned
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.faults.known_folder import ROOT, one_scenario
@@ -42,5 +42,5 @@ def options(
     )
 
 
-def plan_of(folder: Path, asked: SweepOptions, workers: Workers) -> Plan:
+def plan_of(folder: Path, asked: SweepOptions, workers: Workers) -> CasePlan:
     return planned(asked, Wanted(places=[folder]), workers)

@@ -12,7 +12,7 @@ from physics_crosscheck.harness.checks.robot_case import judge_robot, prepare_ro
 from physics_crosscheck.harness.extras.sweep import robot as swept_robot
 from physics_crosscheck.harness.extras.sweep.case import run_block, swept
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
-from physics_crosscheck.harness.extras.sweep.plan import Plan
+from physics_crosscheck.harness.extras.sweep.plan import CasePlan
 from physics_crosscheck.harness.extras.sweep.planned import Block
 from physics_crosscheck.harness.extras.sweep.run import sweep
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
@@ -65,16 +65,16 @@ def urdf(tmp_path: Path) -> Path:
     return file
 
 
-def whole(file: Path, workers: Workers, *vary: str, engines: tuple[str, ...]) -> Plan:
+def whole(file: Path, workers: Workers, *vary: str, engines: tuple[str, ...]) -> CasePlan:
     return plan_of(file, replace(options(*(vary or VARY)), engines=engines), workers)
 
 
-def rows_of(plan: Plan, place: Path, workers: Workers) -> list[SweepRow]:
+def rows_of(plan: CasePlan, place: Path, workers: Workers) -> list[SweepRow]:
     sweep(plan, place, workers, lambda *_: None)
     return sorted(read_rows(place), key=lambda row: row.index)
 
 
-def only_block(plan: Plan) -> Block:
+def only_block(plan: CasePlan) -> Block:
     (block,) = plan.blocks(bytes(plan.count))
     return block
 

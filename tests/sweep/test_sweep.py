@@ -11,8 +11,8 @@ from physics_crosscheck.harness.checks.case import case_task, run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
-from physics_crosscheck.harness.extras.sweep.run import alone, sweep
-from physics_crosscheck.harness.extras.sweep.store import parts, read_rows, taken
+from physics_crosscheck.harness.extras.sweep.run import run_single, sweep
+from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.bindings import with_constants
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -89,9 +89,9 @@ def test_a_row_is_had_again_by_its_number_alone(
 ) -> None:
     whole = plan_of(folder, options(*VARY, steps=(0.001, 0.004)), workers)
     for index in (1, 6, 11):
-        assert judged(alone(whole, index, workers)) == judged(rows[index])
+        assert judged(run_single(whole, index, workers)) == judged(rows[index])
     with pytest.raises(SweepError, match="--only 12: the plan has cases 0 to 11"):
-        alone(whole, 12, workers)
+        run_single(whole, 12, workers)
 
 
 def written_by_hand(folder: Path, row: SweepRow, place: Path) -> tuple[Path, Sidecar]:
@@ -210,7 +210,7 @@ def test_rows_go_on_where_they_were_and_no_other_plan_is_taken_for_theirs(
     before = {path: path.read_bytes() for path in parts(out)}
     sweep(whole, out, workers, nothing)
     assert {path: path.read_bytes() for path in parts(out)} == before
-    with taken(out), pytest.raises(SweepError, match="another sweep is writing there"):
+    with locked_rows(out), pytest.raises(SweepError, match="another sweep is writing there"):
         sweep(whole, out, workers, nothing)
     other = plan_of(folder, options("k=20:60", count=4, seed=6), workers)
     with pytest.raises(SweepError, match=r"another plan \(seed: 5, now 6\); choose another --out"):

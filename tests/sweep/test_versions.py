@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.extras.sweep.versions import TOLD, moved
+from physics_crosscheck.harness.extras.sweep.versions import MAX_LISTED, moved
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 
@@ -52,7 +52,7 @@ def test_what_one_version_has_not_is_not_compared_and_few_of_many_are_told() -> 
     after = [row(i, global_error=1e-3 * (2 + i)) for i in range(5, 30)]
     found = moved(before, after)
     assert (found.cases, found.errors) == (15, 15)
-    assert [pair.after.index for pair in found.largest] == list(range(19, 19 - TOLD, -1))
+    assert [pair.after.index for pair in found.largest] == list(range(19, 19 - MAX_LISTED, -1))
 
 
 def test_a_case_that_failed_has_no_numbers_and_another_verdict() -> None:

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.terminal.table import print_results
-from physics_crosscheck.harness.results.issues import troubles
+from physics_crosscheck.harness.results.issues import collect_issues
 from tests.records.made import case, finding, model, results, verdict
 
 WRONG = Cause(
@@ -56,7 +56,7 @@ def differing(*engines: str, scenarios: tuple[str, ...] = ("free", "driven")) ->
 
 
 def test_a_model_that_differs_is_one_trouble_whatever_the_scenario_and_engine() -> None:
-    (found,) = troubles(differing("mujoco", "pybullet"))
+    (found,) = collect_issues(differing("mujoco", "pybullet"))
     assert found.worst.scenario == "driven"
     assert len(found.others) == 3
 
@@ -67,23 +67,23 @@ def test_one_reason_in_many_cases_is_one_trouble_and_another_reason_another() ->
         for i, (s, m) in enumerate((s, m) for s in ("free", "far") for m in ("a.xml", "b.xml"))
     ]
     other = case(Outcome.FAILED, reason="no memory is left")
-    assert [len(one.others) for one in troubles([*same, other])] == [3, 0]
+    assert [len(one.others) for one in collect_issues([*same, other])] == [3, 0]
 
 
 def test_reasons_that_differ_in_the_digit_of_a_name_are_two_troubles() -> None:
     meshes = [
         case(Outcome.FAILED, model=f"arm{i}.urdf", reason=f"arm{i}.stl: no file") for i in (1, 2)
     ]
-    assert len(troubles(meshes)) == 2
+    assert len(collect_issues(meshes)) == 2
     coarse = [
         case(Outcome.UNRESOLVED, reason=c, kind="coarse", verdict=verdict(component=c))
         for c in ("x1", "x2")
     ]
-    assert len(troubles(coarse)) == 2
+    assert len(collect_issues(coarse)) == 2
 
 
 def test_what_agrees_or_was_accepted_is_no_trouble() -> None:
-    assert troubles([case(), case(Outcome.DIFFERS, accepted="soft")]) == []
+    assert collect_issues([case(), case(Outcome.DIFFERS, accepted="soft")]) == []
 
 
 def planted() -> Results:

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.two_runs import (
-    Movement,
+    CaseMovement,
     headline,
     print_two_runs,
     two_runs,
@@ -21,7 +21,7 @@ from physics_crosscheck.harness.render.terminal.two_runs import (
 from tests.records.made import case, full_run, model, results, verdict
 
 
-def moved(**fields: Any) -> Movement:
+def moved(**fields: Any) -> CaseMovement:
     """A case that agreed to 11.3 digits, in another run."""
     (found,) = two_runs(results(case()), results(case(**fields))).cases
     return found

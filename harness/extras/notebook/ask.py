@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from physics_crosscheck.harness.extras.notebook import motions
 from physics_crosscheck.harness.extras.notebook.columns import Columns
 from physics_crosscheck.harness.extras.notebook.motions import (
-    Asked,
+    MotionRequest,
     Simulated,
     Solved,
     is_number,
@@ -21,7 +21,7 @@ from physics_crosscheck.harness.extras.notebook.motions import (
 )
 from physics_crosscheck.harness.extras.notebook.subject import (
     Name,
-    Subject,
+    NotebookSubject,
     engine_for,
     model_named,
     system_named,
@@ -128,16 +128,20 @@ def solve(
 
 
 def _motion_request(
-    subject: Subject, scenario: str | Mapping[str, float], duration: float | None
-) -> Asked:
+    subject: NotebookSubject, scenario: str | Mapping[str, float], duration: float | None
+) -> MotionRequest:
     start = scenario if isinstance(scenario, str) else start_from(scenario)
     if duration is not None:
         duration = _positive(duration, "duration")
-    return Asked(subject=subject, scenario=start, duration=duration)
+    return MotionRequest(subject=subject, scenario=start, duration=duration)
 
 
-def _start_text(request: Asked) -> str:
-    return request.scenario if isinstance(request.scenario, str) else motions.told(request.scenario)
+def _start_text(request: MotionRequest) -> str:
+    return (
+        request.scenario
+        if isinstance(request.scenario, str)
+        else motions.format_start(request.scenario)
+    )
 
 
 def _positive(value: float, what: str) -> float:
@@ -165,10 +169,10 @@ def _times(given: ArrayLike | None, duration: float) -> Array:
     return within
 
 
-_KEPT: OrderedDict[Asked, Solved] = OrderedDict()
+_KEPT: OrderedDict[MotionRequest, Solved] = OrderedDict()
 
 
-def _solved(request: Asked) -> Solved:
+def _solved(request: MotionRequest) -> Solved:
     """Return the motion, from memory if none of its input files has changed."""
     solved = _KEPT.pop(request, None)
     if solved is None or solved.reads != _states_now(solved.reads, request.subject):
@@ -179,13 +183,13 @@ def _solved(request: Asked) -> Solved:
     return solved
 
 
-def _states_now(reads: Mapping[str, str], subject: Subject) -> dict[str, str]:
+def _states_now(reads: Mapping[str, str], subject: NotebookSubject) -> dict[str, str]:
     """Return the current state of the input files of a motion."""
     named = {} if subject.folder is not None else part_digests(subject.place.absolute())
     return {**states_now(subject.base, reads), **named}
 
 
-def _done(function: Callable[[T], V], task: T, subject: Subject) -> V:
+def _done(function: Callable[[T], V], task: T, subject: NotebookSubject) -> V:
     """Run a task in a worker process, so that a crash of the engine does not stop the notebook.
 
     Raises:

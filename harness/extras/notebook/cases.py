@@ -98,7 +98,7 @@ def page(results: Results) -> str:
     hidden = len(results.cases) - len(cases)
     more = [line(f"and {hidden} more, in .cases and .to_frame()", faint=True)] if hidden else []
     return block(
-        table(heads, map(_cells, cases), left=5),
+        table(heads, map(_cells, cases), text_columns=5),
         *more,
         *(_outcome_badge(text) for text in _troubles(results)),
         line(summary(results), strong=True),

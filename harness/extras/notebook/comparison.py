@@ -161,7 +161,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
             f'<div style="margin:6px 0">{badge(self.outcome)}{remark}</div>',
             line(self.reason) if self.reason else "",
             *map(line, _besides(result)),
-            table(heads, rows, left=5) if rows else "",
+            table(heads, rows, text_columns=5) if rows else "",
             *(line(note, faint=True) for note in notes),
         )
 

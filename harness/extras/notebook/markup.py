@@ -28,7 +28,7 @@ GROUNDS = {
 """Background colours of badges; white text has a contrast of at least 6."""
 
 _CELL = "padding:2px 10px;border:0;border-bottom:1px solid rgba(128,128,128,.35);"
-_LEFT, _RIGHT = "text-align:left;", "text-align:right;font-variant-numeric:tabular-nums;"
+_LEFT_ALIGNED, _RIGHT = "text-align:left;", "text-align:right;font-variant-numeric:tabular-nums;"
 _LINE = "#3d7fc1"
 """Line colour with a contrast of at least 4 on white and on black."""
 
@@ -64,17 +64,17 @@ def line(text: str, *, strong: bool = False, faint: bool = False) -> str:
     return f'<div style="{style}">{escape(text)}</div>'
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> str:
     """Return a table of HTML cells; the first columns are left-aligned, the others right-aligned.
 
     Args:
         heads: headings, escaped here.
         rows: cells.
-        left: number of columns with text.
+        text_columns: number of columns with text.
     """
 
     def cells(tag: str, row: Sequence[str]) -> str:
-        sides = (_LEFT if i < left else _RIGHT for i in range(len(row)))
+        sides = (_LEFT_ALIGNED if i < text_columns else _RIGHT for i in range(len(row)))
         return "".join(
             f'<{tag} style="{_CELL}{side}">{cell}</{tag}>'
             for side, cell in zip(sides, row, strict=True)
@@ -91,7 +91,7 @@ def shown(value: float | None, form: str = "{:.4g}") -> str:
     return "–" if value is None or not math.isfinite(value) else form.format(value)
 
 
-def curve(t: Array, values: Array, told: str, noise: float = 0.0) -> str:
+def curve(t: Array, values: Array, description: str, noise: float = 0.0) -> str:
     """Return a small curve, (n,) over (n,), as SVG, with gaps at values that are not finite.
 
     For many points, the smallest and the largest of each stretch are drawn, so that no oscillation
@@ -99,7 +99,7 @@ def curve(t: Array, values: Array, told: str, noise: float = 0.0) -> str:
 
     Args:
         t, values: coordinates of the points.
-        told: text for screen readers.
+        description: text for screen readers.
         noise: a curve with a smaller range is drawn as constant.
     """
     finite = np.isfinite(values)
@@ -122,7 +122,7 @@ def curve(t: Array, values: Array, told: str, noise: float = 0.0) -> str:
             f'<polyline points="{points}" fill="none" stroke="{_LINE}" stroke-width="1.3"/>'
         )
     return (
-        f'<svg role="img" aria-label="{escape(told)}" width="{WIDTH}" height="{HEIGHT}"'
+        f'<svg role="img" aria-label="{escape(description)}" width="{WIDTH}" height="{HEIGHT}"'
         f' viewBox="0 0 {WIDTH} {HEIGHT}">{"".join(drawn)}</svg>'
     )
 

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.checks.robot_task import joints_of
 from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.notebook.columns import Columns
-from physics_crosscheck.harness.extras.notebook.subject import Subject, sidecar_of
+from physics_crosscheck.harness.extras.notebook.subject import NotebookSubject, sidecar_of
 from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
@@ -40,7 +40,7 @@ Start = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class MotionRequest:
     """A requested motion of a mechanism.
 
     Attributes:
@@ -49,7 +49,7 @@ class Asked:
         duration: seconds; None: the scenario's.
     """
 
-    subject: Subject
+    subject: NotebookSubject
     scenario: str | Start
     duration: float | None
 
@@ -64,7 +64,7 @@ class Simulated:
         step: seconds; None: the file's own.
     """
 
-    asked: Asked
+    asked: MotionRequest
     engine: str
     step: float | None
 
@@ -118,7 +118,7 @@ def simulate(task: Simulated) -> Trajectory:
     )
 
 
-def solved(request: Asked) -> Solved:
+def solved(request: MotionRequest) -> Solved:
     """Solve the equations from a scenario's start to its end.
 
     Raises:
@@ -151,7 +151,7 @@ class _Source:
     reads: Mapping[str, str]
 
 
-def _source(subject: Subject) -> _Source:
+def _source(subject: NotebookSubject) -> _Source:
     if subject.folder is None:
         assert subject.file is not None
         with record_reads(subject.file.parent) as reads:
@@ -166,7 +166,7 @@ def _source(subject: Subject) -> _Source:
     return _Source(declaration=whole, robot=None, reads=reads.states())
 
 
-def _scenario(source: _Source, request: Asked) -> Scenario:
+def _scenario(source: _Source, request: MotionRequest) -> Scenario:
     """Return the requested scenario with the requested duration.
 
     Raises:
@@ -174,7 +174,7 @@ def _scenario(source: _Source, request: Asked) -> Scenario:
     """
     declaration, place = source.declaration, request.subject.place
     if not isinstance(request.scenario, str):
-        return _own(declaration, request.scenario, request.duration, place)
+        return _start_state(declaration, request.scenario, request.duration, place)
     for scenario in declaration.scenarios:
         if scenario.name == request.scenario:
             return (
@@ -193,21 +193,21 @@ def _scenario(source: _Source, request: Asked) -> Scenario:
     )
 
 
-def _own(
+def _start_state(
     declaration: System | TreeSystem, start: Start, duration: float | None, place: Path
 ) -> Scenario:
     given = dict(start)
     names = [c.name for c in declaration.coordinates]
-    known = (*names, *(f"{name}_dot" for name in names))
+    allowed = (*names, *(f"{name}_dot" for name in names))
     for name in given:
-        if name not in known:
+        if name not in allowed:
             raise MotionError(
-                f"{place}: a start has no {name!r}; {declaration.name} has {', '.join(known)}"
+                f"{place}: a start has no {name!r}; {declaration.name} has {', '.join(allowed)}"
             )
     if duration is None:
         raise MotionError(f"{place}: set a duration in seconds, such as duration=10")
     return Scenario(
-        told(start),
+        format_start(start),
         "a start of its own",
         q={c: given.get(c.name, 0.0) for c in declaration.coordinates},
         v={c: given.get(f"{c.name}_dot", 0.0) for c in declaration.coordinates},
@@ -216,7 +216,7 @@ def _own(
     )
 
 
-def _loaded(source: _Source, subject: Subject, engine: str) -> tuple[Model, CoordinateMap]:
+def _loaded(source: _Source, subject: NotebookSubject, engine: str) -> tuple[Model, CoordinateMap]:
     """Load a model, and return it with the map between its coordinates and the mechanism's."""
     file = subject.file
     assert file is not None
@@ -238,7 +238,7 @@ def _loaded(source: _Source, subject: Subject, engine: str) -> tuple[Model, Coor
     return model, followers.map(order, names)
 
 
-def told(start: Start) -> str:
+def format_start(start: Start) -> str:
     """Format a start."""
     return ", ".join(f"{name} = {value:g}" for name, value in start) or "from zero"
 

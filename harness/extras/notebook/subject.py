@@ -20,7 +20,7 @@ Name = str | PathLike[str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Subject:
+class NotebookSubject:
     """A mechanism, and a file that models it.
 
     Attributes:
@@ -44,7 +44,7 @@ class Subject:
         return self.place.parent if self.folder is None else self.folder
 
 
-def model_named(name: Name) -> Subject:
+def model_named(name: Name) -> NotebookSubject:
     """Return the model file that a name refers to.
 
     Raises:
@@ -60,18 +60,18 @@ def model_named(name: Name) -> Subject:
                 f"{text} is a case; name its model, {built_in.folder / built_in.model}, and"
                 " scenario and engine apart from it"
             )
-        return Subject(folder=built_in.folder, file=built_in.folder / built_in.model)
+        return NotebookSubject(folder=built_in.folder, file=built_in.folder / built_in.model)
     robots = robot_files([text])
     if robots.files:
-        return Subject(folder=None, file=robots.files[0])
+        return NotebookSubject(folder=None, file=robots.files[0])
     if robots.faults:
         raise MotionError(next(iter(robots.faults.values())))
-    (folder,) = _one(system_folders([text]), text)
+    (folder,) = _single_folder(system_folders([text]), text)
     names = [one.model.name for one in model_files(folder) if isinstance(one, Sidecar)]
     raise MotionError(f"{text} is a system folder; name a model file in it: {_listed(names)}")
 
 
-def system_named(name: Name) -> Subject:
+def system_named(name: Name) -> NotebookSubject:
     """Return the mechanism that a name refers to.
 
     Raises:
@@ -82,11 +82,11 @@ def system_named(name: Name) -> Subject:
     text = str(name)
     built_in = named_model(text)
     if built_in is not None:
-        return Subject(folder=built_in.folder, file=None)
+        return NotebookSubject(folder=built_in.folder, file=None)
     if Path(text).suffix in FORMATS:
-        return Subject(folder=None, file=model_named(text).file)
-    (folder,) = _one(system_folders([text]), text)
-    return Subject(folder=folder, file=None)
+        return NotebookSubject(folder=None, file=model_named(text).file)
+    (folder,) = _single_folder(system_folders([text]), text)
+    return NotebookSubject(folder=folder, file=None)
 
 
 def sidecar_of(file: Path) -> Sidecar:
@@ -98,7 +98,7 @@ def sidecar_of(file: Path) -> Sidecar:
     return read_sidecar(Path(f"{file}.toml"))
 
 
-def engine_for(subject: Subject, requested: str | None) -> str:
+def engine_for(subject: NotebookSubject, requested: str | None) -> str:
     """Return the requested engine, or the first installed engine that runs a file.
 
     Raises:
@@ -132,7 +132,7 @@ def engine_for(subject: Subject, requested: str | None) -> str:
     raise MotionError(f"{subject.file}: {hints or 'no engine that is known runs it'}")
 
 
-def _one(folders: list[Path], name: str) -> list[Path]:
+def _single_folder(folders: list[Path], name: str) -> list[Path]:
     if len(folders) != 1:
         names = _listed(folder.name for folder in folders)
         raise MotionError(

@@ -11,7 +11,7 @@ import time
 from functools import lru_cache
 from pathlib import Path
 
-from physics_crosscheck.harness.extras.sweep.known import Known, blank
+from physics_crosscheck.harness.extras.sweep.known import CaseRecord, blank
 from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
 from physics_crosscheck.harness.extras.sweep.robot import SweptRobot
 from physics_crosscheck.harness.extras.sweep.source import Source
@@ -57,14 +57,14 @@ def run_block(block: Block) -> tuple[SweepRow, ...]:
     """Run some cases; one that can't run is FAILED, with its reason."""
     source = swept(block.folder, block.varied, block.content)
     # Prepare shared data first, so that no row's time includes it.
-    for one in {(case.model, case.engine): case for case in block.cases}.values():
-        source.prepare(one.model, one.engine)
+    for example_case in {(case.model, case.engine): case for case in block.cases}.values():
+        source.prepare(example_case.model, example_case.engine)
     return tuple(_row(source, block, case) for case in block.cases)
 
 
 def _row(source: Source, block: Block, case: Planned) -> SweepRow:
     began = time.process_time()
-    record = Known(blank(block, case, ""))
+    record = CaseRecord(blank(block, case, ""))
     with tempfile.TemporaryDirectory(prefix="drawn-") as place:
         try:
             source.run(case, block.resolution, Path(place), record)

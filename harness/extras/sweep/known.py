@@ -34,7 +34,7 @@ def blank(block: Block, case: Planned, reason: str) -> SweepRow:
     )
 
 
-class Known:
+class CaseRecord:
     """The known fields of a case, available however it ends."""
 
     def __init__(self, row: SweepRow) -> None:

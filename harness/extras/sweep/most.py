@@ -20,19 +20,19 @@ class Numbered(Protocol):
 Item = TypeVar("Item", bound=Numbered)
 
 
-class Most(Generic[Item]):
+class LargestItems(Generic[Item]):
     """The largest items up to a maximum number; of equal ones, those with the lowest numbers."""
 
     def __init__(self, size: Callable[[Item], float | None], count: int) -> None:
         self._size, self._count = size, count
         self._heap: list[tuple[float, int, Item]] = []
 
-    def add(self, one: Item) -> None:
+    def add(self, entry: Item) -> None:
         """Add an item, unless it has no size."""
-        value = self._size(one)
+        value = self._size(entry)
         if value is None or math.isnan(value):
             return
-        item = value, -one.index, one
+        item = value, -entry.index, entry
         if len(self._heap) < self._count:
             heapq.heappush(self._heap, item)
         elif item > self._heap[0]:

@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, draws
 from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError, meant
 from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
-from physics_crosscheck.harness.extras.sweep.survey import Pairing, Survey
+from physics_crosscheck.harness.extras.sweep.survey import Pairing, SourceSurvey
 from physics_crosscheck.harness.jobs.limits import Limits
 
 MAX_LISTED, SIMILAR_LISTED = 24, 4
@@ -56,7 +56,7 @@ class SweepOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class FolderPlan:
     """The cases of one folder.
 
     Attributes:
@@ -66,7 +66,7 @@ class Part:
         first: number of its first case.
     """
 
-    survey: Survey
+    survey: SourceSurvey
     draws: Draws
     steps: tuple[float | None, ...]
     first: int
@@ -98,11 +98,11 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class CasePlan:
     """All cases of a sweep."""
 
     options: SweepOptions
-    parts: tuple[Part, ...]
+    parts: tuple[FolderPlan, ...]
 
     @property
     def count(self) -> int:
@@ -148,7 +148,7 @@ class Plan:
                 return self._block(part, (self._case(part, index - part.first),))
         raise SweepError(f"--only {index}: the plan has cases 0 to {self.count - 1}")
 
-    def _block(self, part: Part, cases: tuple[Planned, ...]) -> Block:
+    def _block(self, part: FolderPlan, cases: tuple[Planned, ...]) -> Block:
         return Block(
             folder=part.survey.folder,
             content=part.survey.content,
@@ -158,7 +158,7 @@ class Plan:
             cases=cases,
         )
 
-    def _case(self, part: Part, number: int) -> Planned:
+    def _case(self, part: FolderPlan, number: int) -> Planned:
         draw, scenario, pairing, step = part.place(number)
         index = part.first + number
         return Planned(
@@ -175,7 +175,7 @@ class Plan:
         )
 
 
-def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
+def plan(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> CasePlan:
     """Plan the cases of some folders.
 
     Raises:
@@ -184,15 +184,15 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
     _check_names(options, surveys)
     parts, first = [], 0
     for survey in surveys:
-        own = meant(options.factors, survey.constants)
-        for varied in own:
+        own_factors = meant(options.factors, survey.constants)
+        for varied in own_factors:
             _check_sign(varied, survey)
         # Segments of a robot's states extrapolate to zero step, so none of them has a time step.
         steps: tuple[float | None, ...] = (
             options.steps if survey.signed and options.steps else (None,)
         )
-        drawn = draws(own, options.design, options.count, options.seed)
-        part = Part(survey=survey, draws=drawn, steps=steps, first=first)
+        drawn = draws(own_factors, options.design, options.count, options.seed)
+        part = FolderPlan(survey=survey, draws=drawn, steps=steps, first=first)
         if part.count:
             parts.append(part)
             first += part.count
@@ -200,10 +200,10 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
         absent = sorted({name for survey in surveys for name in survey.absent})
         why = f"; not installed: {', '.join(absent)}" if absent else ""
         raise SweepError(f"no case is left: no model of these folders runs in what is asked{why}")
-    return Plan(options=replace(options), parts=tuple(parts))
+    return CasePlan(options=replace(options), parts=tuple(parts))
 
 
-def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
+def _check_names(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> None:
     constants = list(dict.fromkeys(name for one in surveys for name in one.constants))
     for varied in options.factors:
         name = varied.name
@@ -234,7 +234,7 @@ def _alternatives(name: str, alternatives: Sequence[str]) -> str:
     return f"{', '.join(near)}, and {len(alternatives) - len(near)} more"
 
 
-def _check_sign(varied: Factor, survey: Survey) -> None:
+def _check_sign(varied: Factor, survey: SourceSurvey) -> None:
     """Check that a factor keeps the declared sign, which the simplified equations assume."""
     if not survey.signed:
         return

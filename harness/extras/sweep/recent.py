@@ -12,7 +12,7 @@ KEPT = 4
 """Size of a worker's cache."""
 
 
-class Recent(Generic[Value]):
+class RecentValues(Generic[Value]):
     """The last few results, by their inputs."""
 
     def __init__(self) -> None:

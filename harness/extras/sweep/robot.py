@@ -14,9 +14,9 @@ from pathlib import Path
 from physics_crosscheck.harness.checks.robot_case import judge_loaded, judge_robot, prepare_robot
 from physics_crosscheck.harness.checks.robot_task import RobotTask, load_robot
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
-from physics_crosscheck.harness.extras.sweep.known import Known, Timed
+from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
-from physics_crosscheck.harness.extras.sweep.recent import Recent
+from physics_crosscheck.harness.extras.sweep.recent import RecentValues
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
@@ -56,12 +56,12 @@ class SweptRobot(Source):
         self._varied = frozenset[str]()
         self._resolved: ReusedSegments | None = None
         self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
-        self._draws = Recent[_Draw]()
+        self._draws = RecentValues[_Draw]()
 
     def varying(self, varied: frozenset[str]) -> SweptRobot:
         """Return the same file with other varied numbers, by their addresses."""
         other = copy(self)
-        other._varied, other._draws = varied & self._index.keys(), Recent[_Draw]()
+        other._varied, other._draws = varied & self._index.keys(), RecentValues[_Draw]()
         return other
 
     @property
@@ -92,35 +92,35 @@ class SweptRobot(Source):
         if self._resolved is None:
             self._resolved = ReusedSegments(self._prepared.system, self._prepared.samples)
         if engine not in self._ways:
-            found = load_robot(self._task(engine))
-            self._ways[engine] = found.integrator, found.integrators
+            loaded_model = load_robot(self._task(engine))
+            self._ways[engine] = loaded_model.integrator, loaded_model.integrators
         return self._ways[engine]
 
-    def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
+    def run(self, case: Planned, resolution: float, place: Path, record: CaseRecord) -> None:
         """Run every segment of the drawn robot; accelerations decide what motions can't resolve."""
         values = {self._index[name]: case.constants[name] for name in sorted(self._varied)}
-        with known.timing("reference_seconds"):
+        with record.timing("reference_seconds"):
             drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))
         file = self._prepared.file
         if values:
             file = copy_with_texts(file, self._numbers.texts(values), place)
-        own = self._task(case.engine)
+        model_task = self._task(case.engine)
         task = replace(
-            own,
+            model_task,
             file=file,
             tree=drawn.tree,
             samples=drawn.samples,
-            settings={**own.settings, **case.settings},
+            settings={**model_task.settings, **case.settings},
             resolution=resolution,
         )
-        with known.timing("loading_seconds"):
+        with record.timing("loading_seconds"):
             model = Timed(load_robot(task))
-        known.check_step(model, case)
-        with known.stepping(model):
+        record.check_step(model, case)
+        with record.stepping(model):
             verdict = judge_loaded(task, model)
         if verdict.outcome is Outcome.UNRESOLVED:
             verdict = judge_robot(task)
-        known.tell_verdict(verdict)
+        record.tell_verdict(verdict)
 
     def _task(self, engine: str) -> RobotTask:
         return self._prepared.task(engine, resolution=0.0)

@@ -18,10 +18,17 @@ from physics_crosscheck.harness.baseline.inputs import versions
 from physics_crosscheck.harness.extras.sweep.case import run_block
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.known import blank
-from physics_crosscheck.harness.extras.sweep.plan import Plan, SweepOptions, plan
+from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions, plan
 from physics_crosscheck.harness.extras.sweep.planned import Block
-from physics_crosscheck.harness.extras.sweep.store import Store, arrow, begin, done, kept, taken
-from physics_crosscheck.harness.extras.sweep.survey import Survey, SurveyTask, survey
+from physics_crosscheck.harness.extras.sweep.store import (
+    Store,
+    arrow,
+    begin,
+    done,
+    kept,
+    locked_rows,
+)
+from physics_crosscheck.harness.extras.sweep.survey import SourceSurvey, SurveyTask, survey
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -53,7 +60,7 @@ class Wanted:
     models: dict[str, tuple[NamedModel, ...]] = field(default_factory=dict)
 
 
-def crew(options: SweepOptions, wanted: Wanted) -> Executor:
+def make_executor(options: SweepOptions, wanted: Wanted) -> Executor:
     """Return the executor of a sweep: workers of this machine or of a cluster.
 
     Raises:
@@ -68,15 +75,15 @@ def crew(options: SweepOptions, wanted: Wanted) -> Executor:
     )
 
 
-def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
+def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> CasePlan:
     """Plan a sweep.
 
     Raises:
         SweepError: giving the problem, the place and the remedy.
     """
-    surveys: dict[str, Survey] = {}
+    surveys: dict[str, SourceSurvey] = {}
 
-    def job(place: Path) -> Job[Survey]:
+    def job(place: Path) -> Job[SourceSurvey]:
         models = wanted.models.get(str(place), ())
         task = SurveyTask(
             folder=str(place),
@@ -88,7 +95,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
             integrators=options.integrators,
         )
 
-        def surveyed(value: Survey) -> tuple[()]:
+        def surveyed(value: SourceSurvey) -> tuple[()]:
             surveys[str(place)] = value
             return ()
 
@@ -101,10 +108,10 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
     return plan(options, [surveys[str(place)] for place in wanted.places])
 
 
-def plan_record(whole: Plan) -> SweepPlan:
+def plan_record(whole: CasePlan) -> SweepPlan:
     """Return the stored record of a plan."""
     options = whole.options
-    told = {
+    plan_options = {
         "vary": "; ".join(str(one) for one in options.factors),
         "design": options.design.value,
         "draws": str(options.count),
@@ -131,7 +138,7 @@ def plan_record(whole: Plan) -> SweepPlan:
     library_versions["machine"] = platform.machine()
     return SweepPlan(
         command=shlex.join(options.command),
-        options=told,
+        options=plan_options,
         folders={part.survey.folder: _content_seen(part.survey) for part in whole.parts},
         versions=library_versions,
         cases=whole.count,
@@ -139,7 +146,7 @@ def plan_record(whole: Plan) -> SweepPlan:
     )
 
 
-def _content_seen(survey: Survey) -> str:
+def _content_seen(survey: SourceSurvey) -> str:
     """Hash the content of a folder and of other files that its code read or looked for."""
     if not survey.reads:
         return survey.content
@@ -199,7 +206,7 @@ class _Running:
 
 
 def sweep(
-    whole: Plan, out: Path, workers: Executor, progress: Progress, stop: Stop | None = None
+    whole: CasePlan, out: Path, workers: Executor, progress: Progress, stop: Stop | None = None
 ) -> int:
     """Run the planned cases without a row; return the number of rows.
 
@@ -210,7 +217,7 @@ def sweep(
         OSError: if it can't be written.
     """
     record = plan_record(whole)
-    with taken(out):
+    with locked_rows(out):
         begin(out, record)
         before = done(out)
         with kept(Store(out, record)) as store:
@@ -222,7 +229,7 @@ def sweep(
     return running.done
 
 
-def alone(whole: Plan, index: int, workers: Executor) -> SweepRow:
+def run_single(whole: CasePlan, index: int, workers: Executor) -> SweepRow:
     """Run one case now and return its row, without storing it.
 
     Raises:

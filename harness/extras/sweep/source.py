@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.extras.sweep.known import Known
+from physics_crosscheck.harness.extras.sweep.known import CaseRecord
 from physics_crosscheck.harness.extras.sweep.planned import Planned
 
 
@@ -58,14 +58,14 @@ class Source(ABC):
         """
 
     @abstractmethod
-    def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
+    def run(self, case: Planned, resolution: float, place: Path, record: CaseRecord) -> None:
         """Run a case.
 
         Args:
             case: the case.
             resolution: smallest relative discrepancy to detect.
             place: an empty folder, for a copy of the model with other numbers.
-            known: receives results as they become known.
+            record: receives results as they become known.
 
         Raises:
             Exception: of any kind, with the reason why it can't run.

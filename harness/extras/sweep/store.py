@@ -270,7 +270,7 @@ def _row(flat: dict[str, Any]) -> SweepRow:
 
 
 @contextlib.contextmanager
-def taken(out: Path) -> Iterator[None]:
+def locked_rows(out: Path) -> Iterator[None]:
     """Lock a folder against other sweeps within this context.
 
     Raises:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from physics_crosscheck.harness.extras.sweep.most import Most
+from physics_crosscheck.harness.extras.sweep.most import LargestItems
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
@@ -56,7 +56,11 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
     done = steps = 0
     outcomes, digits = Counter[str](), Counter[str]()
     groups: dict[tuple[str, str, str], _Group] = {}
-    extremes = Most(_badness, TROUBLES), Most(_few_digits, EXTREMES), Most(_error, EXTREMES)
+    extremes = (
+        LargestItems(_badness, TROUBLES),
+        LargestItems(_few_digits, EXTREMES),
+        LargestItems(_error, EXTREMES),
+    )
     rng = np.random.default_rng(0)
     sampled: list[SweepRow] = []
     seconds = np.zeros(4)
@@ -68,13 +72,13 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
         if row.outcome is Outcome.AGREES and row.digits is not None:
             digits[str(math.floor(row.digits))] += 1
         groups.setdefault((row.system, row.engine, row.integrator), _Group()).add(row)
-        for one in extremes:
-            one.add(row)
+        for ranking in extremes:
+            ranking.add(row)
         if len(sampled) < POINTS:
             sampled.append(row)
         elif (place := int(rng.integers(done))) < POINTS:  # reservoir sampling (Vitter 1985)
             sampled[place] = row
-    worst = {row.index: row for one in extremes for row in one.items()}
+    worst = {row.index: row for ranking in extremes for row in ranking.items()}
     engine, reference, loading, every = seconds.tolist()
     return SweepSummary(
         plan=plan,
@@ -86,11 +90,11 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
                 system=system,
                 engine=engine_name,
                 integrator=integrator,
-                outcomes=dict(one.outcomes),
-                least_digits=number(one.digits),
-                worst_error=number(one.error),
+                outcomes=dict(ranking.outcomes),
+                least_digits=number(ranking.digits),
+                worst_error=number(ranking.error),
             )
-            for (system, engine_name, integrator), one in sorted(groups.items())
+            for (system, engine_name, integrator), ranking in sorted(groups.items())
         ),
         worst=tuple(worst.values()),
         sampled=tuple(sorted(sampled, key=lambda row: row.index)),

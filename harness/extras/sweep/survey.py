@@ -48,7 +48,7 @@ class Pairing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Survey:
+class SourceSurvey:
     """Survey of a system folder or a robot file.
 
     Attributes:
@@ -91,7 +91,7 @@ class Survey:
         return (*absent, *without)
 
 
-def survey(task: SurveyTask) -> Survey:
+def survey(task: SurveyTask) -> SourceSurvey:
     """Load a folder and its models once, in a worker, since a declaration is a program.
 
     Raises:
@@ -109,7 +109,7 @@ def survey(task: SurveyTask) -> Survey:
     kept = tuple(one for one in pairings if _wanted(one.integrator, task.integrators))
     every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in pairings)
     swept_too = {f"{one.model} [{one.engine}]" for one in kept}
-    return Survey(
+    return SourceSurvey(
         folder=task.folder,
         content=task.content,
         reads=_with_earlier(task, seen.states()),

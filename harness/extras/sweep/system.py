@@ -16,9 +16,9 @@ from physics_crosscheck.harness.checks.full_run_check import failure
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, filled, judged
 from physics_crosscheck.harness.engines.protocol import EngineError, Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.known import Known, Timed
+from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
-from physics_crosscheck.harness.extras.sweep.recent import Recent
+from physics_crosscheck.harness.extras.sweep.recent import RecentValues
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
@@ -51,7 +51,7 @@ from physics_crosscheck.reference.solving.motion import Motion
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedModel:
     """A model in an engine, ready for any constants.
 
     Attributes:
@@ -83,8 +83,8 @@ class Swept(Source):
         self.folder, self.varied = folder, frozenset[str]()
         self.system: System = load_system(folder)
         self.family = Family.compile(derive(self.system))
-        self._models: dict[tuple[str, str], Prepared] = {}
-        self._motions = Recent[Motion]()
+        self._models: dict[tuple[str, str], PreparedModel] = {}
+        self._motions = RecentValues[Motion]()
         self._sidecars = {
             one.model.name if isinstance(one, Sidecar) else one.model: one
             for one in model_files(folder)
@@ -93,7 +93,7 @@ class Swept(Source):
     def varying(self, varied: frozenset[str]) -> Swept:
         """Return the folder with other varied constants in its models; the equations are shared."""
         other = copy(self)
-        other.varied, other._models, other._motions = varied, {}, Recent[Motion]()
+        other.varied, other._models, other._motions = varied, {}, RecentValues[Motion]()
         return other
 
     @property
@@ -140,7 +140,7 @@ class Swept(Source):
         prepared = self.model(model, engine)
         return prepared.integrator, prepared.integrators
 
-    def model(self, name: str, engine: str) -> Prepared:
+    def model(self, name: str, engine: str) -> PreparedModel:
         """Return a model in an engine, prepared on first use.
 
         Raises:
@@ -154,7 +154,7 @@ class Swept(Source):
             coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
             needed = self.needed | coordinates.constants
             model_file = parametric_model_file(self.system, sidecar, self.own, needed)
-            self._models[name, engine] = Prepared(
+            self._models[name, engine] = PreparedModel(
                 model_file, coordinates, loaded.integrator, loaded.integrators
             )
         return self._models[name, engine]
@@ -187,23 +187,23 @@ class Swept(Source):
         amplitudes: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)
         return amplitudes
 
-    def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
+    def run(self, case: Planned, resolution: float, place: Path, record: CaseRecord) -> None:
         """Run the segments of the drawn motion, and one full run at the time step."""
         equations = self.equations(case.constants)
-        with known.timing("reference_seconds"):
+        with record.timing("reference_seconds"):
             motion = self.motion(case.draw, equations, case.scenario)
         prepared = self.model(case.model, case.engine)
         constants = {c.name: c.value for c in equations.system.constants}
-        with known.timing("loading_seconds"):
+        with record.timing("loading_seconds"):
             sidecar = prepared.redrawn.write(constants, place)
             model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
-        known.check_step(model, case)
+        record.check_step(model, case)
         if why := why_no_run(motion.duration, model.step):
             raise EngineError(f"{case.model}: {why}")
-        with known.stepping(model):
+        with record.stepping(model):
             coordinates = prepared.coordinates.with_constants(equations.values)
-            known.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
-            self._full_run(case, motion, model, coordinates, known)
+            record.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
+            self._full_run(case, motion, model, coordinates, record)
 
     def _verdict(
         self,
@@ -235,15 +235,15 @@ class Swept(Source):
         motion: Motion,
         model: Model,
         coordinates: CoordinateMap,
-        known: Known,
+        record: CaseRecord,
     ) -> None:
         run = sampled_run(model, coordinates, motion, model.step)
         amplitude = filled(np.maximum(motion.amplitude, FLOOR * self.amplitude))
         error = largest(run, amplitude[: len(self.system.coordinates)])
-        known.tell(global_error=number(error))
+        record.tell(global_error=number(error))
         if why := failure(run, error, motion):
             message = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
-            known.tell(outcome=Outcome.FAILED, reason=message)
+            record.tell(outcome=Outcome.FAILED, reason=message)
 
 
 def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from physics_crosscheck.harness.extras.sweep.most import Most
+from physics_crosscheck.harness.extras.sweep.most import LargestItems
 from physics_crosscheck.harness.records.sweep import SweepRow
 
 MOVED = 0.01
 """Minimum relative change of a global error to report."""
 
-TOLD = 5
+MAX_LISTED = 5
 """Maximum number of listed cases."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair:
+class CasePair:
     """A case under two versions."""
 
     before: SweepRow
@@ -72,7 +72,7 @@ class Moved:
     verdicts: int = 0
     limits: int = 0
     errors: int = 0
-    largest: list[Pair] = field(default_factory=list)
+    largest: list[CasePair] = field(default_factory=list)
 
     @property
     def any(self) -> bool:
@@ -88,11 +88,11 @@ def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
     """
     earlier_rows = {row.index: row for row in before}
     changes = Moved()
-    largest = Most[Pair](lambda pair: pair.size, TOLD)
+    largest = LargestItems[CasePair](lambda pair: pair.size, MAX_LISTED)
     for row in after:
         if row.index not in earlier_rows:
             continue
-        pair = Pair(before=earlier_rows.pop(row.index), after=row)
+        pair = CasePair(before=earlier_rows.pop(row.index), after=row)
         changes.cases += 1
         changes.verdicts += pair.verdict
         changes.limits += pair.limit

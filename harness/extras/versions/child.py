@@ -17,14 +17,14 @@ from physics_crosscheck.harness.render.terminal.progress import Progress
 from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 
-def main(task: Path, found: Path) -> None:
+def main(task: Path, result_file: Path) -> None:
     """Run the task of a file, and write the result."""
     task_record = decoded(task.read_bytes(), VersionTask)
     ran = _run(task_record)
     out = Path(task_record.out)
     write_whole(out / "results.json", encoded(ran.results))
     write_report(out / "index.html", ran.results)
-    write_whole(found, encoded(_version_run(task_record.version, ran)))
+    write_whole(result_file, encoded(_version_run(task_record.version, ran)))
 
 
 def unusable(engine: str, wanted: str, package: str) -> str:

@@ -67,8 +67,8 @@ def _summarize(result: GateResult, decided: Decisions) -> None:
     files = {(change.id.system, change.id.model) for change in decided.rejected}
     for diff in result.file_diffs:
         if any(system == diff.system and model in diff.models for system, model in files):
-            for one in diff.lines:
-                for line in wrapped(_undo(one), terminal().width):
+            for changed in diff.lines:
+                for line in wrapped(_undo(changed), terminal().width):
                     _tell(line)
 
 

@@ -9,7 +9,13 @@ from pathlib import Path
 from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.extras.sweep.factors import SweepError, factors
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
-from physics_crosscheck.harness.extras.sweep.run import Wanted, alone, crew, planned, sweep
+from physics_crosscheck.harness.extras.sweep.run import (
+    Wanted,
+    make_executor,
+    planned,
+    run_single,
+    sweep,
+)
 from physics_crosscheck.harness.extras.sweep.store import RowsError, plan_of, read_rows
 from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.interfaces.cli import arguments
@@ -58,12 +64,12 @@ def _sweep(options: argparse.Namespace) -> int:
         check_page(options.out / "index.html")
     wanted = _wanted(options)
     sweep_options = _sweep_options(options)
-    with crew(sweep_options, wanted) as workers, asking() as stop:
+    with make_executor(sweep_options, wanted) as workers, asking() as stop:
         whole = planned(sweep_options, wanted, workers)
         for line in whole.left_out:
             print(f"crosscheck: skipped: {line}", file=sys.stderr)
         if options.only is not None:
-            row = alone(whole, options.only, workers)
+            row = run_single(whole, options.only, workers)
             print("\n".join(row_lines(row)))
             return _code({row.outcome.value: 1})
         with Counter("case") as counter:

@@ -74,13 +74,13 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
 
 def _local(options: argparse.Namespace) -> list[str]:
     """Return words that are not part of the plan and that every version also gets."""
-    found = []
+    local_words = []
     if options.jobs:
-        found += ["--jobs", str(options.jobs)]
+        local_words += ["--jobs", str(options.jobs)]
     if options.only is not None:
-        found += ["--only", str(options.only)]
+        local_words += ["--only", str(options.only)]
     limits = arguments.limits_of(options)
-    return [*found, "--limit", repr(limits.seconds), "--memory", repr(limits.memory)]
+    return [*local_words, "--limit", repr(limits.seconds), "--memory", repr(limits.memory)]
 
 
 def _print_changes(name: str, before: Path, after: Path) -> bool:

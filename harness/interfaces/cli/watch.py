@@ -97,13 +97,13 @@ def _with_others(last: Results, again: set[Place]) -> Callable[[Results], Result
     """Return a function that merges new results with those of the unchanged models."""
     whole = {folder for folder, model in again if not model}
 
-    def found(now: Results) -> Results:
+    def merge_results(now: Results) -> Results:
         def is_again(folder: str, model: str) -> bool:
             return folder in whole or (folder, model) in again
 
         return merged(last, now, is_again)
 
-    return found
+    return merge_results
 
 
 def _part(wanted: Targets, again: set[Place]) -> Targets:

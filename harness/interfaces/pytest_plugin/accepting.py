@@ -11,7 +11,7 @@ from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
 from physics_crosscheck.harness.gate.gate import gate
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.text import accepted_lines
-from physics_crosscheck.harness.interfaces.pytest_plugin.terms import Terms
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import RunSettings
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.results.github import in_ci
 
@@ -31,7 +31,9 @@ class Accepting:
         pytest.UsageError: in CI, or without a reason.
     """
 
-    def __init__(self, config: pytest.Config, folders: Sequence[Path], settings: Terms) -> None:
+    def __init__(
+        self, config: pytest.Config, folders: Sequence[Path], settings: RunSettings
+    ) -> None:
         given = config.getoption("crosscheck_accept")
         self._reason = None if given is None else " ".join(given.split())
         self._folders, self._settings = folders, settings

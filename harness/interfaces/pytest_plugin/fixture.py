@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import pytest
 
 from physics_crosscheck.harness.interfaces.api import Results, Target, check, target_names
-from physics_crosscheck.harness.interfaces.pytest_plugin.terms import terms
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import run_settings
 
 
 class Checker:
     """Runs models as `check` does, with the settings of the command line; each model once."""
 
     def __init__(self, config: pytest.Config) -> None:
-        self._config, self._settings = config, terms(config)
+        self._config, self._settings = config, run_settings(config)
         self._results: dict[tuple[object, ...], Results] = {}
 
     def __call__(
@@ -52,7 +52,7 @@ class Checker:
                 floating=floating,
                 model=model,
             )
-        found = self._results[key]
-        if found.untested and not self._config.getoption("crosscheck_require_engines"):
-            pytest.skip(found.untested)
-        return found
+        results = self._results[key]
+        if results.untested and not self._config.getoption("crosscheck_require_engines"):
+            pytest.skip(results.untested)
+        return results

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
 from physics_crosscheck.harness.interfaces.pytest_plugin.paths import DECLARATION, meant, to_collect
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.interfaces.pytest_plugin.summary import summarize, untested
-from physics_crosscheck.harness.interfaces.pytest_plugin.terms import terms
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import run_settings
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 
 ABOUT = (
@@ -27,7 +27,7 @@ class CrosscheckSession:
     """The part of the plugin that is registered if there are targets."""
 
     def __init__(self, config: pytest.Config) -> None:
-        settings = terms(config)
+        settings = run_settings(config)
         targets = meant(config)
         config.args = to_collect(config, targets)
         config.args_source = config.ArgsSource.ARGS

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.jobs.limits import Limits
 
 
 @dataclass(frozen=True)
-class Terms:
+class RunSettings:
     """Settings for running cases.
 
     Attributes:
@@ -27,14 +27,14 @@ class Terms:
     baseline: Path
 
 
-def terms(config: pytest.Config) -> Terms:
+def run_settings(config: pytest.Config) -> RunSettings:
     """Return the settings of the options.
 
     Raises:
         pytest.UsageError: if one is out of range.
     """
     try:
-        return Terms(
+        return RunSettings(
             resolution=arguments.resolution(config.getoption("crosscheck_resolution")),
             limits=Limits(
                 seconds=arguments.seconds(config.getoption("crosscheck_limit")),

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.render.html.parts import (
     WHOLE,
-    Part,
+    CaseFile,
     divided,
     forget_parts,
     part_of_cases,
@@ -80,7 +80,7 @@ def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> 
     forget_parts(path, names)
 
 
-def _parts(view: Report) -> Iterator[Part]:
+def _parts(view: Report) -> Iterator[CaseFile]:
     """Yield the files of a report's folders and cases."""
     page = _environment().get_template("part.html")
     for group in view.groups:

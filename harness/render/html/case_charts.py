@@ -10,7 +10,7 @@ import numpy as np
 from physics_crosscheck.harness.records.outcome import FLOOR
 from physics_crosscheck.harness.render.html.packs import Array, Chart, Curve
 from physics_crosscheck.harness.render.html.runs import (
-    Run,
+    CaseRun,
     coarse_to_fine,
     ends,
     largest,
@@ -26,7 +26,7 @@ MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time s
 
 
 def case_charts(
-    run: Run, others: Sequence[Run], units: Sequence[str], magnitudes: Sequence[float]
+    run: CaseRun, others: Sequence[CaseRun], units: Sequence[str], magnitudes: Sequence[float]
 ) -> tuple[Chart, ...]:
     """Return the plots of a case.
 
@@ -59,7 +59,7 @@ def _led(charts: Iterable[Chart], leading: int) -> list[Chart]:
     return [replace(chart, lead=i == leading) for i, chart in enumerate(charts)]
 
 
-def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
+def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart:
     series = run.series
     name = shown(series.components[i])
     reference, engine = values(series.reference[i]), values(series.engine[i])
@@ -98,7 +98,7 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
     )
 
 
-def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
+def _phase(run: CaseRun, i: int, units: Sequence[str]) -> Chart:
     names = [shown(name) for name in run.series.components]
     half = len(names) // 2
     position, speed = (values(run.series.reference[k]) for k in (i, half + i))
@@ -132,7 +132,7 @@ def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
     )
 
 
-def _error(run: Run, i: int, unit: str, magnitude: float) -> Chart:
+def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
     series = run.series
     name = shown(series.components[i])
     size = max(largest(series.reference[i]), FLOOR * magnitude) or 1.0
@@ -178,7 +178,7 @@ def _error(run: Run, i: int, unit: str, magnitude: float) -> Chart:
     )
 
 
-def _energy(run: Run) -> Iterator[Chart]:
+def _energy(run: CaseRun) -> Iterator[Chart]:
     energy = run.series.energy
     if energy is None:
         return
@@ -212,7 +212,7 @@ def _energy(run: Run) -> Iterator[Chart]:
     )
 
 
-def _convergence(run: Run) -> Chart:
+def _convergence(run: CaseRun) -> Chart:
     convergence, full = run.series.convergence, run.series.full_runs
     steps = values(full.h)[coarse_to_fine(full)]
     h, defect, increments = (
@@ -268,7 +268,7 @@ def _convergence(run: Run) -> Chart:
     )
 
 
-def _work_precision(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
+def _work_precision(run: CaseRun, others: Sequence[CaseRun]) -> Iterator[Chart]:
     if run.seconds is None:
         return
     curves = [
@@ -299,7 +299,7 @@ def _work_precision(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
     )
 
 
-def _method(run: Run) -> str:
+def _method(run: CaseRun) -> str:
     integrator = shown(run.full_run.integrator)
     return f"{run.label}, {integrator}" if integrator else run.label
 

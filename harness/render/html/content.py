@@ -18,7 +18,7 @@ from physics_crosscheck.harness.render.html.model_charts import (
 )
 from physics_crosscheck.harness.render.html.packs import Chart, Column, Pack
 from physics_crosscheck.harness.render.html.past_charts import by_case, case_history, run_history
-from physics_crosscheck.harness.render.html.runs import Run, largest, runs
+from physics_crosscheck.harness.render.html.runs import CaseRun, largest, runs
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Track:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class AnimatedMotion:
     """Location of the data of an animation.
 
     Attributes:
@@ -124,7 +124,7 @@ class Content:
         self._packs[pack.id] = pack, tuple(charts), more
 
     def _keep_cases(self, magnitudes: Mapping[str, list[float]]) -> None:
-        together: dict[tuple[str, str], list[Run]] = {}
+        together: dict[tuple[str, str], list[CaseRun]] = {}
         for run in self._runs:
             if run is not None:
                 together.setdefault((run.case.folder, run.case.scenario), []).append(run)
@@ -151,13 +151,13 @@ class Content:
             self._store_pack(pack, charts)
         return pack.id if charts else ""
 
-    def _motion(self, run: Run, others: Sequence[Run]) -> Motion | None:
+    def _motion(self, run: CaseRun, others: Sequence[CaseRun]) -> AnimatedMotion | None:
         """Return the location of the data of an animation; None without a sketch."""
         system = self._systems.get(run.case.folder)
         if system is None or system.sketch is None:
             return None
         half = len(run.reference) // 2
-        return Motion(
+        return AnimatedMotion(
             system=self._system_packs[system.folder],
             t=run.t.key,
             reference=tuple(column.key for column in run.reference[:half]),
@@ -168,7 +168,7 @@ class Content:
             ),
         )
 
-    def _units(self, run: Run) -> list[str]:
+    def _units(self, run: CaseRun) -> list[str]:
         """Return the units of the components: coordinates, then rates."""
         system = self._systems.get(run.case.folder)
         if system is None:
@@ -203,10 +203,10 @@ def _address(column: Column) -> tuple[str, str]:
 
 def _magnitudes(cases: Iterable[Case]) -> dict[str, list[float]]:
     """Return the largest magnitude of each component over all cases of a folder."""
-    found: dict[str, list[float]] = {}
+    magnitudes: dict[str, list[float]] = {}
     for case in cases:
         if case.series is not None:
             sizes = [largest(row) for row in case.series.reference]
-            before = found.get(case.folder, [0.0] * len(sizes))
-            found[case.folder] = [max(a, b) for a, b in zip(before, sizes, strict=True)]
-    return found
+            before = magnitudes.get(case.folder, [0.0] * len(sizes))
+            magnitudes[case.folder] = [max(a, b) for a, b in zip(before, sizes, strict=True)]
+    return magnitudes

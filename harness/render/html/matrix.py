@@ -74,7 +74,7 @@ class MatrixRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
+class ReadingNotes:
     """Notes on how an engine or its adapter reads files."""
 
     engine: str
@@ -82,7 +82,7 @@ class Reading:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Matrix:
+class EngineMatrix:
     """Models by engines, worst systems first.
 
     Attributes:
@@ -93,7 +93,7 @@ class Matrix:
 
     engines: tuple[str, ...]
     rows: tuple[MatrixRow, ...]
-    readings: tuple[Reading, ...]
+    readings: tuple[ReadingNotes, ...]
 
 
 def matrix(
@@ -101,7 +101,7 @@ def matrix(
     models: Sequence[Model],
     ids: Mapping[str, str],
     names: Mapping[str, str],
-) -> Matrix:
+) -> EngineMatrix:
     """Return the matrix of cases.
 
     Args:
@@ -129,12 +129,14 @@ def matrix(
                     cells=tuple(_cell(row.get(engine)) for engine in engines),
                 )
             )
-    found = {engine: _notes(engine, models) for engine in engines}
-    return Matrix(
+    engine_notes = {engine: _notes(engine, models) for engine in engines}
+    return EngineMatrix(
         engines=tuple(map(shown, engines)),
         rows=tuple(rows),
         readings=tuple(
-            Reading(engine=shown(engine), notes=notes) for engine, notes in found.items() if notes
+            ReadingNotes(engine=shown(engine), notes=notes)
+            for engine, notes in engine_notes.items()
+            if notes
         ),
     )
 

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.system import System
 from physics_crosscheck.harness.render.html.diagnoses import named
 from physics_crosscheck.harness.render.html.packs import Array, Chart, Column, Curve, Pack
-from physics_crosscheck.harness.render.html.runs import Run, ends, largest, single, values
+from physics_crosscheck.harness.render.html.runs import CaseRun, ends, largest, single, values
 from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
 
 PAIRS = 6
@@ -155,7 +155,7 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
 
 
 def corrected(
-    pack: Pack, motion: CorrectedMotion, runs: Mapping[str, Run], units: Sequence[str]
+    pack: Pack, motion: CorrectedMotion, runs: Mapping[str, CaseRun], units: Sequence[str]
 ) -> Iterator[Chart]:
     """Plot the motion with the fitted values, and the remaining defects.
 
@@ -173,7 +173,12 @@ def corrected(
 
 
 def _corrected(
-    pack: Pack, motion: CorrectedMotion, scenario: CorrectedScenario, run: Run, i: int, unit: str
+    pack: Pack,
+    motion: CorrectedMotion,
+    scenario: CorrectedScenario,
+    run: CaseRun,
+    i: int,
+    unit: str,
 ) -> Chart:
     """Plot the i-th coordinate."""
     name, put_in = shown(run.series.components[i]), _values_put_in(motion.causes)
@@ -235,7 +240,7 @@ def _apart(
     return largest(engine - reference), largest(fitted[inside] - interpolated)
 
 
-def _defects(pack: Pack, scenario: CorrectedScenario, run: Run) -> Chart:
+def _defects(pack: Pack, scenario: CorrectedScenario, run: CaseRun) -> Chart:
     t = pack.column(scenario.segment_t, 6)
     before, after = _rows(scenario.before), _rows(scenario.after)
 

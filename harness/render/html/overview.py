@@ -17,13 +17,12 @@ from physics_crosscheck.harness.render.html.patches import lines_of, unified
 from physics_crosscheck.harness.render.html.text import shown
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
+    collect_issues,
     explained_alike,
     named_models,
-    troubles,
     untold_failures,
 )
-from physics_crosscheck.harness.results.next_steps import Change as Wanted
-from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
+from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of, stated_changes
 from physics_crosscheck.harness.results.status import counted
 
 Link = tuple[str, str]
@@ -64,7 +63,7 @@ class Remedy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trouble:
+class IssueView:
     """An issue, listed once for all affected cases.
 
     Attributes:
@@ -90,7 +89,7 @@ class Trouble:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class ChangeView:
     """A case that differs from the baseline."""
 
     id: str
@@ -100,7 +99,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
+class Outlier:
     """An extreme case among those that agree: the quantity and its value."""
 
     id: str
@@ -109,9 +108,9 @@ class Standing:
     name: str
 
 
-def gathered(
+def issue_views(
     results: Results, views: Mapping[int, CaseView], diagnoses: Mapping[ModelKey, DiagnosisView]
-) -> tuple[Trouble, ...]:
+) -> tuple[IssueView, ...]:
     """Return the issues in the terminal's order: fixable ones first, then the worst.
 
     Args:
@@ -119,10 +118,10 @@ def gathered(
         views: views of the cases, by the identity of their records.
         diagnoses: diagnoses of the models that differ or have findings.
     """
-    groups = [(one.worst, *one.others) for one in troubles(results.cases)]
+    groups = [(one.worst, *one.others) for one in collect_issues(results.cases)]
     causes = list(_causes(groups, results, views, diagnoses))
     explained = {key for _, keys in causes for key in keys}
-    rest: list[Trouble] = []
+    rest: list[IssueView] = []
     for group in groups:
         unexplained = [case for case in group if not _is_covered(case, explained)]
         if unexplained:
@@ -141,7 +140,7 @@ def _causes(
     results: Results,
     views: Mapping[int, CaseView],
     diagnoses: Mapping[ModelKey, DiagnosisView],
-) -> Iterator[tuple[Trouble, set[ModelKey]]]:
+) -> Iterator[tuple[IssueView, set[ModelKey]]]:
     """Yield each explaining cause of differences, with the models that it affects."""
     for alike in explained_alike(results.models):
         keys = {model.key for model in alike}
@@ -153,7 +152,7 @@ def _causes(
         changes = changes_of(alike[0])
         whole = len(changes) == len(diagnosis.explanations[0].causes)
         yield (
-            Trouble(
+            IssueView(
                 id=view.id,
                 outcome=Outcome.DIFFERS,
                 symbol=SYMBOLS[Outcome.DIFFERS],
@@ -168,7 +167,7 @@ def _causes(
         )
 
 
-def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
+def _remedy(changes: Sequence[ProposedChange], model: Model, *, whole: bool) -> Remedy:
     """Return changes with their patch; `whole`: whether they fix the model completely."""
     texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
     patch = unified(changes, texts) if whole and changes else ""
@@ -187,7 +186,7 @@ def _is_shown_as_is(patch: str) -> bool:
     return shown(plain) == plain and "\ufffd" not in plain
 
 
-def _fix(change: Wanted) -> Fix:
+def _fix(change: ProposedChange) -> Fix:
     return Fix(
         place=shown(", ".join(dict.fromkeys(map(str, change.locations)))),
         name=shown(", ".join(change.subject)),
@@ -210,7 +209,7 @@ def _unexplained(
     results: Results,
     views: Mapping[int, CaseView],
     diagnoses: Mapping[ModelKey, DiagnosisView],
-) -> Trouble:
+) -> IssueView:
     """Return the issue of cases with the same problem and without an explaining cause."""
     worst = cases[0]
     ran = worst.outcome is not Outcome.ABSENT
@@ -220,7 +219,7 @@ def _unexplained(
     engines = ", ".join(dict.fromkeys(case.engine for case in cases))
     name = f"{files[0]} [{engines}]" if len(files) == 1 else counted(len(files), "model file")
     sentence = diagnosis.sentence if diagnosis is not None else ""
-    return Trouble(
+    return IssueView(
         id=view.id if diagnosis is None else diagnosis.id,
         outcome=view.outcome,
         symbol=view.symbol,
@@ -238,8 +237,8 @@ def _stated(model: Model | None) -> Remedy:
     return Remedy() if model is None else _remedy(stated_changes(model), model, whole=True)
 
 
-def _failure(model: Model, what: str, why: str) -> Trouble:
-    return Trouble(
+def _failure(model: Model, what: str, why: str) -> IssueView:
+    return IssueView(
         id="",
         outcome=Outcome.FAILED,
         symbol=SYMBOLS[Outcome.FAILED],
@@ -251,7 +250,7 @@ def _failure(model: Model, what: str, why: str) -> Trouble:
 
 def _audits(
     models: Sequence[Model], diagnoses: Mapping[ModelKey, DiagnosisView], explained: set[ModelKey]
-) -> Iterator[Trouble]:
+) -> Iterator[IssueView]:
     """Yield audit findings of models without an explaining cause."""
     for alike in audited_alike(models):
         if any(model.key in explained or model.accepted for model in alike):
@@ -260,7 +259,7 @@ def _audits(
             continue  # its cases report it
         model = alike[0]
         view = diagnoses[model.key]
-        yield Trouble(
+        yield IssueView(
             id=view.id,
             outcome="AUDIT",
             symbol="!",
@@ -280,7 +279,7 @@ _PHRASES = {
 }
 
 
-def verdict(results: Results, troubles: Sequence[Trouble]) -> str:
+def verdict(results: Results, collect_issues: Sequence[IssueView]) -> str:
     """Return the verdict in words and, on failure, what to do."""
     if not results.cases:
         return "Nothing was run."
@@ -290,16 +289,16 @@ def verdict(results: Results, troubles: Sequence[Trouble]) -> str:
         parts.append(f"{accepted} accepted as known")
     sentence = ", ".join(parts) or "every motion matches the equations"
     sentence = f"{sentence[0].upper()}{sentence[1:]}."
-    if fixes := sum(len(one.remedy.fixes) for one in troubles):
+    if fixes := sum(len(one.remedy.fixes) for one in collect_issues):
         return f"{sentence} {counted(fixes, 'number')} to change."
-    return sentence if troubles else f"{sentence} Nothing to change."
+    return sentence if collect_issues else f"{sentence} Nothing to change."
 
 
-def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, ...]:
+def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[ChangeView, ...]:
     """Return the changes since the baseline, in the order of the record."""
     ids = {case.id: view.id for case, view in pairs}
     return tuple(
-        Change(
+        ChangeView(
             id=ids.get(change.id, ""),
             kind=shown(change.kind),
             name=shown(change.id),
@@ -309,7 +308,7 @@ def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, .
     )
 
 
-def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
+def standing_out(pairs: Sequence[Pair]) -> tuple[Outlier, ...]:
     """Return the cases that agree with the fewest digits and with the largest global error."""
     agreeing = [
         (case, view)
@@ -320,7 +319,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
         return ()
     weakest = max(agreeing, key=lambda pair: float(pair[1].sorts[0] or 0.0))[1]
     extremes = [
-        Standing(
+        Outlier(
             id=weakest.id,
             what="fewest agreeing digits",
             value=weakest.digits,
@@ -331,7 +330,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
     if comparable:
         dearest = max(comparable, key=lambda pair: float(pair[1].sorts[3] or 0.0))[1]
         extremes.append(
-            Standing(
+            Outlier(
                 id=dearest.id,
                 what=f"largest error at dt ({dearest.step})",
                 value=dearest.global_error,
@@ -340,7 +339,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Standing, ...]:
         )
     if chaotic := [view for _, view in agreeing if view.chaotic]:
         extremes.append(
-            Standing(
+            Outlier(
                 id=chaotic[0].id,
                 what="chaotic motions, which no time step follows to the end",
                 value=str(len(chaotic)),

@@ -20,7 +20,7 @@ import msgspec
 
 from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.html.packs import compressed
-from physics_crosscheck.harness.render.html.view import Beside, Group, ModelGroup
+from physics_crosscheck.harness.render.html.view import FolderView, ModelGroup, RelatedCase
 
 WHOLE = 500
 """Maximum number of cases in a single-file page: 15 MB, small enough to send."""
@@ -30,17 +30,17 @@ TOGETHER = 40
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
+class ShownCase:
     """The page of a case and its context."""
 
     case: CaseView
-    beside: Beside
+    beside: RelatedCase
     model: ModelGroup
-    group: Group
+    group: FolderView
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class CaseFile:
     """A file of cases as a script, the only type that a page on disk can load.
 
     Attributes:
@@ -54,13 +54,13 @@ class Part:
     ids: tuple[str, ...]
 
 
-def divided(groups: Iterable[Group]) -> Iterator[tuple[Shown, ...]]:
+def divided(groups: Iterable[FolderView]) -> Iterator[tuple[ShownCase, ...]]:
     """Yield all cases, divided into files."""
     for group in groups:
-        scenarios: dict[str, list[Shown]] = {}
+        scenarios: dict[str, list[ShownCase]] = {}
         for model in group.models:
             for case, links in model.cases:
-                shown_case = Shown(case=case, beside=links, model=model, group=group)
+                shown_case = ShownCase(case=case, beside=links, model=model, group=group)
                 scenarios.setdefault(case.scenario, []).append(shown_case)
         for cases in scenarios.values():
             rest = iter(cases)
@@ -68,24 +68,24 @@ def divided(groups: Iterable[Group]) -> Iterator[tuple[Shown, ...]]:
                 yield some
 
 
-def part_of_cases(cases: Sequence[Shown], html: str, packs: Mapping[str, str]) -> Part:
+def part_of_cases(cases: Sequence[ShownCase], html: str, packs: Mapping[str, str]) -> CaseFile:
     """Return the file of some cases: their pages as HTML, and their packs."""
     own_packs = {one.case.pack: packs[one.case.pack] for one in cases if one.case.pack}
     return _part(html, own_packs, [one.case.id for one in cases])
 
 
-def part_of_group(group: Group, html: str, packs: Mapping[str, str]) -> Part:
+def part_of_group(group: FolderView, html: str, packs: Mapping[str, str]) -> CaseFile:
     """Return the file of a folder: its page with the sketch of its motions, and its diagnoses."""
     diagnoses = [model.diagnosis for model in group.models if model.diagnosis]
     own_packs = {name: packs[name] for name in group.packs}
     return _part(html, own_packs, [group.id, *(diagnosis.id for diagnosis in diagnoses)])
 
 
-def _part(html: str, own_packs: Mapping[str, str], views: Sequence[str]) -> Part:
+def _part(html: str, own_packs: Mapping[str, str], views: Sequence[str]) -> CaseFile:
     content = compressed({"html": html})
     name = hashlib.sha256("".join((content, *own_packs.values())).encode()).hexdigest()[:16] + ".js"
     given = msgspec.json.encode([name, content, own_packs]).decode()
-    return Part(name=name, text=f"crosscheckPart(...{given});\n", ids=(*views, *own_packs))
+    return CaseFile(name=name, text=f"crosscheckPart(...{given});\n", ids=(*views, *own_packs))
 
 
 def folder_of(page: Path) -> Path:
@@ -93,7 +93,7 @@ def folder_of(page: Path) -> Path:
     return page.with_name(f"{page.stem}.parts")
 
 
-def write_parts(page: Path, parts: Iterable[Part]) -> tuple[str, frozenset[str]]:
+def write_parts(page: Path, parts: Iterable[CaseFile]) -> tuple[str, frozenset[str]]:
     """Write the files of a page's cases; return JSON with the file of each id, and the file names.
 
     Files of the previous page stay for its open windows until `forget_parts` removes them.

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.render.html.packs import Chart, Curve, Pack
 from physics_crosscheck.harness.render.html.text import percent, shown
-from physics_crosscheck.harness.render.terminal.models_table import is_chaotic, known
+from physics_crosscheck.harness.render.terminal.models_table import finite_values, is_chaotic
 from physics_crosscheck.harness.results.status import counted
 
 HISTORY = "Over time"
@@ -72,13 +72,14 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
     """
     present = {case.id for case in cases}
     runs: dict[str, list[Past]] = {}
-    for one in history:
-        if one.id in present:
-            runs.setdefault(one.time, []).append(one)
+    for past_case in history:
+        if past_case.id in present:
+            runs.setdefault(past_case.time, []).append(past_case)
     whole = {
         when: past
         for time, past in runs.items()
-        if 2 * len({one.id for one in past}) >= len(present) and (when := _when(time)) is not None
+        if 2 * len({past_case.id for past_case in past}) >= len(present)
+        and (when := _when(time)) is not None
     }
     if len(whole) < 2:
         return ()
@@ -92,11 +93,12 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
             points = []
             for when, past in sorted(whole.items()):
                 values: list[Number] = [
-                    getattr(one, name)
-                    for one in past
-                    if one.engine == engine and (name == "digits" or one.id not in chaotic)
+                    getattr(past_case, name)
+                    for past_case in past
+                    if past_case.engine == engine
+                    and (name == "digits" or past_case.id not in chaotic)
                 ]
-                if there := known(values):
+                if there := finite_values(values):
                     points.append((_milliseconds(when), worst(there)))
             found[shown(engine)] = points
         return found

@@ -5,11 +5,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
-from physics_crosscheck.harness.results.next_steps import Change
+from physics_crosscheck.harness.results.next_steps import ProposedChange
 from physics_crosscheck.harness.results.places import is_spelled
 
 
-def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
+def unified(edits: Sequence[ProposedChange], texts: Iterable[tuple[str, str]]) -> str:
     """Return a unified diff that makes edits; empty if an edit is uncertain.
 
     An edit is certain if the file still has the old text in the span of each location.

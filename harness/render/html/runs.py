@@ -15,7 +15,7 @@ from physics_crosscheck.harness.render.html.text import quantity, shown
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class CaseRun:
     """One case's motion at the model's time step.
 
     Attributes:
@@ -43,19 +43,19 @@ class Run:
     seconds: Column | None
 
 
-def runs(cases: Sequence[Case]) -> list[Run | None]:
+def runs(cases: Sequence[Case]) -> list[CaseRun | None]:
     """Return the run of each case; None without series."""
     return [_run(case, place) for place, case in enumerate(cases)]
 
 
-def _run(case: Case, place: int) -> Run | None:
+def _run(case: Case, place: int) -> CaseRun | None:
     verdict, full_run, series = case.verdict, case.full_run, case.series
     if verdict is None or full_run is None or series is None:
         return None
     pack = Pack(f"pack-case-{place}")
     seconds = series.full_runs.seconds
     order = coarse_to_fine(series.full_runs)
-    return Run(
+    return CaseRun(
         case=case,
         verdict=verdict,
         full_run=full_run,

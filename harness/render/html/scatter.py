@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from physics_crosscheck.harness.render.html.text import shown
 
 WIDTH, HEIGHT = 560.0, 300.0
-LEFT, RIGHT, TOP, BOTTOM = 62.0, 12.0, 10.0, 42.0
+LEFT_MARGIN, RIGHT, TOP, BOTTOM = 62.0, 12.0, 10.0, 42.0
 
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7a7a00", "#999999")
 """Colours of Okabe and Ito, safe for colour blindness; each series also has its own marker."""
@@ -185,7 +185,7 @@ def bars(counts: Mapping[str, int]) -> tuple[Bar, ...]:
 
 
 def _x(share: float) -> str:
-    return f"{LEFT + share * (WIDTH - LEFT - RIGHT):.1f}"
+    return f"{LEFT_MARGIN + share * (WIDTH - LEFT_MARGIN - RIGHT):.1f}"
 
 
 def _y(share: float) -> str:

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.render.html import template
 from physics_crosscheck.harness.render.html.scatter import (
     BOTTOM,
     HEIGHT,
-    LEFT,
+    LEFT_MARGIN,
     RIGHT,
     TOP,
     WIDTH,
@@ -29,12 +29,12 @@ from physics_crosscheck.harness.render.html.text import NOTHING, percent, quanti
 from physics_crosscheck.harness.render.terminal.sweep import cost_line
 from physics_crosscheck.harness.results.status import counted
 
-FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": WIDTH - RIGHT}
+FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT_MARGIN, "right": WIDTH - RIGHT}
 FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class SweepCaseRow:
     """A listed case."""
 
     name: str
@@ -48,7 +48,7 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
+class GroupView:
     """The cases of a system in an engine and integrator."""
 
     system: str
@@ -70,7 +70,7 @@ class Figures:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
+class PlottedQuantity:
     """A plotted quantity of each case: its name, value and format."""
 
     what: str
@@ -83,13 +83,13 @@ def _known_to(row: SweepRow) -> float | None:
     return max((one for one in (row.discrepancy, row.uncertainty) if one is not None), default=None)
 
 
-AT_THE_STEP = Shown(what="error at dt", of=lambda row: row.global_error, told=percent)
-OF_SEGMENTS = Shown(what="larger of E and U", of=_known_to, told=sci)
+AT_THE_STEP = PlottedQuantity(what="error at dt", of=lambda row: row.global_error, told=percent)
+OF_SEGMENTS = PlottedQuantity(what="larger of E and U", of=_known_to, told=sci)
 """Quantity for robot states, which have no motion at the model's time step."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
+class SweepPage:
     """The page; each of `figures` has one system's plots and the markers of its engines."""
 
     title: str
@@ -99,9 +99,9 @@ class Page:
     command: str
     outcomes: tuple[Bar, ...]
     digits: tuple[Bar, ...]
-    groups: tuple[Group, ...]
+    groups: tuple[GroupView, ...]
     figures: tuple[Figures, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[SweepCaseRow, ...]
 
 
 def write_sweep(path: Path, sweep_summary: SweepSummary) -> None:
@@ -114,10 +114,10 @@ def render_sweep(sweep_summary: SweepSummary) -> str:
     return template("sweep.html", page=_page(sweep_summary), frame=FRAME)
 
 
-def _page(sweep_summary: SweepSummary) -> Page:
+def _page(sweep_summary: SweepSummary) -> SweepPage:
     remaining = sweep_summary.plan.cases - sweep_summary.done
     systems = list(dict.fromkeys(one.system for one in sweep_summary.groups))
-    return Page(
+    return SweepPage(
         title=shown(f"Sweep of {', '.join(systems) or 'nothing'}"),
         summary=", ".join(f"{count} {name}" for name, count in sweep_summary.outcomes.items())
         or "no rows",
@@ -127,7 +127,7 @@ def _page(sweep_summary: SweepSummary) -> Page:
         outcomes=bars(sweep_summary.outcomes),
         digits=bars(sweep_summary.digits),
         groups=tuple(
-            Group(
+            GroupView(
                 system=shown(one.system),
                 engine=shown(one.engine),
                 integrator=shown(one.integrator),
@@ -173,7 +173,7 @@ def _figures(sweep_summary: SweepSummary, system: str) -> Figures:
 
 
 def scatter_of(
-    rows: list[SweepRow], series: list[str], name: str, what: Shown = AT_THE_STEP
+    rows: list[SweepRow], series: list[str], name: str, what: PlottedQuantity = AT_THE_STEP
 ) -> Scatter | None:
     """Plot a quantity over a constant, or over the step if no name is given."""
     points = list(_points(rows, series, name, what))
@@ -189,7 +189,9 @@ def scatter_of(
     )
 
 
-def _points(rows: list[SweepRow], series: list[str], name: str, what: Shown) -> Iterator[Point]:
+def _points(
+    rows: list[SweepRow], series: list[str], name: str, what: PlottedQuantity
+) -> Iterator[Point]:
     for row in rows:
         x, y = row.constants.get(name) if name else row.step, what.of(row)
         if x is None or y is None or row.outcome is Outcome.FAILED:
@@ -199,9 +201,9 @@ def _points(rows: list[SweepRow], series: list[str], name: str, what: Shown) -> 
         yield Point(x=x, y=y, series=number, outcome=row.outcome.value, told=label)
 
 
-def _row(row: SweepRow) -> Row:
+def _row(row: SweepRow) -> SweepCaseRow:
     drawn = [f"{name} = {value:.6g}" for name, value in row.constants.items()]
-    return Row(
+    return SweepCaseRow(
         name=shown(f"#{row.index} {row.name}"),
         outcome=row.outcome.value,
         drawn=shown(", ".join([row.integrator, quantity(row.step, "s"), *drawn])),

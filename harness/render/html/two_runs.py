@@ -12,7 +12,7 @@ from physics_crosscheck.harness.render.html import template
 from physics_crosscheck.harness.render.html.cases import SYMBOLS
 from physics_crosscheck.harness.render.html.text import percent, shown, slug
 from physics_crosscheck.harness.render.terminal.two_runs import (
-    Movement,
+    CaseMovement,
     TwoRuns,
     digits_change,
     headline,
@@ -21,7 +21,7 @@ from physics_crosscheck.harness.results.status import counted
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class RunRow:
     """A case; `links` lead to it in each run's report, empty if missing."""
 
     name: str
@@ -39,7 +39,7 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
+class TwoRunsPage:
     """The page; `reports` has each run's time and the path of its report."""
 
     title: str
@@ -48,8 +48,8 @@ class Page:
     versions: tuple[tuple[str, str, str], ...]
     mended: tuple[str, ...]
     broken: tuple[str, ...]
-    moved: tuple[Row, ...]
-    same: tuple[Row, ...]
+    moved: tuple[RunRow, ...]
+    same: tuple[RunRow, ...]
 
 
 def write_two_runs(path: Path, runs: TwoRuns, folders: tuple[Path, Path]) -> None:
@@ -71,7 +71,7 @@ def render_two_runs(runs: TwoRuns, place: Path, folders: tuple[Path, Path]) -> s
     )
     rows = [_row(case, before, after) for case in runs.cases]
     moved = len(runs.moved)
-    page = Page(
+    page = TwoRunsPage(
         title=f"{moved} of {counted(len(rows), 'case')} changed",
         headline=shown(headline(runs)),
         reports=((shown(runs.before), before), (shown(runs.after), after)),
@@ -84,11 +84,11 @@ def render_two_runs(runs: TwoRuns, place: Path, folders: tuple[Path, Path]) -> s
     return template("two_runs.html", page=page)
 
 
-def _row(case: Movement, before: str, after: str) -> Row:
+def _row(case: CaseMovement, before: str, after: str) -> RunRow:
     name = case.id
     fragment = f"#case-{slug(name.system, name.model, name.engine, name.scenario)}"
     then, now = case.global_error
-    return Row(
+    return RunRow(
         name=shown(name),
         kinds=", ".join(case.kinds),
         worse=case.worse,

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.render.terminal.versions import advice, counts
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class VersionRow:
     """A case that changes."""
 
     name: str
@@ -29,7 +29,7 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Beside:
+class ModelChangeView:
     """A model that changes, apart from its cases."""
 
     name: str
@@ -43,13 +43,13 @@ class Section:
 
     title: str
     counts: str
-    rows: tuple[Row, ...]
-    models: tuple[Beside, ...]
-    same: tuple[Row, ...]
+    rows: tuple[VersionRow, ...]
+    models: tuple[ModelChangeView, ...]
+    same: tuple[VersionRow, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
+class VersionsPage:
     """The page; `reports` has each version's number and the path of its report."""
 
     title: str
@@ -66,7 +66,7 @@ def write_versions(path: Path, result: Versions) -> None:
 
 def render_versions(result: Versions, place: Path) -> str:
     """Return the page as HTML, to be saved in a folder."""
-    page = Page(
+    page = VersionsPage(
         title=shown(f"{result.engine} {' -> '.join(one.version for one in result.versions)}"),
         advice=shown(advice(result).partition(";")[0]),
         left_out=tuple(map(shown, result.left_out)),
@@ -88,7 +88,7 @@ def _section(engine: str, upgrade: Upgrade) -> Section:
         counts=shown(counts(upgrade)),
         rows=tuple(_row(case) for case in upgrade.cases if case.kinds),
         models=tuple(
-            Beside(
+            ModelChangeView(
                 name=shown(model.id),
                 kinds=", ".join(model.kinds),
                 messages=tuple(map(shown, model.messages)),
@@ -99,8 +99,8 @@ def _section(engine: str, upgrade: Upgrade) -> Section:
     )
 
 
-def _row(case: VersionCase) -> Row:
-    return Row(
+def _row(case: VersionCase) -> VersionRow:
+    return VersionRow(
         name=shown(case.id),
         kinds=", ".join(case.kinds),
         before=case.before or "none",

@@ -16,13 +16,13 @@ from physics_crosscheck.harness.records.system import System
 from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView, case_view, severity
 from physics_crosscheck.harness.render.html.content import Content
 from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView, diagnosis_view
-from physics_crosscheck.harness.render.html.matrix import Matrix, Pair, matrix
+from physics_crosscheck.harness.render.html.matrix import EngineMatrix, Pair, matrix
 from physics_crosscheck.harness.render.html.overview import (
-    Change,
-    Standing,
-    Trouble,
+    ChangeView,
+    IssueView,
+    Outlier,
     changes,
-    gathered,
+    issue_views,
     standing_out,
     verdict,
 )
@@ -44,7 +44,7 @@ class Count:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Beside:
+class RelatedCase:
     """A link to a related case: (permalink, label)."""
 
     engines: tuple[tuple[str, str], ...]
@@ -58,11 +58,11 @@ class ModelGroup:
     model: str
     engine: str
     diagnosis: DiagnosisView | None
-    cases: tuple[tuple[CaseView, Beside], ...]
+    cases: tuple[tuple[CaseView, RelatedCase], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
+class FolderView:
     """One folder: its page, and those of its models.
 
     Attributes:
@@ -106,16 +106,16 @@ class Report:
     settings: tuple[tuple[str, str], ...]
     absent: tuple[str, ...]
     counts: tuple[Count, ...]
-    troubles: tuple[Trouble, ...]
+    troubles: tuple[IssueView, ...]
     again: str
-    standing: tuple[Standing, ...]
-    changes: tuple[Change, ...] | None
+    standing: tuple[Outlier, ...]
+    changes: tuple[ChangeView, ...] | None
     baseline: str
-    matrix: Matrix
+    matrix: EngineMatrix
     cases: tuple[CaseView, ...]
     engines: tuple[str, ...]
     systems: tuple[str, ...]
-    groups: tuple[Group, ...]
+    groups: tuple[FolderView, ...]
     history: str
     packs: Mapping[str, str]
 
@@ -132,7 +132,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     diagnoses = _diagnoses(results.models, pairs, ids, content)
     worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
     counts = Counter(case.outcome for case in results.cases)
-    issues = gathered(results, {id(case): view for case, view in pairs}, diagnoses)
+    issues = issue_views(results, {id(case): view for case, view in pairs}, diagnoses)
     shown_names = {folder: name for folder, (_, name) in names.items()}
     baseline = results.baseline
     return Report(
@@ -182,7 +182,7 @@ def _groups(
     pairs: Sequence[Pair],
     diagnoses: Mapping[ModelKey, DiagnosisView],
     content: Content,
-) -> tuple[Group, ...]:
+) -> tuple[FolderView, ...]:
     cases: dict[str, list[Pair]] = {folder: [] for folder in pages}
     for case, view in pairs:
         cases[case.folder].append((case, view))
@@ -195,7 +195,7 @@ def _groups(
         for system in results.systems
     }
     return tuple(
-        Group(
+        FolderView(
             id=page,
             name=names[folder],
             models=_model_groups(cases[folder], diagnoses),
@@ -259,7 +259,7 @@ def _diagnoses(
     return views
 
 
-BESIDE = 12
+MAX_RELATED = 12
 """Maximum number of links to other cases; a longer row does not help."""
 
 
@@ -275,9 +275,9 @@ def _model_groups(
     for key, mine in rows.items():
         cases = []
         for case, view in mine:
-            engines = [v for v in same[case.scenario] if v is not view][:BESIDE]
-            scenarios = [v for _, v in mine if v is not view][:BESIDE]
-            links = Beside(
+            engines = [v for v in same[case.scenario] if v is not view][:MAX_RELATED]
+            scenarios = [v for _, v in mine if v is not view][:MAX_RELATED]
+            links = RelatedCase(
                 engines=tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
                 scenarios=tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
             )

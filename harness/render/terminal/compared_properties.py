@@ -10,7 +10,7 @@ from rich.console import Console
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.comparison import Compared, ComparedProperty
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.versions import say
+from physics_crosscheck.harness.render.terminal.versions import print_text
 
 MOST_SHOWN = 20
 """Maximum number of each kind; the record has all."""
@@ -70,7 +70,7 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
     console.print(f"\n{title}")
     lines = _folded(rows)
     for line in lines[:MOST_SHOWN]:
-        say(console, f"  {line}")
+        print_text(console, f"  {line}")
     if len(lines) > MOST_SHOWN:
         console.print(f"  and {len(lines) - MOST_SHOWN} more, see --json")
 
@@ -117,10 +117,10 @@ def _print_share(console: Console, compared: Compared) -> None:
         return  # the verdict has the share
     a, b = (float("inf") if inertia is None else inertia for inertia in compared.off)
     also = " too" if compared.properties or compared.differences else ""
-    say(
+    print_text(
         console,
         f"  the engines differ{also}. Distance from the equations of the file:"
         f" {a:.1e} in A, {b:.1e} in B",
     )
     for inertia in compared.impossible:
-        say(console, f"  {inertia}")
+        print_text(console, f"  {inertia}")

@@ -26,7 +26,7 @@ from physics_crosscheck.harness.render.terminal.compared_properties import (
 )
 from physics_crosscheck.harness.render.terminal.console import print_wrapped
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
-from physics_crosscheck.harness.render.terminal.versions import say
+from physics_crosscheck.harness.render.terminal.versions import print_text
 from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import counted
 
@@ -65,18 +65,18 @@ def _print_failure(console: Console, comparison: Comparison) -> None:
     text = with_code(comparison.code, comparison.reason)
     print_wrapped(console, text, lead=f"{WORDS[Outcome.FAILED]}  ", style=STYLES[Outcome.FAILED])
     for line in comparison.stdout.splitlines()[-6:]:
-        say(console, f"  | {line}")
+        print_text(console, f"  | {line}")
 
 
 def _print_models(console: Console, comparison: Comparison, compared: Compared) -> None:
     """Print the compared files, engines and runs, and the parts that were not compared."""
     console.print()
     for label, model in zip("AB", comparison.models, strict=True):
-        pull = ", ".join(f"{g:g}" for g in model.gravity or ())
-        gravity = f", gravity ({pull})" if pull else ""
-        say(console, f"{label}  {model.model} in {model.engine}{gravity}")
+        components = ", ".join(f"{g:g}" for g in model.gravity or ())
+        gravity = f", gravity ({components})" if components else ""
+        print_text(console, f"{label}  {model.model} in {model.engine}{gravity}")
     runs = counted(compared.runs.count, "run")
-    say(
+    print_text(
         console,
         f"   {runs} of {compared.runs.length:.3g} s from states of {compared.states_of},"
         f" {compared.runs.driven} of them with known forces",
@@ -84,12 +84,12 @@ def _print_models(console: Console, comparison: Comparison, compared: Compared) 
     )
     if compared.left_out:
         names = ", ".join(compared.left_out)
-        say(console, f"   without a partner in {compared.states_of}: {names}", "dim")
+        print_text(console, f"   without a partner in {compared.states_of}: {names}", "dim")
     for note in (*_folded(compared.notes, comparison.models), *compared.map):
         if not note.startswith(NOT_COMPARED):
-            say(console, f"   {note}", "dim")
+            print_text(console, f"   {note}", "dim")
     if line := _not_compared(compared):
-        say(console, line, "yellow")
+        print_text(console, line, "yellow")
 
 
 def _folded(notes: Sequence[str], models: Sequence[ComparedModel]) -> list[str]:
@@ -132,13 +132,13 @@ def _print_outcome(console: Console, comparison: Comparison, compared: Compared)
     text = with_code(comparison.code, cause or comparison.reason)
     print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
     if outcome is not Outcome.DIFFERS:
-        say(console, f"  difference {size}, on {compared.component}")
+        print_text(console, f"  difference {size}, on {compared.component}")
         return
     if remedy:
-        say(console, f"Fix: {remedy}")
-    say(console, f"  motions differ by {size}, on {compared.component}")
+        print_text(console, f"Fix: {remedy}")
+    print_text(console, f"  motions differ by {size}, on {compared.component}")
     if len(compared.joints) > 1:
-        say(console, f"  by joint: {_by_joint(compared)}")
+        print_text(console, f"  by joint: {_by_joint(compared)}")
 
 
 def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
@@ -236,7 +236,7 @@ def _print_terms(console: Console, outcome: Outcome, compared: Compared) -> None
         title = f"{'other ' if is_named else ''}measured terms that differ, largest effect first"
         console.print(f"\n{title}")
         for term in shown[:MOST_TERMS]:
-            say(console, f"  {term.message}")
+            print_text(console, f"  {term.message}")
         if len(shown) > MOST_TERMS:
             console.print(f"  and {len(shown) - MOST_TERMS} more, see --json")
     elif compared.terms:
@@ -270,15 +270,17 @@ def _print_differences(console: Console, outcome: Outcome, compared: Compared) -
     if shown:
         console.print("\nwhere the files differ, A -> B")
     for difference in shown[:MOST_TOLD]:
-        say(console, "  " + "  ".join(filter(None, _cells(difference, agrees))))
+        print_text(console, "  " + "  ".join(filter(None, _cells(difference, agrees))))
     if len(shown) > MOST_TOLD:
         console.print(f"  and {len(shown) - MOST_TOLD} more, see --json")
     if minor:
-        say(console, minor_line(len(minor)))
+        print_text(console, minor_line(len(minor)))
     if still:
-        say(console, f"  {len(still)} more differences have no effect on these runs, see --json")
+        print_text(
+            console, f"  {len(still)} more differences have no effect on these runs, see --json"
+        )
     if compared.untried:
-        say(console, f"  not tried alone: {counted(compared.untried, 'more difference')}")
+        print_text(console, f"  not tried alone: {counted(compared.untried, 'more difference')}")
 
 
 def _is_minor(difference: FileDifference) -> bool:

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.render.terminal.primes import primed
 from physics_crosscheck.harness.render.terminal.typeset import (
     Latex,
     Style,
-    Terms,
+    SumTerms,
     Text,
     latex_words,
 )
@@ -80,7 +80,7 @@ class DerivedEquilibrium:
     damped: Sequence[tuple[complex, Sequence[complex]]]
     transfers: Sequence[Transfer]
     moved: Sequence[tuple[sp.Symbol, sp.Expr]]
-    series: Sequence[tuple[Terms, Terms]] | None
+    series: Sequence[tuple[SumTerms, SumTerms]] | None
     linearity: Sequence[records.Linearity]
 
 
@@ -109,7 +109,7 @@ class DerivedSystem:
     outputs: Sequence[sp.Expr]
     energies: Sequence[tuple[str, sp.Expr]]
     forces: Sequence[sp.Expr]
-    motion: Sequence[tuple[Terms, Terms]]
+    motion: Sequence[tuple[SumTerms, SumTerms]]
     kind: str
     linear: bool
     order: int
@@ -174,7 +174,7 @@ class DerivedTree:
     pulls: Sequence[str]
     couplings: Sequence[str]
     omitted: Sequence[str]
-    motion: Sequence[tuple[Terms, Terms]]
+    motion: Sequence[tuple[SumTerms, SumTerms]]
     left_out: str
     home: Sequence[float]
     mass: Matrix

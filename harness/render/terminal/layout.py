@@ -72,9 +72,9 @@ class Formulas(ABC):
     def __init__(self) -> None:
         self.rows: list[tuple[str, str]] = []
 
-    def row(self, left: str, right: str = "") -> None:
+    def row(self, lhs: str, right: str = "") -> None:
         """Add a formula."""
-        self.rows.append((left, right))
+        self.rows.append((lhs, right))
 
     @abstractmethod
     def __str__(self) -> str: ...

@@ -46,7 +46,7 @@ CHAOTIC = "chaotic"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class ModelRow:
     """A model in an engine.
 
     Attributes:
@@ -102,7 +102,7 @@ def is_chaotic(case: Case) -> bool:
     return any(one.target == TENTH and one.step is None for one in run.steps_for)
 
 
-def known(values: Iterable[Number]) -> list[float]:
+def finite_values(values: Iterable[Number]) -> list[float]:
     """Return the values that are not missing."""
     return [value for value in values if value is not None]
 
@@ -111,7 +111,7 @@ def _print_note(console: Console, note: str) -> None:
     print_wrapped(console, note, lead=GAP, indent=len(GAP))
 
 
-def _print_rows(console: Console, rows: Sequence[Row], columns: list[str]) -> list[str]:
+def _print_rows(console: Console, rows: Sequence[ModelRow], columns: list[str]) -> list[str]:
     """Print a header and rows; return the columns that did not fit."""
     widths = {name: max(len(name), *(len(row.cells[name]) for row in rows)) for name in columns}
     # A single system is named above the table.
@@ -166,19 +166,19 @@ def _total(widths: Sequence[int]) -> int:
     return sum(widths) + len(GAP) * (len(widths) - 1)
 
 
-def _row(model: ModelId, cases: Sequence[Case]) -> Row:
+def _row(model: ModelId, cases: Sequence[Case]) -> ModelRow:
     counts = Counter(case.outcome for case in cases)
     status = Text(", ").join(
         Text(f"{counts[one]} {WORDS[one]}", STYLES[one]) for one in reversed(Outcome) if counts[one]
     )
     agreeing = [case for case in cases if case.outcome is Outcome.AGREES]
-    digits = known(map(digits_known, agreeing))
+    digits = finite_values(map(digits_known, agreeing))
     discrepancy, uncertainty = _sizes(cases)
     differs = bool(counts[Outcome.DIFFERS]) and discrepancy is not None
     runs = [c.full_run for c in cases if c.full_run is not None and not is_chaotic(c)]
     chaotic = any(map(is_chaotic, cases))
-    errors = known(e for run in runs for e in (run.global_error, run.velocity_error))
-    steps = known(case.full_run.time_step for case in cases if case.full_run is not None)
+    errors = finite_values(e for run in runs for e in (run.global_error, run.velocity_error))
+    steps = finite_values(case.full_run.time_step for case in cases if case.full_run is not None)
     cells = {
         "status": status.plain,
         "digits": f"{min(digits):.1f}" if digits else "",
@@ -187,11 +187,11 @@ def _row(model: ModelId, cases: Sequence[Case]) -> Row:
         "uncertainty": "" if uncertainty is None else f"{uncertainty:.1e}",
         "error at dt": _error(max(errors, default=None), chaotic),
         "dt": duration(max(steps)) if steps else "",
-        "order": _range(known(run.order for run in runs)),
+        "order": _range(finite_values(run.order for run in runs)),
         "dt for 0.1 %": _step_for_tenth(runs),
     }
     names = visible(model.system), visible(model.model), visible(model.engine)
-    return Row(names=names, cells=cells, status=status, agrees=len(agreeing) == len(cases))
+    return ModelRow(names=names, cells=cells, status=status, agrees=len(agreeing) == len(cases))
 
 
 def _error(error: Number, chaotic: bool) -> str:
@@ -202,7 +202,7 @@ def _error(error: Number, chaotic: bool) -> str:
 def _step_for_tenth(runs: Sequence[FullRun]) -> str:
     """Return the time step for an error of 0.1 % in every motion; empty if unknown."""
     steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
-    finite = known(steps)
+    finite = finite_values(steps)
     return duration(min(finite)) if finite and len(finite) == len(steps) else ""
 
 
@@ -218,8 +218,8 @@ def _sizes(cases: Sequence[Case]) -> tuple[Number, Number]:
         worst = max(differing, key=lambda one: one.discrepancy or 0.0)
         return worst.discrepancy, worst.uncertainty
     largest = (
-        known(one.largest_discrepancy for one in verdicts),
-        known(one.largest_uncertainty for one in verdicts),
+        finite_values(one.largest_discrepancy for one in verdicts),
+        finite_values(one.largest_uncertainty for one in verdicts),
     )
     discrepancy, uncertainty = (max(found, default=None) for found in largest)
     return discrepancy, uncertainty

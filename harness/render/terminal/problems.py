@@ -22,9 +22,9 @@ from physics_crosscheck.harness.render.terminal.console import print_wrapped
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, brief_cause, cause_sentences
 from physics_crosscheck.harness.results.issues import (
-    Trouble,
+    Issue,
+    collect_issues,
     explained_alike,
-    troubles,
     untold_failures,
 )
 from physics_crosscheck.harness.results.messages import with_code
@@ -52,7 +52,7 @@ Note = tuple[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Problem:
+class PrintedProblem:
     """A problem.
 
     Attributes:
@@ -90,12 +90,14 @@ def print_problems(console: Console, results: Results, *, details: bool = False)
     return [problem.code for problem in all_problems if problem.outcome is not Outcome.ABSENT]
 
 
-def problems(results: Results, *, details: bool = False) -> list[Problem]:
+def problems(results: Results, *, details: bool = False) -> list[PrintedProblem]:
     """Return the problems of a run, the worst first."""
     short = is_single_file(results)
-    found_problems = [_of_trouble(one, results, short, details) for one in troubles(results.cases)]
+    found_problems = [
+        _of_trouble(one, results, short, details) for one in collect_issues(results.cases)
+    ]
     found_problems += [
-        Problem(
+        PrintedProblem(
             outcome=Outcome.FAILED,
             code=part_code(),
             name=model.engine if short else str(model.id),
@@ -113,7 +115,7 @@ def is_single_file(results: Results) -> bool:
     return len(places) == 1 and all(folder.endswith(model) for folder, model in places)
 
 
-def _print_problem(console: Console, problem: Problem, width: int) -> None:
+def _print_problem(console: Console, problem: PrintedProblem, width: int) -> None:
     word = WORDS[problem.outcome]
     lead = f"  {word}{' ' * (width - len(word))} "
     first = f"{problem.name}  {problem.headline}"
@@ -131,17 +133,17 @@ def _print_problem(console: Console, problem: Problem, width: int) -> None:
         print_wrapped(console, line, lead=f"{' ' * INDENT}| ", indent=INDENT + 2)
 
 
-def _of_trouble(issue: Trouble, results: Results, short: bool, details: bool) -> Problem:
+def _of_trouble(issue: Issue, results: Results, short: bool, details: bool) -> PrintedProblem:
     case, cases = issue.worst, (issue.worst, *issue.others)
     if case.outcome is Outcome.DIFFERS:
         return _difference(cases, results, short, details)
     headline = with_code(case.code, case.reason)
     if case.outcome is Outcome.ABSENT:
         name = counted(len(cases), "case")
-        return Problem(outcome=case.outcome, code=case.code, name=name, headline=headline)
+        return PrintedProblem(outcome=case.outcome, code=case.code, name=name, headline=headline)
     name = _engine_name(cases) if short else str(case.id)
     notes = () if short or not issue.others else (("", _others(cases, details)),)
-    return Problem(
+    return PrintedProblem(
         outcome=case.outcome,
         code=case.code,
         name=name,
@@ -171,7 +173,9 @@ def _others(cases: Sequence[Case], details: bool) -> str:
     return f"{text}: {', '.join(str(case.id) for case in cases[1:])}" if details else text
 
 
-def _difference(cases: Sequence[Case], results: Results, short: bool, details: bool) -> Problem:
+def _difference(
+    cases: Sequence[Case], results: Results, short: bool, details: bool
+) -> PrintedProblem:
     """Return the problem of a model file whose motion differs in some engines."""
     worst = cases[0]
     keys = {case.key for case in cases}
@@ -192,7 +196,7 @@ def _difference(cases: Sequence[Case], results: Results, short: bool, details: b
     if details:
         notes.append(("cases", ", ".join(str(case.id) for case in cases)))
     code = codes[0] if codes else worst.code
-    return Problem(
+    return PrintedProblem(
         outcome=worst.outcome, code=code, name=name, headline=headline, notes=tuple(notes)
     )
 
@@ -235,11 +239,19 @@ def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
         return [(f"cause{engines}", f"none found: {diagnosis.failure}")]
     best = placed(diagnosis.explanations[0], model.folder)
     if not diagnosis.explained:
-        found = list(map(_finding_note, _of_file(model, model.unexplained_findings)))
-        if found and not details:
-            return [*found, *_fixes(model, model.unexplained_findings)]
-        text = BEGIN_WITH_AUDIT if found else f"none found; closest: {cause_sentences(best)[0]}"
-        return [*found, (f"cause{engines}", text), *_fixes(model, model.unexplained_findings)]
+        finding_notes = list(map(_finding_note, _of_file(model, model.unexplained_findings)))
+        if finding_notes and not details:
+            return [*finding_notes, *_fixes(model, model.unexplained_findings)]
+        text = (
+            BEGIN_WITH_AUDIT
+            if finding_notes
+            else f"none found; closest: {cause_sentences(best)[0]}"
+        )
+        return [
+            *finding_notes,
+            (f"cause{engines}", text),
+            *_fixes(model, model.unexplained_findings),
+        ]
     if details:
         *sentences, tail = cause_sentences(best)
         coded = zip((cause.code for cause in best.causes), sentences, strict=True)
@@ -323,7 +335,7 @@ def _finding_note(finding: AuditFinding) -> Note:
     return "found", with_code(finding.code, f"{where}{finding.message}")
 
 
-def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
+def _faults(results: Results, short: bool, details: bool) -> list[PrintedProblem]:
     """Return one problem per model file with audit findings that no cause explains."""
     files: dict[tuple[str, str], list[Model]] = {}
     for model in results.models:
@@ -333,21 +345,21 @@ def _faults(results: Results, short: bool, details: bool) -> list[Problem]:
     return [one for one in faults if one is not None]
 
 
-def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | None:
+def _fault(models: Sequence[Model], short: bool, details: bool) -> PrintedProblem | None:
     wanted: dict[tuple[object, ...], tuple[AuditFinding, list[Model]]] = {}
     for model in models:
-        for one in model.findings:
-            if details or not _is_explained(one, models):
-                key = one.kind, one.subject, one.location
-                wanted.setdefault(key, (one, []))[1].append(model)
+        for audit_finding in model.findings:
+            if details or not _is_explained(audit_finding, models):
+                key = audit_finding.kind, audit_finding.subject, audit_finding.location
+                wanted.setdefault(key, (audit_finding, []))[1].append(model)
     if not wanted or (not details and _poses_follow(wanted, models)):
         return None
     lines = [entry for entry in wanted.values() if entry[0].location is not None]
     rest = [entry for entry in wanted.values() if entry[0].location is None]
     shown = [*lines, *rest] if details or not lines else lines
     notes = []
-    for one, where in shown:
-        (finding,) = _of_file(where[0], [one])
+    for audit_finding, where in shown:
+        (finding,) = _of_file(where[0], [audit_finding])
         notes.append(_finding_note(finding))
     if len(shown) < len(wanted):
         more = counted(len(wanted) - len(shown), "more finding")
@@ -356,7 +368,7 @@ def _fault(models: Sequence[Model], short: bool, details: bool) -> Problem | Non
         notes += [note for note in _fixes(model, model.findings) if note not in notes]
     engines = dict.fromkeys(model.engine for _, where in shown for model in where)
     name = f"{models[0].system}/{models[0].model} [{', '.join(engines)}]"
-    return Problem(
+    return PrintedProblem(
         outcome=Outcome.DIFFERS,
         code=shown[0][0].code,
         name=models[0].model if short else name,

@@ -17,7 +17,11 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
 from physics_crosscheck.harness.render.terminal.console import print_hint, print_wrapped
 from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
-from physics_crosscheck.harness.render.terminal.models_table import is_chaotic, known, print_models
+from physics_crosscheck.harness.render.terminal.models_table import (
+    finite_values,
+    is_chaotic,
+    print_models,
+)
 from physics_crosscheck.harness.render.terminal.problems import (
     MAX_PROBLEMS,
     is_single_file,
@@ -84,7 +88,7 @@ def summary(results: Results) -> str:
     unit = "engine" if reached and is_single_file(results) else "case"
     total = len(results.cases) - counts[Outcome.ABSENT]
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
-    digits = known(map(digits_known, agreeing))
+    digits = finite_values(map(digits_known, agreeing))
     to = f" to {min(digits):.1f} digits" if digits else ""
     if agreeing and results.stopped and len(agreeing) == total:
         whole = total + len(results.not_run)
@@ -161,7 +165,7 @@ def largest(case: Case) -> Number:
     """Return the largest discrepancy or uncertainty of a case, over components and segments."""
     if case.verdict is None:
         return None
-    sizes = known((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
+    sizes = finite_values((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
     return max(sizes, default=None)
 
 
@@ -220,7 +224,7 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         by_engine.setdefault(case.engine, []).append(case)
     width = max((len(name) for name in by_engine), default=0)
     for engine, agreeing in by_engine.items():
-        digits = known(map(digits_known, agreeing))
+        digits = finite_values(map(digits_known, agreeing))
         parts = [f"{min(digits):.1f} digits"] if digits else []
         if len(cases) > len(by_engine):
             parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")

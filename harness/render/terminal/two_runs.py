@@ -20,11 +20,11 @@ from physics_crosscheck.harness.render.terminal.versions import (
     MOST_TOLD,
     error_change,
     print_changes,
-    say,
+    print_text,
     verdicts,
 )
 from physics_crosscheck.harness.results.issues import explained_alike
-from physics_crosscheck.harness.results.next_steps import Change, changes_of
+from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of
 from physics_crosscheck.harness.results.status import counted
 
 Kind = Literal["verdict", "new", "gone", "digits", "global error", "step"]
@@ -43,7 +43,7 @@ Changes from rounding in an engine's version, or from rounding in a chaotic moti
 
 
 @dataclass(frozen=True, kw_only=True)
-class Movement:
+class CaseMovement:
     """A case in two runs.
 
     Attributes:
@@ -91,10 +91,10 @@ class TwoRuns:
     versions: tuple[tuple[str, str, str], ...]
     mended: tuple[str, ...]
     broken: tuple[str, ...]
-    cases: tuple[Movement, ...]
+    cases: tuple[CaseMovement, ...]
 
     @property
-    def moved(self) -> tuple[Movement, ...]:
+    def moved(self) -> tuple[CaseMovement, ...]:
         """The changed cases."""
         return tuple(case for case in self.cases if case.kinds)
 
@@ -138,28 +138,28 @@ def digits_change(then: Number, now: Number) -> str:
 
 def print_two_runs(console: Console, runs: TwoRuns) -> None:
     """Print the summary, then what changed, worst first."""
-    say(console, f"{'FAIL' if runs.moved else 'ok'}  {headline(runs)}")
+    print_text(console, f"{'FAIL' if runs.moved else 'ok'}  {headline(runs)}")
     for what, then, now in runs.versions:
-        say(console, f"{what} {then} -> {now}")
+        print_text(console, f"{what} {then} -> {now}")
     both = [case for case in runs.moved if case.before is not None and case.after is not None]
     if shown_causes := both[:MOST_TOLD]:
         _print_table(console, shown_causes)
     if len(both) > MOST_TOLD:
-        say(console, f"and {len(both) - MOST_TOLD} more, on the page")
+        print_text(console, f"and {len(both) - MOST_TOLD} more, on the page")
     for kind in ("gone", "new"):
         models: dict[str, list[str]] = {}
         for case in runs.moved:
             if kind in case.kinds:
                 models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
         for model, scenarios in models.items():
-            say(console, f"{kind}  {model}: {', '.join(scenarios)}")
+            print_text(console, f"{kind}  {model}: {', '.join(scenarios)}")
     for line in runs.mended:
-        say(console, f"fixed  {line}")
+        print_text(console, f"fixed  {line}")
     for line in runs.broken:
-        say(console, f"new fault  {line}")
+        print_text(console, f"new fault  {line}")
 
 
-def _print_table(console: Console, cases: Sequence[Movement]) -> None:
+def _print_table(console: Console, cases: Sequence[CaseMovement]) -> None:
     rows = [
         (
             str(case.id),
@@ -183,7 +183,7 @@ def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:
     return by_name
 
 
-def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
+def _movement(name: CaseId, was: Case | None, now: Case | None) -> CaseMovement:
     digits = digits_known(was), digits_known(now)
     errors, steps = _of_run("global_error", was, now), _of_run("time_step", was, now)
     before, after = (None if one is None else one.outcome for one in (was, now))
@@ -200,7 +200,7 @@ def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
                 kinds.append("global error")
         if None not in steps and steps[0] != steps[1]:
             kinds.append("step")
-    return Movement(
+    return CaseMovement(
         id=name,
         kinds=tuple(kinds),
         before=before,
@@ -236,7 +236,7 @@ def _causes(results: Results) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _change_text(change: Change) -> str:
+def _change_text(change: ProposedChange) -> str:
     shorter = tuple(map(_short, change.locations))
     return str(dataclasses.replace(change, locations=shorter))
 
@@ -255,7 +255,7 @@ def _versions(
             yield name, then, now
 
 
-def _first(case: Movement) -> tuple[bool, int, float]:
+def _first(case: CaseMovement) -> tuple[bool, int, float]:
     """Return a sort key: worse cases first, then by what changed and by how much."""
     rank = min((KINDS.index(kind) for kind in case.kinds), default=len(KINDS))
     digits = abs((case.digits[1] or 0.0) - (case.digits[0] or 0.0))

@@ -18,7 +18,7 @@ from sympy.printing.conventions import split_super_sub
 from sympy.printing.latex import LatexPrinter, greek_letters_set, tex_greek_dictionary
 from sympy.printing.str import StrPrinter
 
-Terms: TypeAlias = Sequence[tuple[sp.Expr, sp.Expr]]
+SumTerms: TypeAlias = Sequence[tuple[sp.Expr, sp.Expr]]
 """A sum: coefficient and factor of each term, in order."""
 
 
@@ -89,7 +89,7 @@ class Style(ABC):
         degrees = round(math.degrees(cmath.phase(value)), 2) + 0.0
         return self.number(size) + self.phase.replace("#", f"{degrees:g}")
 
-    def sum(self, addends: Terms) -> str:
+    def sum(self, addends: SumTerms) -> str:
         """Format a sum in the given order."""
         text = ""
         for coefficient, factor in addends:

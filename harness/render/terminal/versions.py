@@ -21,22 +21,22 @@ MOST_TOLD = 40
 
 def print_versions(console: Console, versions: Versions) -> None:
     """Print the verdict with the remedy, then the changes of each upgrade, worst first."""
-    say(console, advice(versions))
+    print_text(console, advice(versions))
     for upgrade in versions.upgrades:
         console.print()
-        say(console, f"{versions.engine} {upgrade.before} -> {upgrade.after}", "bold")
+        print_text(console, f"{versions.engine} {upgrade.before} -> {upgrade.after}", "bold")
         changed = [case for case in upgrade.cases if case.kinds]
         if changed:
             _print_table(console, changed[:MOST_TOLD])
             for case in changed[:MOST_TOLD]:
                 _print_messages(console, case)
         if len(changed) > MOST_TOLD:
-            say(console, f"and {len(changed) - MOST_TOLD} more")
+            print_text(console, f"and {len(changed) - MOST_TOLD} more")
         for model in upgrade.models:
-            say(console, f"{model.id}: {', '.join(model.kinds)}")
+            print_text(console, f"{model.id}: {', '.join(model.kinds)}")
             for message in model.messages:
-                say(console, f"  {message}")
-        say(console, counts(upgrade))
+                print_text(console, f"  {message}")
+        print_text(console, counts(upgrade))
 
 
 def counts(upgrade: Upgrade) -> str:
@@ -122,7 +122,7 @@ def print_changes(
         console.print(table)
         return
     for name, kinds, verdict, number, error in rows:
-        say(console, name)
+        print_text(console, name)
         console.print(f"  {kinds}: {verdict}  {size} {number}  error at dt {error}")
 
 
@@ -164,12 +164,12 @@ def _percent(value: Number) -> str:
 
 
 def _print_messages(console: Console, case: VersionCase) -> None:
-    say(console, f"{', '.join(case.kinds)}: {case.id}")
+    print_text(console, f"{', '.join(case.kinds)}: {case.id}")
     for message in case.messages:
-        say(console, f"  {message}")
+        print_text(console, f"  {message}")
 
 
-def say(console: Console, text: str, style: str = "") -> None:
+def print_text(console: Console, text: str, style: str = "") -> None:
     """Print a text wrapped at the console's width, without splitting words."""
     for line in wrapped(text, console.width):
         console.print(f"[{style}]{escape(line)}[/]" if style else escape(line), soft_wrap=True)
