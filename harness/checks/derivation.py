@@ -91,7 +91,7 @@ def _equilibrium(
     return DerivedEquilibrium(
         name=declared.name,
         description=declared.description,
-        at=list(zip(system.q, one.symbolic_position, strict=True)),
+        rest=list(zip(system.q, one.symbolic_position, strict=True)),
         matrices=list(_matrices(one, system)),
         poles=pole_records(one),
         modes=mode_records(one),

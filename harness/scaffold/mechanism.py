@@ -22,7 +22,7 @@ class FormulaJoint:
     Attributes:
         name: name in the file.
         symbol: name of its coordinate.
-        at: position of its axis in the body, formulas.
+        position: position of its axis in the body, formulas.
         zero: coordinate of the body as drawn, a formula.
         limits: lowest and highest position, or None.
         force: name of the input that drives it.
@@ -33,7 +33,7 @@ class FormulaJoint:
     symbol: str
     hinge: bool
     axis: tuple[float, float, float]
-    at: Triple
+    position: Triple
     zero: str
     damping: str
     stiffness: str
@@ -60,7 +60,7 @@ class FormulaBody:
     name: str
     symbol: str
     parent: str
-    at: Triple
+    position: Triple
     turns: tuple[Turn, ...]
     joints: tuple[FormulaJoint, ...]
     mass: str

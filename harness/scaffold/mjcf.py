@@ -137,7 +137,7 @@ class _MjcfReader:
             name=name,
             symbol=frames[i],
             parent=frames[body.parent],
-            at=position,
+            position=position,
             turns=turns,
             joints=joints,
             mass=mass,
@@ -240,7 +240,7 @@ class _MjcfReader:
             symbol=symbol,
             hinge=hinge,
             axis=(x, y, z),
-            at=self._triple(
+            position=self._triple(
                 joint.position,
                 (name,),
                 "m",

@@ -126,7 +126,7 @@ def plan(system: System, joints: Sequence[FormulaJoint]) -> ScenarioPlan:
     centre = np.array([clipped(r, joint) for r, joint in zip(rest, joints, strict=True)])
     linear = _Linear.about(equations, centre)
     held = bool(np.any(centre != rest))
-    hold = tuple(float(f"{f:.3g}") if held else 0.0 for f in linear.pull)
+    hold = tuple(float(f"{f:.3g}") if held else 0.0 for f in linear.holding)
     about = "the middle of its range, held there" if held else "where it rests"
     slowest, duration = linear.slowest, linear.duration
     signs = [(1.0, -0.6, 0.8, -0.4)[i % 4] for i in range(len(rest))]
@@ -166,7 +166,7 @@ class _Linear:
 
     Attributes:
         mass, damping, stiffness: (n, n).
-        pull: forces that hold it there, (n,).
+        holding: forces that hold it there, (n,).
         slowest: slowest rate, rad/s.
         duration: duration of a scenario, seconds.
     """
@@ -174,7 +174,7 @@ class _Linear:
     mass: Array
     damping: Array
     stiffness: Array
-    pull: Array
+    holding: Array
     slowest: float
     duration: float
 
@@ -201,7 +201,7 @@ class _Linear:
             mass=mass,
             damping=slowing,
             stiffness=stiffness,
-            pull=values[3 * n * n :],
+            holding=values[3 * n * n :],
             slowest=slowest,
             duration=float(f"{duration:.2g}"),
         )

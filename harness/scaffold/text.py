@@ -174,12 +174,12 @@ def _input(joint: FormulaJoint) -> str:
 
 
 def _frames(body: FormulaBody) -> list[str]:
-    steps = [*_shift(body.at), *map(_turn, body.turns)]
+    steps = [*_shift(body.position), *map(_turn, body.turns)]
     for joint in body.joints:
         word = f"hinge({joint.symbol}, about=" if joint.hinge else f"slide({joint.symbol}, along="
         zero = "" if joint.zero == "0" else f", zero={joint.zero}"
-        back = (_minus(joint.at[0]), _minus(joint.at[1]), _minus(joint.at[2]))
-        steps += [*_shift(joint.at), f".{word}{_axis(joint.axis)}{zero})", *_shift(back)]
+        back = (_minus(joint.position[0]), _minus(joint.position[1]), _minus(joint.position[2]))
+        steps += [*_shift(joint.position), f".{word}{_axis(joint.axis)}{zero})", *_shift(back)]
     lines = _chain(body.symbol, body.parent, steps)
     if body.heavy:
         inner = [*_shift(body.centre), *map(_turn, body.principal)]

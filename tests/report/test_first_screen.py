@@ -175,7 +175,7 @@ def test_where_all_agrees_the_page_says_so_and_what_stands_out() -> None:
     seen = report(results(2))
     assert seen.verdict == "Every motion matches the equations. Nothing to change."
     assert seen.again == ""
-    assert [(one.what, one.value) for one in seen.standing] == [
+    assert [(one.what, one.value) for one in seen.outliers] == [
         ("fewest agreeing digits", "11.9"),
         ("largest error at dt (0.002\u00a0s)", "0.911\u00a0%"),
     ]

@@ -403,7 +403,7 @@ def test_a_sensitive_motion_that_agrees_does_not_read_like_a_fault() -> None:
     cell = seen.matrix.rows[0].cells[0]
     assert cell is not None
     assert cell.global_error == "0.911\u00a0%", "of the other scenarios"
-    assert [one.value for one in seen.standing] == ["11.9", "0.911\u00a0%", "1"]
+    assert [one.value for one in seen.outliers] == ["11.9", "0.911\u00a0%", "1"]
     differs = replace(found.cases[0], outcome=Outcome.DIFFERS, full_run=lost)
     seen = report(replace(found, cases=(differs, *found.cases[1:])))
     assert of(seen, view.id).global_error == "94.4\u00a0%", "no excuse for what differs"

@@ -16,17 +16,17 @@ def of(design: Design, seed: int = 7, count: int = 32) -> Draws:
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_a_draw_is_a_function_of_the_seed_and_its_number(design: Design) -> None:
-    forward = [of(design).at(i) for i in range(32)]
+    forward = [of(design).point_at(i) for i in range(32)]
     once = of(design)
-    assert [once.at(i) for i in reversed(range(32))] == forward[::-1]
-    assert of(design).at(19) == forward[19]
-    assert of(design, seed=8).at(19) != forward[19]
+    assert [once.point_at(i) for i in reversed(range(32))] == forward[::-1]
+    assert of(design).point_at(19) == forward[19]
+    assert of(design, seed=8).point_at(19) != forward[19]
     assert all(10 <= one["k"] <= 1000 and 1 <= one["m"] <= 3 for one in forward)
 
 
 @pytest.mark.parametrize("design", [Design.LATIN, Design.SOBOL])
 def test_each_part_of_each_range_is_drawn_from_once(design: Design) -> None:
-    found = [of(design).at(i) for i in range(32)]
+    found = [of(design).point_at(i) for i in range(32)]
     logarithms = np.log([one["k"] / 10 for one in found]) / np.log(100)
     masses = np.array([(one["m"] - 1) / 2 for one in found])
     for shares in (logarithms, masses):
@@ -35,10 +35,10 @@ def test_each_part_of_each_range_is_drawn_from_once(design: Design) -> None:
 
 def test_listed_values_without_a_number_of_draws_are_combined() -> None:
     every = draws(factors(["a=1,2", "b=3,4,5"]), Design.LATIN, None, 0)
-    found = [tuple(every.at(i).values()) for i in range(every.count)]
+    found = [tuple(every.point_at(i).values()) for i in range(every.count)]
     assert found == [(a, b) for a in (1, 2) for b in (3, 4, 5)]
 
 
 def test_nothing_varied_is_one_draw() -> None:
     none = draws((), Design.SOBOL, 50, 0)
-    assert (none.count, none.at(0)) == (1, {})
+    assert (none.count, none.point_at(0)) == (1, {})

@@ -80,7 +80,7 @@ def simulate(
     request = _motion_request(subject, scenario, duration)
     if step is not None:
         step = _positive(step, "step")
-    task = Simulated(asked=request, engine=engine_for(subject, engine), step=step)
+    task = Simulated(request=request, engine=engine_for(subject, engine), step=step)
     return _done(motions.simulate, task, subject)
 
 

@@ -59,12 +59,12 @@ class Simulated:
     """A motion and its simulation settings.
 
     Attributes:
-        asked: the motion.
+        request: the motion.
         engine: engine that runs the file.
         step: seconds; None: the file's own.
     """
 
-    asked: MotionRequest
+    request: MotionRequest
     engine: str
     step: float | None
 
@@ -90,7 +90,7 @@ def simulate(task: Simulated) -> Trajectory:
     Raises:
         MotionError, EngineError, DeclarationError, SidecarError, RobotError: in one sentence.
     """
-    request = task.asked
+    request = task.request
     source = _source(request.subject)
     scenario = _scenario(source, request)
     model, coordinates = _loaded(source, request.subject, task.engine)

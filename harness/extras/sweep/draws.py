@@ -49,7 +49,7 @@ class Draws:
     count: int
     seed: int
 
-    def at(self, draw: int) -> dict[str, float]:
+    def point_at(self, draw: int) -> dict[str, float]:
         """Return the values of the varied constants in a draw."""
         if not self.factors:
             return {}
@@ -73,7 +73,7 @@ class Draws:
         if self.design is Design.LATIN:
             row: Array = self._table[draw]
             return row
-        return self._sobol.at(draw)
+        return self._sobol.point_at(draw)
 
     @cached_property
     def _table(self) -> Array:
@@ -97,7 +97,7 @@ class _Sobol:
         generator = np.random.default_rng(seed)
         self._sampler: Any = qmc.Sobol(size, scramble=True, seed=generator)
 
-    def at(self, draw: int) -> Array:
+    def point_at(self, draw: int) -> Array:
         """Return the point of a number."""
         if draw < self._sampler.num_generated:
             self._sampler.reset()

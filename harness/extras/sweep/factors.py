@@ -33,7 +33,7 @@ class Factor:
     values: tuple[float, ...] = ()
     relative: bool = False
 
-    def of(self, constants: Mapping[str, float]) -> tuple[Factor, ...]:
+    def for_constants(self, constants: Mapping[str, float]) -> tuple[Factor, ...]:
         """Return a factor for each matching constant, in declared units; none for zero constants.
 
         A multiple of zero is not a range: a pattern leaves such constants unchanged.
@@ -121,7 +121,7 @@ def meant(factors: Sequence[Factor], constants: Mapping[str, float]) -> tuple[Fa
     Raises:
         SweepError: if two factors match one constant, or a range is invalid for it.
     """
-    matching = [made for one in factors for made in one.of(constants)]
+    matching = [made for one in factors for made in one.for_constants(constants)]
     names = [made.name for made in matching]
     for name in names:
         if names.count(name) > 1:

@@ -137,7 +137,7 @@ class CasePlan:
                 if cases:
                     yield self._block(part, cases)
 
-    def one(self, index: int) -> Block:
+    def block_of(self, index: int) -> Block:
         """Return the block of one case.
 
         Raises:
@@ -164,7 +164,7 @@ class CasePlan:
         return Planned(
             index=index,
             draw=draw,
-            constants=part.draws.at(draw),
+            constants=part.draws.point_at(draw),
             model=pairing.model,
             engine=pairing.engine,
             scenario=scenario,
@@ -207,7 +207,7 @@ def _check_names(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> None
     constants = list(dict.fromkeys(name for one in surveys for name in one.constants))
     for varied in options.factors:
         name = varied.name
-        if any(varied.of(one.constants) for one in surveys):
+        if any(varied.for_constants(one.constants) for one in surveys):
             continue
         raise SweepError(
             f"--vary {name}: no system of these has such a constant; they have"

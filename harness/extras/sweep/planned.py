@@ -53,6 +53,6 @@ class Block:
     resolution: float
     cases: tuple[Planned, ...]
 
-    def alone(self) -> Iterator[Block]:
+    def single_blocks(self) -> Iterator[Block]:
         """Yield one block per case."""
         return (replace(self, cases=(case,)) for case in self.cases)

@@ -202,7 +202,7 @@ class _Running:
     def _lost(self, block: Block, failure: Failure) -> Iterator[Job[Any]]:
         if len(block.cases) == 1:
             return self._store_rows((blank(block, block.cases[0], failure.reason),))
-        return map(self.job, block.alone())
+        return map(self.job, block.single_blocks())
 
 
 def sweep(
@@ -235,7 +235,7 @@ def run_single(whole: CasePlan, index: int, workers: Executor) -> SweepRow:
     Raises:
         SweepError: if there is no such case.
     """
-    block = whole.one(index)
+    block = whole.block_of(index)
     outcome = workers.outcome(workers.submit(run_block, block))
     if isinstance(outcome, Failure):
         return blank(block, block.cases[0], outcome.reason)

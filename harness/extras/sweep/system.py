@@ -55,13 +55,13 @@ class PreparedModel:
     """A model in an engine, ready for any constants.
 
     Attributes:
-        redrawn: its file.
+        model_file: its file.
         coordinates: map between the system and the engine.
         integrator: name of its own integrator.
         integrators: other integrators of the engine, with the settings that select them.
     """
 
-    redrawn: ParametricModelFile
+    model_file: ParametricModelFile
     coordinates: CoordinateFamily
     integrator: str
     integrators: Mapping[str, Mapping[str, object]]
@@ -97,7 +97,7 @@ class Swept(Source):
         return other
 
     @property
-    def own(self) -> frozenset[str]:
+    def own_constants(self) -> frozenset[str]:
         """Varied constants of this system."""
         return self.varied & self.constants.keys()
 
@@ -153,7 +153,7 @@ class Swept(Source):
             loaded = engines()[engine].load(sidecar.spec(engine))
             coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
             needed = self.needed | coordinates.constants
-            model_file = parametric_model_file(self.system, sidecar, self.own, needed)
+            model_file = parametric_model_file(self.system, sidecar, self.own_constants, needed)
             self._models[name, engine] = PreparedModel(
                 model_file, coordinates, loaded.integrator, loaded.integrators
             )
@@ -195,7 +195,7 @@ class Swept(Source):
         prepared = self.model(case.model, case.engine)
         constants = {c.name: c.value for c in equations.system.constants}
         with record.timing("loading_seconds"):
-            sidecar = prepared.redrawn.write(constants, place)
+            sidecar = prepared.model_file.write(constants, place)
             model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
         record.check_step(model, case)
         if why := why_no_run(motion.duration, model.step):

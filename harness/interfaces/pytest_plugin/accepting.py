@@ -25,7 +25,7 @@ class Accepting:
         asked: settings for running cases.
 
     Attributes:
-        told: lines for the end of the run.
+        lines: lines for the end of the run.
 
     Raises:
         pytest.UsageError: in CI, or without a reason.
@@ -37,7 +37,7 @@ class Accepting:
         given = config.getoption("crosscheck_accept")
         self._reason = None if given is None else " ".join(given.split())
         self._folders, self._settings = folders, settings
-        self.told: tuple[str, ...] = ()
+        self.lines: tuple[str, ...] = ()
         if self._reason is not None and in_ci():
             raise pytest.UsageError("--crosscheck-accept needs a person and is refused in CI")
         if self._reason == "":
@@ -75,9 +75,11 @@ class Accepting:
                 result, dict.fromkeys(chosen, self._reason), (), self._settings.baseline
             )
         except AcceptError as error:
-            self.told = (f"crosscheck: {error}",)
+            self.lines = (f"crosscheck: {error}",)
             return False
-        self.told = tuple(accepted_lines(done.cases, done.files, terminal().width, with_cases=True))
+        self.lines = tuple(
+            accepted_lines(done.cases, done.files, terminal().width, with_cases=True)
+        )
         return True
 
 

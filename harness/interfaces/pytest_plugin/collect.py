@@ -227,7 +227,7 @@ class CrosscheckItem(pytest.Item):
         """Return why it can't run; the audit of a robot file needs no engine."""
         if self.engine == NO_ENGINE:
             return None
-        return self.config.stash[RUNNER].hurdle(model, self.engine)
+        return self.config.stash[RUNNER].precondition(model, self.engine)
 
     def _fail(self, record: Case | Model, decision: Decision) -> None:
         """Fail with a message that names the cause."""

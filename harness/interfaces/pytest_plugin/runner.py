@@ -55,7 +55,7 @@ class CaseRunner:
         self._robot_cases: dict[tuple[Path, CaseId], Case] = {}
         self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
-    def hurdle(self, model: Sidecar | Path, engine: str) -> Hurdle | None:
+    def precondition(self, model: Sidecar | Path, engine: str) -> Hurdle | None:
         """Return why a model can't run at all; None if it can."""
         return hurdle(self._engines, engine, model)
 
@@ -90,7 +90,7 @@ class CaseRunner:
         others = [
             structs.replace(case_id, engine=engine)
             for engine in chosen_engines(file, ())
-            if engine != case_id.engine and self.hurdle(file, engine) is None
+            if engine != case_id.engine and self.precondition(file, engine) is None
         ]
         return [case.engine for case in others if self.case(case, file, file).verdict is not None]
 

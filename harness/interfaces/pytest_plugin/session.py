@@ -67,7 +67,7 @@ class CrosscheckSession:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print the outcomes, the accepted results, and the skipped tests."""
         summarize(terminalreporter)
-        for line in self._accepting.told:
+        for line in self._accepting.lines:
             terminalreporter.write_line(line)
         for line in absent_engine_lines(sorted(self._folders)):
             terminalreporter.write_line(f"crosscheck: {line}")

@@ -58,7 +58,7 @@ class _LazyPacks(Mapping[str, str]):
 
     def __getitem__(self, name: str) -> str:
         pack, charts, more = self._packs[name]
-        return pack.packed(charts, **more)
+        return pack.to_text(charts, **more)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._packs)

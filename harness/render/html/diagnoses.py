@@ -38,7 +38,7 @@ class ExplanationView:
     """A cause or a pair of causes in ranked order, with residual and indistinguishable causes."""
 
     causes: tuple[CauseView, ...]
-    left: str
+    remaining: str
     tied: str
 
 
@@ -150,7 +150,7 @@ def _blamed(model: Model) -> Iterator[SourceLine]:
 def _explanation(explanation: Explanation) -> ExplanationView:
     return ExplanationView(
         causes=tuple(_cause(cause) for cause in explanation.causes),
-        left=sci(explanation.remaining),
+        remaining=sci(explanation.remaining),
         tied=", ".join(shown(name) for name in explanation.tied_with),
     )
 

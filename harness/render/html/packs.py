@@ -97,7 +97,7 @@ class Pack:
         text = msgspec.json.encode(kept)
         return Column(pack=self.id, key=self._columns.setdefault(text, f"c{len(self._columns)}"))
 
-    def packed(self, charts: Iterable[Chart] = (), **more: object) -> str:
+    def to_text(self, charts: Iterable[Chart] = (), **more: object) -> str:
         """Return the pack and `more` as text for a script element."""
         content: dict[str, object] = {
             "columns": {key: msgspec.Raw(text) for text, key in self._columns.items()},

@@ -34,7 +34,7 @@ class ShownCase:
     """The page of a case and its context."""
 
     case: CaseView
-    beside: RelatedCase
+    links: RelatedCase
     model: ModelGroup
     group: FolderView
 
@@ -60,7 +60,7 @@ def divided(groups: Iterable[FolderView]) -> Iterator[tuple[ShownCase, ...]]:
         scenarios: dict[str, list[ShownCase]] = {}
         for model in group.models:
             for case, links in model.cases:
-                shown_case = ShownCase(case=case, beside=links, model=model, group=group)
+                shown_case = ShownCase(case=case, links=links, model=model, group=group)
                 scenarios.setdefault(case.scenario, []).append(shown_case)
         for cases in scenarios.values():
             rest = iter(cases)

@@ -42,7 +42,7 @@ class Mark:
 class Tick:
     """A labelled value on an axis."""
 
-    at: str
+    position: str
     label: str
 
 
@@ -74,7 +74,7 @@ class Point:
     y: float
     series: int
     outcome: str
-    told: str
+    description: str
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class _Axis:
     log: bool
 
     @staticmethod
-    def of(values: Sequence[float], log: bool) -> _Axis:
+    def covering(values: Sequence[float], log: bool) -> _Axis:
         low, high = min(values), max(values)
         if log:
             low, high = math.log10(low), math.log10(high)
@@ -123,8 +123,8 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
     if not drawable:
         return None
     xs = [p.x for p in drawable]
-    across = _Axis.of(xs, min(xs) > 0 and max(xs) / min(xs) >= WIDE)
-    upward = _Axis.of([p.y for p in drawable], True)
+    across = _Axis.covering(xs, min(xs) > 0 and max(xs) / min(xs) >= WIDE)
+    upward = _Axis.covering([p.y for p in drawable], True)
     return Scatter(
         title=shown(title),
         x_label=shown(x_label),
@@ -135,16 +135,16 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
                 COLOURS[p.series % len(COLOURS)],
                 MARKS[p.series % len(MARKS)],
                 p.outcome,
-                shown(p.told),
+                shown(p.description),
             )
             for p in drawable
         ),
         x_ticks=tuple(
-            Tick(at=_x(across.share(value)), label=label)
+            Tick(position=_x(across.share(value)), label=label)
             for value, label in labelled(across.ticks(), "g")
         ),
         y_ticks=tuple(
-            Tick(at=_y(upward.share(value)), label=label)
+            Tick(position=_y(upward.share(value)), label=label)
             for value, label in labelled(upward.ticks(), "e")
         ),
     )

@@ -74,8 +74,8 @@ class PlottedQuantity:
     """A plotted quantity of each case: its name, value and format."""
 
     what: str
-    of: Callable[[SweepRow], float | None]
-    told: Callable[[float | None], str]
+    value_of: Callable[[SweepRow], float | None]
+    format_value: Callable[[float | None], str]
 
 
 def _known_to(row: SweepRow) -> float | None:
@@ -83,8 +83,10 @@ def _known_to(row: SweepRow) -> float | None:
     return max((one for one in (row.discrepancy, row.uncertainty) if one is not None), default=None)
 
 
-AT_THE_STEP = PlottedQuantity(what="error at dt", of=lambda row: row.global_error, told=percent)
-OF_SEGMENTS = PlottedQuantity(what="larger of E and U", of=_known_to, told=sci)
+AT_THE_STEP = PlottedQuantity(
+    what="error at dt", value_of=lambda row: row.global_error, format_value=percent
+)
+OF_SEGMENTS = PlottedQuantity(what="larger of E and U", value_of=_known_to, format_value=sci)
 """Quantity for robot states, which have no motion at the model's time step."""
 
 
@@ -95,7 +97,7 @@ class SweepPage:
     title: str
     summary: str
     cost: str
-    left: str
+    not_run: str
     command: str
     outcomes: tuple[Bar, ...]
     digits: tuple[Bar, ...]
@@ -122,7 +124,7 @@ def _page(sweep_summary: SweepSummary) -> SweepPage:
         summary=", ".join(f"{count} {name}" for name, count in sweep_summary.outcomes.items())
         or "no rows",
         cost=_cost(sweep_summary),
-        left=f"{counted(remaining, 'case')} not run yet" if remaining else "",
+        not_run=f"{counted(remaining, 'case')} not run yet" if remaining else "",
         command=shown(sweep_summary.plan.command),
         outcomes=bars(sweep_summary.outcomes),
         digits=bars(sweep_summary.digits),
@@ -180,7 +182,7 @@ def scatter_of(
     over = name or "the step"
     amiss = sum(p.outcome != Outcome.AGREES for p in points)
     ringed = f", {amiss} that did not agree (ringed)" if amiss else ""
-    largest = what.told(max((p.y for p in points), default=None))
+    largest = what.format_value(max((p.y for p in points), default=None))
     return scatter(
         f"{what.what[0].upper()}{what.what[1:]} over {over}",
         name or "step h [s]",
@@ -193,12 +195,12 @@ def _points(
     rows: list[SweepRow], series: list[str], name: str, what: PlottedQuantity
 ) -> Iterator[Point]:
     for row in rows:
-        x, y = row.constants.get(name) if name else row.step, what.of(row)
+        x, y = row.constants.get(name) if name else row.step, what.value_of(row)
         if x is None or y is None or row.outcome is Outcome.FAILED:
             continue
         number = series.index(f"{row.engine}, {row.integrator}")
-        label = f"#{row.index} {row.name}: {what.told(y)}"
-        yield Point(x=x, y=y, series=number, outcome=row.outcome.value, told=label)
+        label = f"#{row.index} {row.name}: {what.format_value(y)}"
+        yield Point(x=x, y=y, series=number, outcome=row.outcome.value, description=label)
 
 
 def _row(row: SweepRow) -> SweepCaseRow:

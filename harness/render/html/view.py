@@ -90,7 +90,7 @@ class Report:
         verdict: the verdict in words, and what to do on failure.
         troubles: issues to act on.
         again: command that checks a fix; empty if all passes.
-        standing: extreme cases among those that agree.
+        outliers: extreme cases among those that agree.
         changes: changes since the baseline; None without one.
         baseline: name of the baseline.
         matrix: models by engines.
@@ -108,7 +108,7 @@ class Report:
     counts: tuple[Count, ...]
     troubles: tuple[IssueView, ...]
     again: str
-    standing: tuple[Outlier, ...]
+    outliers: tuple[Outlier, ...]
     changes: tuple[ChangeView, ...] | None
     baseline: str
     matrix: EngineMatrix
@@ -150,7 +150,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
         ),
         troubles=issues,
         again=shown(run_again(results, out)),
-        standing=standing_out(pairs),
+        outliers=standing_out(pairs),
         changes=None if baseline is None else changes(baseline, pairs),
         baseline="" if baseline is None else shown(baseline.name or "the baseline"),
         matrix=matrix(pairs, results.models, pages, shown_names),

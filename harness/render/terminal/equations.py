@@ -62,7 +62,7 @@ class DerivedEquilibrium:
     """The equations about one equilibrium.
 
     Attributes:
-        at: each position symbol and its value at rest.
+        rest: each position symbol and its value at rest.
         matrices: M, C, K, A, B; without empty ones.
         damped: eigenvalue and complex shape of each mode; empty without damping.
         moved: symbols of deviations from nonzero rest positions, each with its meaning.
@@ -73,7 +73,7 @@ class DerivedEquilibrium:
 
     name: str
     description: str
-    at: Sequence[tuple[sp.Symbol, sp.Expr]]
+    rest: Sequence[tuple[sp.Symbol, sp.Expr]]
     matrices: Sequence[Matrix]
     poles: Sequence[records.Pole]
     modes: Sequence[records.Mode]
