@@ -6,7 +6,7 @@ const DECADE_STEPS = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 50, 100, 200];
 const MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
-/** The part of an axis that is shown, in data units. Several plots may share one. */
+/** The visible range of an axis, in data units. Several plots may share one. */
 class Range {
   constructor(start, end) {
     Object.assign(this, { start, end, whole: [start, end], listeners: new Set() });
@@ -24,7 +24,7 @@ class Range {
 class Axis {
   constructor(kind, range) { Object.assign(this, { kind, range, length: 1 }); }
 
-  /** Return the ends in the units in which the axis is even. */
+  /** Return the ends on the axis's linear scale. */
   ends() {
     const { start, end } = this.range;
     return this.kind === "log" ? [Math.log10(start), Math.log10(end)] : [start, end];
@@ -44,7 +44,7 @@ class Axis {
     return this.kind === "log" ? 10 ** even : even;
   }
 
-  /** Show what is between two distances; not a part that doubles can't resolve. */
+  /** Show the range between two distances, unless doubles can't resolve it. */
   zoom(from, to) {
     const [start, end] = [this.value(from), this.value(to)];
     const size = Math.max(Math.abs(start), Math.abs(end));
@@ -52,7 +52,7 @@ class Axis {
     if (valid) this.range.set(start, end);
   }
 
-  /** Return the closest ticks whose labels stay apart; `span` gives the pixels that a label takes. */
+  /** Return the closest ticks whose labels stay apart; `span` gives the size of a label in pixels. */
   ticks(span) {
     const scale = this.scale();
     let best = [];
@@ -65,7 +65,7 @@ class Axis {
   }
 }
 
-/** Whether no label touches or repeats another. */
+/** Return whether labels neither overlap nor repeat. */
 function areApart(ticks, scale, span) {
   if (new Set(ticks.map((tick) => tick.label)).size < ticks.length) return false;
   let last = -Infinity;
@@ -86,13 +86,13 @@ function candidates(kind, low, high) {
 const exponent = (value) => Math.floor(Math.log10(Math.abs(value)) + 1e-9);
 const signed = (label) => label.replace("-", "−");
 
-/** Return the least of 1, 2 and 5 times a power of ten that is as large as a value. */
+/** Return the smallest 1, 2 or 5 times a power of ten that is at least a value. */
 function niceStep(least) {
   const power = 10 ** exponent(least);
   return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least * (1 - 1e-9));
 }
 
-/** Return the whole numbers from `low` to `high`, whose ends may be off by rounding. */
+/** Return the whole numbers from `low` to `high`, tolerating rounding at both ends. */
 function integers(low, high) {
   const first = Math.ceil(low - 1e-9), count = Math.floor(high + 1e-9) - first + 1;
   return Array.from({ length: Math.max(count, 0) }, (_, i) => first + i);
@@ -113,7 +113,7 @@ function evenTicks(low, high, step) {
   });
 }
 
-/** Return a number as a power of ten times another with some decimals. */
+/** Format a number as a power of ten times another with some decimals. */
 function power(value, decimals) {
   if (value === 0) return "0";
   const [factor, raised] = value.toExponential(Math.max(decimals, 0)).split("e");
@@ -121,7 +121,7 @@ function power(value, decimals) {
   return factor === "1" ? ten : `${factor}×${ten}`;
 }
 
-/** Yield 1, 2 and 5 times the powers of ten over less than about two decades, or powers alone. */
+/** Yield 1, 2 and 5 times the powers of ten for less than about two decades; else powers only. */
 function* logTicks(low, high) {
   const [first, last] = [Math.log10(low), Math.log10(high)];
   const decades = integers(Math.floor(first), last);
@@ -149,7 +149,7 @@ function* dateTicks(low, high) {
   }
 }
 
-/** Label dates as closely as their step asks; the year stands where it changes. */
+/** Label dates at the precision of their step; name the year where it changes. */
 function dateLabels(times, step) {
   let before = null;
   return times.map((value) => {

@@ -1,4 +1,4 @@
-/** Let buttons put what they hold into the clipboard, and say so. */
+/** Let buttons copy their text to the clipboard and confirm it. */
 function copying() {
   const status = make("span", { class: "unseen", role: "status" });
   document.body.append(status);
@@ -13,7 +13,7 @@ function copying() {
   });
 }
 
-/** Put a text into the clipboard; where that is not allowed, select it. */
+/** Copy a text to the clipboard; if that is not allowed, select it. */
 async function copied(text) {
   try {
     await navigator.clipboard.writeText(text);

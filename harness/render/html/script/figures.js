@@ -1,4 +1,4 @@
-/** The time that all plots and the motion of one case show, and the part of it that plots show. */
+/** The current time of all plots and the animation of one case, and the visible time range. */
 class Clock {
   constructor(end) {
     Object.assign(this, { end, t: 0, listeners: new Set(), range: new Range(-0.01 * end, 1.01 * end) });
@@ -19,7 +19,7 @@ const near = new IntersectionObserver((entries) => {
   }
 }, { rootMargin: "400px" });
 
-/** Build the figures of a pack in their box: headings, texts, tables; plots when they come near. */
+/** Build the figures of a pack in their box: headings, texts, tables; plots when near the view. */
 async function build(box) {
   box.dataset.built = "begun";
   const id = box.dataset.pack;
@@ -34,7 +34,7 @@ async function build(box) {
     const lead = make("div", { class: "lead" });
     box.append(lead);
     if (motion) lead.append(await player(id, motion, clock));
-    // Without a picture of the mechanism, the motion of the coordinate is the next best.
+    // Without a sketch of the mechanism, show the motion of the coordinate first.
     for (const chart of leading) {
       if (!motion || chart.over_error) lead.append(await group(id, [chart], clock, "together"));
     }
@@ -57,7 +57,7 @@ async function build(box) {
 
 const unfolded = new Set();
 
-/** Plots of one kind, folded until somebody wants them; then so in every case. */
+/** Plots of one kind, folded until the reader opens them; then open in every case. */
 function topic(id, part, charts, clock) {
   const element = make("details", { class: "topic" }, make("summary", {}, part, make("span", { class: "muted" }, ` ${charts.length}`)));
   element.addEventListener("toggle", async () => {
@@ -73,7 +73,7 @@ function topic(id, part, charts, clock) {
   return element;
 }
 
-/** Plots that have a legend together: what it hides is hidden in all of them. */
+/** Plots with a common legend: it hides curves in all of them. */
 async function group(id, charts, clock, kind = "grid") {
   const shared = { hidden: new Set(), plots: new Set() };
   const figures = await Promise.all(charts.map((chart) => figure(id, chart, clock, shared)));
@@ -82,7 +82,7 @@ async function group(id, charts, clock, kind = "grid") {
 
 const IDLE = 1500;
 
-/** Draw what is not near either, once the reader has had time to look: for paper, and for search. */
+/** Draw distant plots too after a delay, for printing and for text search. */
 function drawRest(box) {
   const next = () => {
     const element = [...waiting.keys()].find((each) => box.contains(each));
@@ -106,7 +106,7 @@ async function figure(id, chart, clock, shared) {
   const element = make("figure", {}, make("div", { class: "head" }, make("h4", {}, chart.title), tools.box), canvas,
     ...(chart.over_time ? [readout] : []), make("figcaption", {}, about, data));
   const draw = () => {
-    // The reader may have gone on meanwhile.
+    // The reader may have left the view by now.
     if (!element.closest(".view").classList.contains("current")) return;
     waiting.delete(element);
     near.unobserve(element);
@@ -124,7 +124,7 @@ async function figure(id, chart, clock, shared) {
     state.plot?.showTime(t);
   });
   const wait = () => { waiting.set(element, draw); near.observe(element); };
-  /** Undraw, until it comes near again: what is not looked at costs nothing. */
+  /** Remove the drawing until the plot is near the view again, to save memory. */
   element.rest = () => {
     if (!state.plot) return;
     state.end();
@@ -138,7 +138,7 @@ async function figure(id, chart, clock, shared) {
   return element;
 }
 
-/** Show the clock's time in a plot, and let the plot's pointer set it. */
+/** Show the clock's time in a plot, and let the pointer set it. */
 function follow(plot, clock) {
   plot.element.onpointermove = (event) => {
     const at = inFrame(plot, event);
@@ -147,7 +147,7 @@ function follow(plot, clock) {
   plot.showTime(clock.t);
 }
 
-/** Index of the sample nearest to t. */
+/** Return the index of the sample nearest to t. */
 function nearest(row, t) {
   let low = 0, high = row.length - 1;
   while (high - low > 1) {

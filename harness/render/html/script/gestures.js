@@ -1,6 +1,6 @@
 const NEAR = 7, LEAST_BOX = 6, NOTCH = 1.2;
 
-/** Let the pointer zoom, move and ask a plot; returns the function that ends it. */
+/** Let the pointer zoom, pan and query a plot; return the function that removes this. */
 function gestures(plot, tools) {
   const { element } = plot;
   const ended = new AbortController();
@@ -33,7 +33,7 @@ function gestures(plot, tools) {
   on("pointerleave", () => hideTips(element));
   on("dblclick", () => plot.reset());
   on("wheel", (event) => {
-    // Without being asked to, a wheel scrolls the page.
+    // Without a modifier key, the wheel scrolls the page.
     if (!event.ctrlKey && !event.metaKey && !tools.isPanning()) return;
     event.preventDefault();
     hideTips(element);
@@ -42,7 +42,7 @@ function gestures(plot, tools) {
   return () => ended.abort();
 }
 
-/** Return where the pointer is, in pixels from the upper left corner of the frame. */
+/** Return the pointer's position in pixels from the upper left corner of the frame. */
 function inFrame({ svg: drawing, frame }, event) {
   const { left, top } = drawing.getBoundingClientRect();
   return [event.clientX - left - frame.left, event.clientY - top - frame.top];
@@ -56,7 +56,7 @@ function selection(plot) {
   return box;
 }
 
-/** Return the box between two points; one that is hardly wide or high takes the whole frame there. */
+/** Return the box between two points; a very narrow or flat one spans the whole frame. */
 function corners({ frame }, [x, y], [x2, y2]) {
   const ends = (a, b, most) => {
     const [low, high] = [Math.max(Math.min(a, b), 0), Math.min(Math.max(a, b), most)];
@@ -84,7 +84,7 @@ function move(plot, right, down) {
   plot.y.zoom(down, plot.frame.height + down);
 }
 
-/** Show `factor` times as much of both axes, a point of the frame staying where it is. */
+/** Zoom both axes out by `factor` about a fixed point of the frame. */
 function zoomAround(plot, [x, y], factor) {
   const { width, height } = plot.frame;
   const up = height - y;
@@ -92,7 +92,7 @@ function zoomAround(plot, [x, y], factor) {
   plot.y.zoom(up - factor * up, up + factor * y);
 }
 
-/** Return the shown point that is nearest to a place of the frame: of a line, its nearer end. */
+/** Return the visible point nearest to a position in the frame; for a line, its nearer end. */
 function nearestPoint(layer, [x, y]) {
   const { points: { x: xs, y: ys }, look } = layer;
   const joined = look.kind === "line";
@@ -100,14 +100,14 @@ function nearestPoint(layer, [x, y]) {
   for (let i = 0; i < xs.length; i += 1) {
     const [dx, dy] = joined && i + 1 < xs.length ? [xs[i + 1] - xs[i], ys[i + 1] - ys[i]] : [0, 0];
     const along = ((x - xs[i]) * dx + (y - ys[i]) * dy) / (dx * dx + dy * dy);
-    const share = along > 0 ? Math.min(along, 1) : 0; // NaN beside a gap
+    const share = along > 0 ? Math.min(along, 1) : 0; // NaN next to a gap
     const apart = share ? Math.hypot(xs[i] + share * dx - x, ys[i] + share * dy - y) : Math.hypot(xs[i] - x, ys[i] - y);
     if (apart < best.distance) best = { distance: apart, i: share > 0.5 ? i + 1 : i };
   }
   return best.i < 0 ? null : { ...best, layer };
 }
 
-/** Show what is under the pointer: of the reference at its left, of the other curves at its right. */
+/** Show the values under the pointer: the reference's on the left, other curves' on the right. */
 function showTips(plot, at) {
   hideTips(plot.element);
   if (!isInside(plot, at)) return;
@@ -125,7 +125,7 @@ function hideTips(element) {
   for (const tip of element.querySelectorAll(".tip")) tip.remove();
 }
 
-/** Put the tip of a point at its left or right; below `taken`, another tip, if it is there already. */
+/** Put the tip of a point on its left or right; below the tip `taken` if that is in its place. */
 function place(plot, { layer, i }, side, taken) {
   const tip = make("div", { class: "tip" }, ...tipLines(plot.chart, layer.curve, i));
   plot.element.append(tip);
@@ -147,12 +147,12 @@ function tipLines(chart, curve, i) {
   const name = chart.dates ? "date" : chart.over_time ? "t" : "x";
   const row = (what, value) => make("div", {}, make("span", {}, `${what}: `), value);
   const across = row(name, chart.dates ? dateText(x) : short(x));
-  // In rows of names, y is the place of a row.
+  // In rows with names, y is the index of a row.
   if (chart.names.length) return [make("b", {}, chart.names[Math.floor(y)] ?? curve.label), across];
   return [make("b", {}, curve.label), across, row("value", short(y))];
 }
 
-/** Return the buttons of a plot, which `current` gives while it is drawn. */
+/** Return the buttons of a plot; `current` returns the plot while it is drawn. */
 function toolbar(title, current) {
   const box = make("div", { class: "tools", role: "group", "aria-label": `Tools of the plot ${title}` });
   const button = (text, label, action) => {
@@ -176,7 +176,7 @@ function toolbar(title, current) {
   return { box, isPanning: () => pan.getAttribute("aria-pressed") === "true" };
 }
 
-/** Return a plot as the text of an SVG file, with the page's colours in it. */
+/** Return a plot as SVG text with the page's colours. */
 function standalone(plot, title) {
   const copy = plot.svg.cloneNode(true);
   copy.querySelector(".cursor").remove();
@@ -184,7 +184,7 @@ function standalone(plot, title) {
   return new XMLSerializer().serializeToString(copy).replace(/var\((--\w+)\)/g, (_, name) => ink(name));
 }
 
-/** Return a plot as a PNG file of twice its size on the screen. */
+/** Return a plot as a PNG file at twice its screen size. */
 async function picture(plot, title) {
   const image = new Image();
   image.src = `data:image/svg+xml,${encodeURIComponent(standalone(plot, title))}`;

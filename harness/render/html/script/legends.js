@@ -1,4 +1,4 @@
-/** One legend for several plots: a button a curve; other runs, which may be many, are folded. */
+/** A legend for several plots, with a button per curve; other runs are folded. */
 function legend(charts, shared) {
   const curves = new Map();
   for (const curve of charts.flatMap((chart) => chart.curves)) {
@@ -24,7 +24,7 @@ function legend(charts, shared) {
   return box;
 }
 
-/** How a curve looks, in small. */
+/** Return a small sample of a curve. */
 function swatch(curve) {
   const shapes = LOOKS[curve.role](curve.place).filter((look) => look.sign !== -1 && look.kind !== "stems").map((look) => {
     const d = { line: "M1,6H25", band: "M1,1H25V11H1Z" }[look.kind] ?? `M13,6${markerPath(look.marker, 8)}`;

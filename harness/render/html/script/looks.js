@@ -1,5 +1,5 @@
-// How curves look. Okabe and Ito 2008, without black and yellow, one of which either ground would
-// swallow; dashes and marks tell curves apart as well.
+// Colours of curves: Okabe and Ito 2008, without black and yellow, which are invisible on a dark or
+// a light background; dashes and markers also distinguish curves.
 const BLUE = "#0072B2", VERMILION = "#D55E00", GREEN = "#009E73", PURPLE = "#CC79A7",
   ORANGE = "#E69F00", SKY = "#56B4E9";
 const PALETTE = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
@@ -18,7 +18,7 @@ const marks = (marker, color, size, filled = true) => ({
 });
 const both = (color, marker, dash) => [line(color, 1.4, dash), marks(marker, color, 7)];
 
-/** The glyphs of a curve by its role; `sign` restricts one to positive or negative values. */
+/** Glyphs of a curve by its role; `sign` restricts a glyph to positive or negative values. */
 const LOOKS = {
   reference: () => [line(SKY, 5, [], 0.65)],
   engine: () => [line(VERMILION, 1.7, [6, 3])],
@@ -48,7 +48,7 @@ const LOOKS = {
   guide: () => [line("var(--ink)", 1.2, [1, 3])],
 };
 
-/** Path of a mark about the present point, `size` pixels high. */
+/** Return the path of a marker about the current point, `size` pixels high. */
 function markerPath(marker, size) {
   const r = size / 2, w = 0.87 * r;
   switch (marker) {

@@ -1,4 +1,4 @@
-/** The value of a tree of results.json at positions q. */
+/** Evaluate a tree of results.json at positions q. */
 function evaluate(tree, q) {
   if (typeof tree === "number") return tree;
   const [name, ...operands] = tree;
@@ -14,7 +14,7 @@ function evaluate(tree, q) {
   }
 }
 
-/** Where a shape is, as in drawing.py. */
+/** Return the matrix of a shape, as in drawing.py. */
 function matrix(shape, q) {
   const at = (point) => point.map((part) => evaluate(part, q));
   if (shape.at) {
@@ -27,7 +27,7 @@ function matrix(shape, q) {
   return [dx, dy, -dy / length, dx / length, x, y];
 }
 
-/** Positions at time t, between two samples. */
+/** Interpolate positions at time t between two samples. */
 function positions(track, t) {
   const i = Math.min(Math.max(nearest(track.t, t), 0), track.t.length - 1);
   const j = track.t[i] > t ? Math.max(i - 1, 0) : Math.min(i + 1, track.t.length - 1);
@@ -39,7 +39,7 @@ async function track(id, role, t, columns) {
   return { role, t: await column(id, t), q: await Promise.all(columns.map((each) => column(id, each))) };
 }
 
-/** The picture of the motion. */
+/** The animation of a motion. */
 async function player(id, motion, clock) {
   const box = make("section", { class: "motion", "aria-label": "Motion" }, make("h4", {}, "The mechanism in motion"));
   const tracks = await Promise.all([
@@ -81,7 +81,7 @@ async function player(id, motion, clock) {
   return box;
 }
 
-/** The view box that holds the reference's whole motion, y down. */
+/** Return the view box of the reference's whole motion, y down. */
 function frame(shapes, reference) {
   let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
   for (let k = 0; k < reference.t.length; k += 3) {
@@ -124,7 +124,7 @@ function controls(clock) {
     play.textContent = "❚❚ Pause";
     requestAnimationFrame(step);
   });
-  // A case that is left stands still.
+  // Pause the animation of a case that is not in view.
   addEventListener("hashchange", stop);
   time.addEventListener("input", () => clock.set(Number(time.value)));
   clock.listeners.add((t) => { time.value = t; shown.textContent = `${t.toFixed(3)} s`; });

@@ -1,7 +1,7 @@
-/** Rows that are shown at first; the page comes with the others hidden. */
+/** Number of rows shown initially; the page contains the others hidden. */
 const MOST = Number(document.getElementById("cases").dataset.most);
 
-/** Make the list of cases sortable and filterable, and the matrix follow the filter. */
+/** Make the list of cases sortable and filterable, and apply the filter to the matrix. */
 function overview() {
   const table = document.getElementById("cases");
   const body = table.tBodies[0];
@@ -28,7 +28,7 @@ function overview() {
     }
   }
 
-  /** Show so many of the chosen rows: to lay out ten thousand takes seconds. */
+  /** Show a number of the selected rows: laying out ten thousand takes seconds. */
   function limit(count) {
     let left = most;
     for (const row of [...body.rows]) row.hidden = !byRow.get(row).chosen || left-- <= 0;
@@ -46,14 +46,14 @@ function overview() {
       return cell.dataset.v === "" ? NaN : Number(cell.dataset.v);
     };
     const keyed = rows.map((each) => ({ ...each, key: value(each) }));
-    // What is missing goes last, whichever way.
+    // Missing values are last in both orders.
     keyed.sort((a, b) => {
       const [m, n] = [Number.isNaN(a.key), Number.isNaN(b.key)];
       if (m || n) return m - n || a.place - b.place;
       const order = typeof a.key === "string" ? a.key.localeCompare(b.key) : a.key - b.key;
       return up * order || a.place - b.place;
     });
-    body.replaceChildren(); // one by one from among blanks, 10 000 rows take 20 seconds to move
+    body.replaceChildren(); // moving 10 000 rows one by one takes 20 seconds
     body.append(...keyed.map((each) => each.row));
     limit(rows.filter((each) => each.chosen).length);
   }

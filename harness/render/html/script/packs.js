@@ -1,4 +1,4 @@
-// What went wrong can be read from the page, by tests and by whoever reports it.
+// Errors are stored in the page, for tests and for bug reports.
 const page = document.documentElement;
 const note = (name, what) => {
   page.dataset[name] = page.dataset[name] ? `${page.dataset[name]} | ${what}` : what;
@@ -9,7 +9,7 @@ document.addEventListener("securitypolicyviolation", (event) => note("blocked", 
 
 const packs = new Map();
 
-/** The content of a pack, unpacked once. */
+/** Return the content of a pack, unpacked once. */
 async function pack(id) {
   if (away(id)) await part(id);
   if (!packs.has(id)) packs.set(id, unpack(document.getElementById(id).textContent));
@@ -25,13 +25,13 @@ async function unpack(text) {
   return JSON.parse(await new Response(gzip.readable).text());
 }
 
-/** A column of the pack `own`, or of another: `[pack, key]`. Missing values are NaN. */
+/** Return a column of the pack `own`, or of another: `[pack, key]`. Missing values are NaN. */
 async function column(own, reference) {
   const [id, key] = Array.isArray(reference) ? reference : [own, reference];
   return (await pack(id)).columns[key].map((value) => value ?? NaN);
 }
 
-/** The chart's curves with their numbers. */
+/** Return the chart's curves with their numbers. */
 async function filled(own, chart) {
   const curves = chart.curves.map(async (curve) => ({
     ...curve, x: await column(own, curve.x), y: await column(own, curve.y),
@@ -41,7 +41,7 @@ async function filled(own, chart) {
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** An element with attributes and children, text being text. */
+/** Create an element with attributes and children; strings become text. */
 const make = (tag, attributes, ...children) => dressed(document.createElement(tag), attributes, children);
 const svg = (tag, attributes, ...children) => dressed(document.createElementNS(SVG, tag), attributes, children);
 

@@ -1,11 +1,11 @@
-// Of many cases, their pages and packs are in files beside this one.
+// For many cases, pages and packs are in files next to this one.
 const beside = JSON.parse(document.getElementById("parts")?.textContent ?? '{"places": {}}');
 const arriving = new Map();
 
-/** What files of cases call: their name, their pages, their packs. */
+/** Called by files of cases with their name, pages and packs. */
 globalThis.crosscheckPart = (name, pages, packed) => arriving.get(name)?.resolve({ pages, packed });
 
-/** Read the file that has an id, once: its pages go into the document, and its packs are known. */
+/** Load the file with an id once, and add its pages and packs to the document. */
 function part(id) {
   const name = beside.names[beside.places[id]];
   if (!arriving.has(name)) {
@@ -28,5 +28,5 @@ async function taken({ pages, packed }) {
   for (const [id, text] of Object.entries(packed)) packs.set(id, unpack(text));
 }
 
-/** Whether an id is in a file that has not been read. */
+/** Return whether an id is in a file that has not been loaded. */
 const away = (id) => Object.hasOwn(beside.places, id) && !document.getElementById(id) && !packs.has(id);

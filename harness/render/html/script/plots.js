@@ -8,7 +8,7 @@ function textWidth(text) {
   return pen.measureText(text).width;
 }
 
-/** Return a text cut to a width in pixels. */
+/** Truncate a text to a width in pixels. */
 function cut(text, width) {
   if (textWidth(text) <= width) return text;
   let length = text.length;
@@ -16,7 +16,7 @@ function cut(text, width) {
   return `${text.slice(0, length)}…`;
 }
 
-/** Return where a curve's values are on the axes: what a logarithm or a sign does not show is NaN. */
+/** Return a curve's positions on the axes; values that the axis or the sign excludes are NaN. */
 function shownValues(chart, curve, sign) {
   const size = (value) => (value === 0 ? NaN : Math.abs(value));
   const kept = (value) => (sign && value && Math.sign(value) !== sign ? NaN : value);
@@ -26,13 +26,13 @@ function shownValues(chart, curve, sign) {
   };
 }
 
-/** Return where bands begin; it is below all values where the axis has no zero. */
+/** Return the base of bands; it is below all values if the axis has no zero. */
 function bandBase(chart) {
   if (!chart.log_y) return 0;
   return lowestAndHighest(chart.curves.map((curve) => curve.y.map(Math.abs)), true)[0] / 3;
 }
 
-/** Return the lowest and the highest finite value of columns, of the positive ones for a logarithm. */
+/** Return the lowest and the highest finite value of columns, positive only on a logarithmic axis. */
 function lowestAndHighest(columns, log) {
   let [low, high] = [Infinity, -Infinity];
   for (const column of columns) {
@@ -59,11 +59,11 @@ function wholeRange(kind, columns) {
   return new Range(low - margin, high + margin);
 }
 
-/** Return which points to draw, and -1 for a gap: of neighbours in one column of pixels, the first,
+/** Return the indices of points to draw, and -1 for a gap: in each column of pixels the first,
  * the lowest, the highest and the last. */
 function thinned(x, y, width) {
   const kept = [];
-  // To the left and to the right of the frame there is one column each.
+  // All points left of the frame share a column, and so do those right of it.
   const column = (i) => (Number.isNaN(y[i]) ? NaN : Math.min(Math.max(Math.floor(x[i]), -1), Math.ceil(width)));
   let from = 0;
   while (from < x.length) {
@@ -87,7 +87,7 @@ function thinned(x, y, width) {
 
 const pixel = (value) => Math.round(Math.min(Math.max(value, -1e6), 1e6) * 100) / 100;
 
-/** Return the drawn points of a curve as runs without a gap. */
+/** Return the drawn points of a curve, split at gaps. */
 function runsOf({ x, y }, width) {
   const runs = [[]];
   for (const i of thinned(x, y, width)) {
@@ -96,7 +96,7 @@ function runsOf({ x, y }, width) {
   return runs.filter((run) => run.length);
 }
 
-/** The path of each kind of glyph, from points and its base in pixels. */
+/** Paths of each kind of glyph, from points and its base in pixels. */
 const PATHS = {
   line: (points, { width }) => runsOf(points, width)
     .map((run) => (run.length > 1 ? `M${run.join("L")}` : `M${run[0]}m-0.7,0h1.4`)).join(""),
@@ -114,9 +114,9 @@ const PATHS = {
   },
 };
 
-/** A chart with its numbers, drawn as SVG into an element as wide as it is. */
+/** A chart with its numbers, drawn as SVG at the width of its element. */
 class Plot {
-  /** `time` is the range of the x axis where other plots share it; else null. */
+  /** `time` is the range of an x axis shared with other plots; else null. */
   constructor(chart, element, time) {
     Object.assign(this, { chart, element, time: null, frame: null, request: null });
     this.layers = chart.curves.flatMap((curve) => LOOKS[curve.role](curve.place)
@@ -149,7 +149,7 @@ class Plot {
 
   #width() { return Math.round(this.element.getBoundingClientRect().width); }
 
-  /** Draw again before the next frame, once for all that changes until then. */
+  /** Redraw once before the next frame, for all changes until then. */
   later() {
     this.request ??= requestAnimationFrame(() => {
       this.request = null;
@@ -185,7 +185,7 @@ class Plot {
     const { left, width: across, height: up } = this.frame;
     const bottom = TOP + up;
     const [x, y] = [this.x.scale(), this.y.scale()];
-    // A label at an end is moved inwards.
+    // Labels at the ends move inwards.
     const centre = (at, label) => {
       const half = textWidth(label) / 2 + 1;
       return Math.max(Math.min(at + left, width - half), half) - left;
@@ -221,7 +221,7 @@ class Plot {
     }
   }
 
-  /** Show a line at a time, if the part that is shown has it. */
+  /** Show a line at a time, if it is in the visible range. */
   showTime(time) {
     this.time = time;
     if (time === null || !this.frame) return;
@@ -230,7 +230,7 @@ class Plot {
     dressed(this.cursor, { x1: at, x2: at, y2: this.frame.height, display: inside ? "inline" : "none" });
   }
 
-  /** Hide the curves of some labels, and show the others. */
+  /** Hide the curves with some labels, and show the others. */
   hide(labels) {
     for (const layer of this.layers) {
       layer.hidden = labels.has(layer.curve.label);
@@ -238,7 +238,7 @@ class Plot {
     }
   }
 
-  /** Show all of both axes again; of a shared axis, in all plots that share it. */
+  /** Reset both axes; a shared axis is reset in all plots that share it. */
   reset() {
     this.x.range.reset();
     this.y.range.reset();

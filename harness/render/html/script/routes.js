@@ -1,4 +1,4 @@
-/** What the address points to; the overview where it points nowhere. */
+/** Return the target of the address; the overview if it has none. */
 async function target() {
   const id = location.hash.slice(1);
   for (const name of [id, decoded(id)]) {
@@ -18,7 +18,7 @@ function decoded(id) {
   }
 }
 
-/** Say on the overview what could not be read. */
+/** Report on the overview what could not be loaded. */
 function missing(what) {
   note("errors", what);
   const at = document.querySelector("#overview .verdict");
@@ -26,11 +26,11 @@ function missing(what) {
   document.getElementById("missing").textContent = `${what[0].toUpperCase()}${what.slice(1)}.`;
 }
 
-/** Show the view that the address points to, and no other; build its plots. */
+/** Show only the view that the address points to, and build its plots. */
 async function route() {
   const asked = location.hash;
   const to = await target();
-  if (location.hash !== asked) return; // somebody went on before the file came
+  if (location.hash !== asked) return; // the reader left before the file was loaded
   const view = to.closest(".view") ?? document.getElementById("overview");
   for (const other of document.querySelectorAll(".view.current")) {
     if (other === view) continue;

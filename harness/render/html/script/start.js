@@ -7,7 +7,7 @@ addEventListener("DOMContentLoaded", () => {
     const link = event.target.closest("a[href^='#']");
     if (link && link.hash === location.hash) route();
   });
-  // Paper can't be unfolded: what is text is shown, and folded again.
+  // For printing, unfold all texts, and fold them again afterwards.
   const folded = [];
   addEventListener("beforeprint", () => {
     for (const each of document.querySelectorAll(".view.current details:is(.numbers, .more):not([open])")) {
