@@ -69,16 +69,16 @@ class Journal:
     Attributes:
         path: path of the file.
         kept: results of an earlier run.
-        trouble: why nothing is written any more; empty as long as writing works.
+        problem: why nothing is written any more; empty as long as writing works.
     """
 
     def __init__(self, path: Path, file: int, kept: dict[Work, Value]) -> None:
-        self.path, self.kept, self.trouble = path, kept, ""
+        self.path, self.kept, self.problem = path, kept, ""
         self._file = file
 
     def keep(self, work: Work, value: Value) -> None:
         """Write the result of a task; if that fails, the run continues without a journal."""
-        if self.trouble:
+        if self.problem:
             return
         given: dict[str, Any] = {work.what: value}
         line = msgspec.json.encode(_Done(work=work, **given)) + b"\n"
@@ -86,7 +86,7 @@ class Journal:
             _write(self._file, line)
             os.fsync(self._file)
         except OSError as error:
-            self.trouble = f"{self.path}: {error.strerror}"
+            self.problem = f"{self.path}: {error.strerror}"
 
     def remove(self) -> None:
         """Remove the journal after the results are written."""

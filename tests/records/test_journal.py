@@ -93,7 +93,7 @@ def test_a_full_disk_ends_the_journal_and_not_the_run(
         monkeypatch.setattr(os, "fsync", full)
         for _ in range(2):
             fresh.keep(work(), case())
-        assert fresh.trouble == f"{tmp_path / NAME}: No space left on device"
+        assert fresh.problem == f"{tmp_path / NAME}: No space left on device"
 
 
 def test_what_is_no_file_or_no_folder_is_an_error_with_its_name(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def moved(**fields: Any) -> CaseMovement:
 
 def test_the_same_run_has_not_moved() -> None:
     found = two_runs(results(case()), results(case(folder="elsewhere/disc", seconds=9.0)))
-    assert (found.moved, found.versions, found.mended, found.broken) == ((), (), (), ())
+    assert (found.moved, found.versions, found.fixed, found.broken) == ((), (), (), ())
     assert headline(found) == "1 case: nothing changed"
 
 
@@ -99,11 +99,11 @@ def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     wrong = results(case(Outcome.DIFFERS), models=(model(diagnosis=told),), versions={"a": "1"})
     right = results(case(), models=(model(),), versions={"a": "2", "b": None})
     line = "disc/mujoco.xml:21 from 3.3 to 3.6"
-    assert two_runs(wrong, right).mended == (line,)
+    assert two_runs(wrong, right).fixed == (line,)
     elsewhere = replace(cause, locations=(SourceLine(file="/b/disc/mujoco.xml", line=21),))
     again = replace(told, explanations=(Explanation(causes=(elsewhere,), remaining=0.0),))
     other = replace(wrong, models=(model(diagnosis=again, folder="/b/disc"),))
-    assert two_runs(wrong, other).mended == two_runs(wrong, other).broken == ()
+    assert two_runs(wrong, other).fixed == two_runs(wrong, other).broken == ()
     assert two_runs(right, wrong).broken == (line,)
     out = StringIO()
     print_two_runs(Console(file=out, width=80), two_runs(wrong, right))

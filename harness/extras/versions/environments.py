@@ -39,7 +39,7 @@ class EnvironmentError_(RuntimeError):  # noqa: N801, N818  # the plain name is 
 Execute = Callable[[Sequence[str]], tuple[int, str]]
 """Runs a command; returns its exit code and its output."""
 
-Tell = Callable[[str], None]
+ShowLine = Callable[[str], None]
 """Shows a line to the user."""
 
 
@@ -100,13 +100,15 @@ def interpreter(place: Path) -> Path:
     return place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
-def environment(wanted: Requirement, parent: Path, tell: Tell, run: Execute = execute) -> Path:
+def environment(
+    wanted: Requirement, parent: Path, show_line: ShowLine, run: Execute = execute
+) -> Path:
     """Return the folder of a version's environment, and create it if it is missing.
 
     Args:
         wanted: the version.
         parent: folder of all environments.
-        tell: shows each command before it runs.
+        show_line: shows each command before it runs.
         run: runs the commands.
 
     Raises:
@@ -115,43 +117,45 @@ def environment(wanted: Requirement, parent: Path, tell: Tell, run: Execute = ex
     """
     place = parent.absolute() / folder_name(wanted)
     place.parent.mkdir(parents=True, exist_ok=True)
-    with _locked(place, tell):
+    with _locked(place, show_line):
         if (place / READY).is_file() and interpreter(place).exists():
-            tell(f"{wanted}: in {visible(str(place))}")
+            show_line(f"{wanted}: in {visible(str(place))}")
             return place
         shutil.rmtree(place, ignore_errors=True)
         try:
-            _make(wanted, place, tell, run)
+            _make(wanted, place, show_line, run)
         except BaseException:
             shutil.rmtree(place, ignore_errors=True)
             raise
     return place
 
 
-def _make(wanted: Requirement, place: Path, tell: Tell, run: Execute) -> None:
-    tell(f"{wanted}: its environment is made, once:")
+def _make(wanted: Requirement, place: Path, show_line: ShowLine, run: Execute) -> None:
+    show_line(f"{wanted}: its environment is made, once:")
     python = str(interpreter(place))
-    _command([sys.executable, "-m", "venv", str(place)], wanted, tell, run)
+    _command([sys.executable, "-m", "venv", str(place)], wanted, show_line, run)
     lib = Path(sysconfig.get_path("purelib", "venv", {"base": str(place)}))
     lib.mkdir(parents=True, exist_ok=True)
     line = "; ".join(
         ["import site", *(f"site.addsitedir({json.dumps(path)})" for path in site_folders())]
     )
-    tell(f"  echo {shlex.quote(line)} > {shlex.quote(str(lib / _PATH_FILE))}")
+    show_line(f"  echo {shlex.quote(line)} > {shlex.quote(str(lib / _PATH_FILE))}")
     (lib / _PATH_FILE).write_text(f"{line}\n", encoding="utf-8")
     pip = [python, "-m", "pip", "install", "--disable-pip-version-check", wanted.pinned]
-    _command(pip, wanted, tell, run)
+    _command(pip, wanted, show_line, run)
     write_whole(place / READY, f"{wanted.pinned}\n")
 
 
-def _command(command: Sequence[str], wanted: Requirement, tell: Tell, run: Execute) -> None:
+def _command(
+    command: Sequence[str], wanted: Requirement, show_line: ShowLine, run: Execute
+) -> None:
     """Show a command and run it.
 
     Raises:
         EnvironmentError_: with the end of its output if it fails.
     """
     shown = shlex.join(command)
-    tell(f"  {shown}")
+    show_line(f"  {shown}")
     code, output = run(command)
     if code == 0:
         return
@@ -166,10 +170,10 @@ def _command(command: Sequence[str], wanted: Requirement, tell: Tell, run: Execu
 
 
 @contextlib.contextmanager
-def _locked(place: Path, tell: Tell) -> Iterator[None]:
+def _locked(place: Path, show_line: ShowLine) -> Iterator[None]:
     """Lock an environment against other processes within this context."""
     with place.with_name(f"{place.name}.lock").open("a") as file:
         if not hold(file.fileno()):
-            tell(f"{visible(place.name)}: another program is making it; waiting")
+            show_line(f"{visible(place.name)}: another program is making it; waiting")
             hold(file.fileno(), wait=True)
         yield

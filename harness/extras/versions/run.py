@@ -20,7 +20,7 @@ from physics_crosscheck.harness.extras.versions.compare import upgrade
 from physics_crosscheck.harness.extras.versions.environments import (
     EnvironmentError_,
     Requirement,
-    Tell,
+    ShowLine,
     environment,
     interpreter,
 )
@@ -69,7 +69,7 @@ def run_versions(
     versions: Sequence[AskedVersion],
     models: AskedModels,
     options: VersionOptions,
-    tell: Tell,
+    show_line: ShowLine,
 ) -> Versions:
     """Run the models under each version, and compare each version with the one before it.
 
@@ -81,7 +81,9 @@ def run_versions(
     """
     began = time.perf_counter()
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    pythons = [interpreter_of(engine, version, options.environments, tell) for version in versions]
+    pythons = [
+        interpreter_of(engine, version, options.environments, show_line) for version in versions
+    ]
     runs: list[VersionRun] = []
     interpreters = [
         EngineVersion(
@@ -92,7 +94,7 @@ def run_versions(
         for version, python in zip(versions, pythons, strict=True)
     ]
     for version in interpreters:
-        tell(f"{engine} {version.version} runs")
+        show_line(f"{engine} {version.version} runs")
         task = _task(engine, version, models, options, _repeated(runs[-1:]))
         runs.append(_run(version, task))
     return Versions(
@@ -107,7 +109,7 @@ def run_versions(
 
 
 def interpreter_of(
-    engine: str, requested: AskedVersion, environments: Path | None, tell: Tell
+    engine: str, requested: AskedVersion, environments: Path | None, show_line: ShowLine
 ) -> str:
     """Return the interpreter with a version; create an environment if none exists.
 
@@ -115,7 +117,7 @@ def interpreter_of(
         engine: its name.
         requested: the version.
         environments: folder of all environments; None: the user's cache.
-        tell: shows each command before it runs.
+        show_line: shows each command before it runs.
 
     Raises:
         EnvironmentError_: if a version is not available.
@@ -132,12 +134,12 @@ def interpreter_of(
         return str(python)
     engine_class = engines()[engine]
     if engine_class.version() == requested.version:
-        tell(f"{engine} {requested.version}: the one that is installed here")
+        show_line(f"{engine} {requested.version}: the one that is installed here")
         return sys.executable
     wanted = Requirement(
         engine=engine, distribution=distribution(engine_class), version=requested.version
     )
-    return str(interpreter(environment(wanted, environments or cache(), tell)))
+    return str(interpreter(environment(wanted, environments or cache(), show_line)))
 
 
 def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:

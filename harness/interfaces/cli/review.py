@@ -33,11 +33,11 @@ def main(options: argparse.Namespace) -> int:
     folders, what = meant(options)
     with LateProgress() as progress:
         result = gate(folders, what, progress)
-    decided = Review(result, input, _tell).walk()
-    _tell("")
+    decided = Review(result, input, _print_line).walk()
+    _print_line("")
     for change in result.of(Status.NOT_RUN):
         for line in change_lines(change):
-            _tell(line)
+            _print_line(line)
     try:
         done = accept_each(
             result, decided.reasons, decided.reasons.keys() - decided.kept, options.baseline
@@ -48,7 +48,7 @@ def main(options: argparse.Namespace) -> int:
     _summarize(result, decided)
     if done.files:
         for line in accepted_lines(done.cases, done.files, terminal().width, with_cases=True):
-            _tell(line)
+            _print_line(line)
     if result.of(Status.NOT_RUN) or result.failures:
         return FAIL
     return DIFFER if decided.rejected or decided.left else AGREE
@@ -63,13 +63,13 @@ def _summarize(result: GateResult, decided: Decisions) -> None:
         "could not run": len(result.of(Status.NOT_RUN)),
     }
     summary_text = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-    _tell(summary_text or "Nothing to review: every case is as accepted")
+    _print_line(summary_text or "Nothing to review: every case is as accepted")
     files = {(change.id.system, change.id.model) for change in decided.rejected}
     for diff in result.file_diffs:
         if any(system == diff.system and model in diff.models for system, model in files):
             for changed in diff.lines:
                 for line in wrapped(_undo(changed), terminal().width):
-                    _tell(line)
+                    _print_line(line)
 
 
 def _undo(line: ChangedLine) -> str:
@@ -78,5 +78,5 @@ def _undo(line: ChangedLine) -> str:
     return f"{line.file}:{line.line} {line.edit or line.message}: {what}"
 
 
-def _tell(line: str) -> None:
+def _print_line(line: str) -> None:
     print(visible(line), flush=True)

@@ -143,8 +143,8 @@ def _print_absent(lines: Sequence[str]) -> None:
 
 def _print_stopped(results: Results, out: Path, done: Journal) -> None:
     """Print the missing parts of an interrupted run, and how to resume it."""
-    if done.trouble:
-        print(f"crosscheck: {done.trouble}; a stopped run can't be resumed here", file=sys.stderr)
+    if done.problem:
+        print(f"crosscheck: {done.problem}; a stopped run can't be resumed here", file=sys.stderr)
     if results.stopped:
         what = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done and kept"
         how = f"`crosscheck run --resume --out {out}`, with the same folders, resumes the run"

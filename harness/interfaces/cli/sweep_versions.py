@@ -46,12 +46,12 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
     codes, outs = [], []
     try:
         interpreters = [
-            (version, interpreter_of(engine, version, options.environments, _tell))
+            (version, interpreter_of(engine, version, options.environments, _print_line))
             for version in versions
         ]
         for version, python in interpreters:
             out = options.out / f"{engine}-{version.version}"
-            _tell(f"{engine} {version.version}:")
+            _print_line(f"{engine} {version.version}:")
             given = [*words[1:], *([] if options.engine else ["--engine", engine])]
             given += [*_local(options), "--out", str(out), "--under", engine, version.version]
             code = launch(engine, version.version, python, _CHILD, given, range(256))
@@ -107,5 +107,5 @@ def _lines(name: str, changes: Moved) -> Iterator[str]:
             yield from row_lines(row)
 
 
-def _tell(line: str) -> None:
+def _print_line(line: str) -> None:
     print(line, flush=True)

@@ -43,7 +43,7 @@ def main(options: argparse.Namespace) -> int:
         diagnose=options.diagnose,
     )
     try:
-        result = run_versions(engine, versions, models, wanted, _tell)
+        result = run_versions(engine, versions, models, wanted, _print_line)
     except EnvironmentError_ as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
@@ -75,5 +75,5 @@ def _models(names: list[str], engine: str) -> AskedModels:
     return asked_models(engine, folders, robots.files)
 
 
-def _tell(line: str) -> None:
+def _print_line(line: str) -> None:
     print(line, flush=True)

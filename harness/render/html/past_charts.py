@@ -88,7 +88,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
     engines = list(dict.fromkeys(case.engine for case in cases))[:MAX_CURVES]
 
     def rows(worst: Callable[[Iterable[float]], float], name: str) -> dict[str, Rows]:
-        found: dict[str, Rows] = {}
+        by_engine: dict[str, Rows] = {}
         for engine in engines:
             points = []
             for when, past in sorted(whole.items()):
@@ -100,8 +100,8 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
                 ]
                 if there := finite_values(values):
                     points.append((_milliseconds(when), worst(there)))
-            found[shown(engine)] = points
-        return found
+            by_engine[shown(engine)] = points
+        return by_engine
 
     return _charts(
         pack,

@@ -46,7 +46,7 @@ class TwoRunsPage:
     headline: str
     reports: tuple[tuple[str, str], ...]
     versions: tuple[tuple[str, str, str], ...]
-    mended: tuple[str, ...]
+    fixed: tuple[str, ...]
     broken: tuple[str, ...]
     moved: tuple[RunRow, ...]
     same: tuple[RunRow, ...]
@@ -76,7 +76,7 @@ def render_two_runs(runs: TwoRuns, place: Path, folders: tuple[Path, Path]) -> s
         headline=shown(headline(runs)),
         reports=((shown(runs.before), before), (shown(runs.after), after)),
         versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in runs.versions),
-        mended=tuple(map(shown, runs.mended)),
+        fixed=tuple(map(shown, runs.fixed)),
         broken=tuple(map(shown, runs.broken)),
         moved=tuple(row for row in rows if row.kinds),
         same=tuple(row for row in rows if not row.kinds),

@@ -82,14 +82,14 @@ class TwoRuns:
     Attributes:
         before, after: times of the runs, UTC.
         versions: (name, before, after) of those that differ; "none" if not installed.
-        mended, broken: causes in the earlier run only, and in the later one only: a line each.
+        fixed, broken: causes in the earlier run only, and in the later one only: a line each.
         cases: all cases, changed ones first.
     """
 
     before: str
     after: str
     versions: tuple[tuple[str, str, str], ...]
-    mended: tuple[str, ...]
+    fixed: tuple[str, ...]
     broken: tuple[str, ...]
     cases: tuple[CaseMovement, ...]
 
@@ -108,7 +108,7 @@ def two_runs(before: Results, after: Results) -> TwoRuns:
         before=before.created,
         after=after.created,
         versions=tuple(_versions(before.versions, after.versions)),
-        mended=tuple(one for one in then if one not in today),
+        fixed=tuple(one for one in then if one not in today),
         broken=tuple(one for one in today if one not in then),
         cases=tuple(sorted(cases, key=_first)),
     )
@@ -153,7 +153,7 @@ def print_two_runs(console: Console, runs: TwoRuns) -> None:
                 models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
         for model, scenarios in models.items():
             print_text(console, f"{kind}  {model}: {', '.join(scenarios)}")
-    for line in runs.mended:
+    for line in runs.fixed:
         print_text(console, f"fixed  {line}")
     for line in runs.broken:
         print_text(console, f"new fault  {line}")
