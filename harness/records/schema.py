@@ -157,7 +157,7 @@ def schema_text(name: str) -> str:
 
 
 def main(folder: Path) -> None:
-    """Write the schemas into a folder, and the pages into `reference` beside it."""
+    """Write the schemas into a folder, and the pages into `reference` next to it."""
     for name in SCHEMAS:
         write_whole(folder / f"{name}.schema.json", schema_text(name))
     for name, text in page_texts(PAGES).items():
