@@ -1,1 +1,1 @@
-"""Checks: one question each to an engine, from its load to its verdict."""
+"""Checks of one model in one engine, from its loading to its verdict."""

@@ -1,4 +1,4 @@
-"""What an engine's accelerations say of a case, beside what its motions say."""
+"""Verdicts on accelerations, combined with the verdicts on motions."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ def with_dynamics(
     names: tuple[str, ...],
     resolution: float,
 ) -> Verdict:
-    """A verdict on motions with that on accelerations: what differs in either differs.
+    """Combine the verdict on motions with the one on accelerations: a difference in either counts.
 
-    Where motions are not resolved since they are stiff, accelerations at every state decide: no
-    step is in them. Where a ladder has another fault, such as an order that is not the claimed one,
-    they don't: that is no matter of the model.
+    Accelerations need no time step, so they decide where stiff motions are unresolved. They do not
+    decide where the step study has another fault, such as a convergence order that differs from the
+    claimed one. Such a fault does not come from the model.
 
     Args:
-        verdict: on the motions.
-        found: None where the engine tells no accelerations.
-        names: of the engine's coordinates, nz.
-        resolution: that is asked.
+        verdict: the verdict on motions.
+        found: the comparison of accelerations; None if the engine exposes none.
+        names: names of the engine's coordinates, nz.
+        resolution: relative discrepancy to resolve.
     """
     if found is None or verdict.outcome is Outcome.DIFFERS:
         return verdict
@@ -72,7 +72,7 @@ def _decided(
 
 
 def component(names: tuple[str, ...], index: int) -> str:
-    """Name an acceleration; past these, a position that an equality holds."""
+    """Return the name of an acceleration, or of a constrained position for larger indices."""
     return f"{names[index]}_ddot" if index < len(names) else names[index - len(names)]
 
 

@@ -1,4 +1,4 @@
-"""One audit from end to end: literals, compiled terms, poses, what the engine does on its own."""
+"""Audit of one model: literals, compiled terms, poses and the engine's own defaults."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from physics_crosscheck.harness.records.survey import Audit
 
 
 def run_audit(task: AuditTask) -> Audit:
-    """Read a model: literals, compiled terms, poses, then what the engine does on its own.
+    """Audit a model: its literals, compiled terms, poses and the engine's own defaults.
 
     Raises:
         EngineError, SidecarError: naming file, place and remedy.
@@ -52,7 +52,7 @@ def run_audit(task: AuditTask) -> Audit:
 def _poses(
     task: AuditTask, model: Model, coordinates: CoordinateMap
 ) -> tuple[Poses, tuple[AuditFinding, ...]]:
-    """Where the bodies are; frames that can't be looked up are a finding too."""
+    """Return the poses of the bodies, and a finding for frames that cannot be looked up."""
     reached = task.states[:, : len(task.system.q)]
     try:
         checked = check_poses(task.system, task.sidecar, model, coordinates, reached)
@@ -71,7 +71,7 @@ def _wrong(compiled: Sequence[AuditFinding]) -> set[str]:
 def _without_lost_digits(
     compiled: list[AuditFinding], remarks: Sequence[Remark], task: AuditTask
 ) -> list[AuditFinding]:
-    """Notes for the differences that are gone where the engine loses no digits of its own."""
+    """Turn differences into notes where they vanish in an engine that keeps all digits."""
     wrong = _wrong(compiled)
     undo = {k: v for r in remarks if wrong & set(r.shows_in) for k, v in r.undone_by.items()}
     if not undo:
@@ -90,7 +90,9 @@ def _without_lost_digits(
 
 
 def _same(one: AuditFinding, other: AuditFinding) -> bool:
-    """Whether two findings are about one term; accelerations are told at the worst state alone."""
+    """Return whether two findings concern one term; accelerations are listed for the worst state
+    only.
+    """
     return one.kind == other.kind and (one.kind == "acceleration" or one.subject == other.subject)
 
 
@@ -100,7 +102,7 @@ def _note(found: AuditFinding, why: str) -> AuditFinding:
 
 
 def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
-    """A note for a difference that rounded literals account for; they have notes of their own."""
+    """Return a note for a difference that rounded literals explain; those have their own notes."""
     if found.expected is None or found.found is None or found.severity != "finding":
         return found
     if abs(found.found - found.expected) > 10 * rounded * abs(found.expected):
@@ -109,7 +111,9 @@ def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
 
 
 def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
-    """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
+    """Return a finding for an engine default that enters a wrong term, or a note if the terms are
+    right.
+    """
     blamed = remark.fault or wrong & set(remark.shows_in)
     message = remark.message
     if remark.related_address:

@@ -1,4 +1,4 @@
-"""What an audit has to say, one thing at a time."""
+"""Construction of audit findings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def finding(
     replacement: str = "",
     severity: Literal["finding", "note"] = "finding",
 ) -> AuditFinding:
-    """A finding, or a note, of which most stand in no line or are about no two numbers."""
+    """Build a finding or a note; most have no source line and compare no two numbers."""
     return AuditFinding(
         kind=kind,
         subject=subject,
@@ -34,7 +34,7 @@ def finding(
 
 
 def source_line(location: Location) -> SourceLine:
-    """The line that a number stands in, and its bytes there."""
+    """Return the source line of a number, with its byte range."""
     return SourceLine(
         file=str(location.file),
         line=location.line,

@@ -1,4 +1,4 @@
-"""What is to be audited: one model file in one engine, with the physics it is held against."""
+"""The task of an audit: one model file in one engine, with the physics to compare with."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from physics_crosscheck.reference.mechanism.system import System
 
 @dataclass(frozen=True, kw_only=True)
 class AuditTask:
-    """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`.
+    """The inputs for auditing one model in one engine; smaller to send than `Prepared`.
 
-    `resolution` is that of the run: a change of motions or poses that counts, relative.
+    `resolution` is that of the run: the smallest relative change of motions or poses that counts.
     """
 
     system: System
@@ -33,11 +33,11 @@ class AuditTask:
 def audit_task(
     prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float = 1e-9
 ) -> AuditTask:
-    """The part of a folder's physics that an audit needs."""
+    """Select the part of a folder's physics that an audit needs."""
     motions = prepared.motions.values()
     states = np.concatenate([m.nodes.reshape(-1, m.nodes.shape[-1]) for m in motions])
     extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
-    # Every so many states for contacts, and each component's extremes for limits.
+    # Regularly spaced states for contacts, and the extremes of each component for limits.
     picked = np.unique(np.concatenate([extremes, np.linspace(0, len(states) - 1, 200).astype(int)]))
     return AuditTask(
         system=prepared.system,

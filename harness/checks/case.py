@@ -1,4 +1,4 @@
-"""One case: one model file in one engine in one scenario, from its load to its verdict."""
+"""Run one case: one model file in one engine and one scenario, from loading to verdict."""
 
 from __future__ import annotations
 
@@ -48,18 +48,20 @@ from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.next_state import SteppedEquations
 
 STEPPED = 100
-"""States of a motion at most from which one step is taken."""
+"""Maximum number of states of a motion from which single steps are taken."""
 
 
 class StepError(ValueError):
-    """A shipped step at which nothing can be run; the message names file, place and remedy."""
+    """A time step in the model file that cannot be run; the message gives file, place and
+    remedy.
+    """
 
     kind = "long step"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaseTask:
-    """Everything a worker needs for one case; `folder` is the system's."""
+    """The inputs that a worker needs for one case; `folder` is the system folder."""
 
     folder: str
     system: System
@@ -76,7 +78,7 @@ class CaseTask:
 
     @property
     def id(self) -> CaseId:
-        """The case's name."""
+        """Name of the case."""
         return CaseId(
             system=self.system.name,
             model=self.sidecar.model.name,
@@ -87,7 +89,7 @@ class CaseTask:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearizationTask:
-    """Everything a worker needs for the linearizations of one model in one engine."""
+    """The inputs that a worker needs for the linearizations of one model in one engine."""
 
     system: System
     sidecar: Sidecar
@@ -102,7 +104,7 @@ class LinearizationTask:
 def case_task(
     prepared: Prepared, sidecar: Sidecar, engine: str, scenario: str, resolution: float
 ) -> CaseTask:
-    """Gather what one case needs of its prepared system."""
+    """Build the task of one case from its prepared system."""
     return CaseTask(
         folder=str(prepared.folder),
         system=prepared.system,
@@ -122,7 +124,7 @@ def case_task(
 def linearization_task(
     prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float
 ) -> LinearizationTask:
-    """Gather what the linearizations of one model in one engine need."""
+    """Build the task for the linearizations of one model in one engine."""
     return LinearizationTask(
         system=prepared.system,
         sidecar=sidecar,
@@ -136,7 +138,7 @@ def linearization_task(
 
 
 def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:
-    """Load a model file and the map between its coordinates and the system's.
+    """Load a model file, and build the map between its coordinates and the system's.
 
     Raises:
         EngineError, SidecarError: naming file, place and remedy.
@@ -149,7 +151,8 @@ def run_case(task: CaseTask) -> Case:
     """Run and judge one case.
 
     Raises:
-        EngineError, SidecarError, BlownUpError, StepError: the case is FAILED with that message.
+        EngineError, SidecarError, BlownUpError, StepError: the case is then FAILED with that
+            message.
     """
     began = time.perf_counter()
     model, coordinates = load(task.system, task.sidecar, task.engine)
@@ -212,7 +215,7 @@ def run_case(task: CaseTask) -> Case:
 
 
 def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepping | None:
-    """The engine's very next state, at states spread over the motion."""
+    """Compare single steps of the engine, from states spread over the motion."""
     if task.stepped is None:
         return None
     at = _passed(task.motion)
@@ -231,7 +234,9 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
 def _dynamics(
     task: CaseTask, model: Model, coordinates: CoordinateMap
 ) -> AccelerationComparison | None:
-    """The engine's accelerations, at those states and at others of their positions."""
+    """Compare the engine's accelerations at those states, and at further states in the same
+    positions.
+    """
     if task.stepped is None:
         return None
     states, inputs = mixed(*_passed(task.motion))
@@ -239,18 +244,18 @@ def _dynamics(
 
 
 def _passed(motion: Motion) -> tuple[Array, Array]:
-    """States spread over a motion, (B, 2n), and its inputs there, (B, m)."""
+    """Select states spread over a motion, (B, 2n), and the inputs there, (B, m)."""
     rows = even_indices(len(motion.t), STEPPED)
     return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
 
 
 def _told(reason: str, sidecar: Sidecar, model: Model) -> str:
-    """A reason with the file that it is about, and what the engine warned of: it may know why."""
+    """Add the file's name and the engine's warnings, which may explain the failure, to a reason."""
     return "; the engine warns: ".join((f"{sidecar.model}: {reason}", *model.warnings))
 
 
 def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
-    """Where a model's step stands: in a line of its sidecar, or else in the file."""
+    """Return where the time step of a model is set: a line of its sidecar, or the model file."""
     if "step" not in sidecar.spec(engine).settings:
         return SourceLine(file=str(sidecar.model))
     own = engine in sidecar.engine_settings and "step" in sidecar.engine_settings[engine]
@@ -260,9 +265,10 @@ def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
 
 
 def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ...]:
-    """The engine's linearization about every equilibrium, beside Taylor's.
+    """Linearize the engine's model about each equilibrium, and compare with Taylor's series.
 
-    Where a stop acts beside one, as of a spring that holds a joint there, the engine has none.
+    There is no linearization where a joint limit acts near the equilibrium, such as a spring that
+    presses a joint against its limit.
     """
     model, coordinates = load(task.system, task.sidecar, task.engine)
     moved = 2 * MAX_PERTURBATION * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
@@ -276,7 +282,7 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
 def _linearization(
     task: LinearizationTask, model: Model, coordinates: CoordinateMap, about: Equilibrium
 ) -> EngineLinearization:
-    """As the step goes to zero, and of one step as it is shipped."""
+    """Linearize in the limit of a zero step, and for one step at the file's own time step."""
     one_step = linearize_step(
         model,
         coordinates,

@@ -1,4 +1,4 @@
-"""What a case and a linearization leave in results.json: numbers that a plot or a table shows."""
+"""Records of a case and a linearization in results.json: the numbers for plots and tables."""
 
 from __future__ import annotations
 
@@ -39,14 +39,16 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.motion import Motion
 
 SERIES = 240
-"""Samples of a series in results.json: as many as a plot of ordinary width can show."""
+"""Maximum number of samples of a series in results.json, enough for a plot of usual width."""
 
 DIGITS = 12
-"""Of the reference motion and its times: about what its own bound leaves. A plot needs fewer."""
+"""Significant digits of the reference motion and its times, close to its error bound. Plots need
+fewer.
+"""
 
 
 def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verdict:
-    """The numbers of a verdict."""
+    """Build the record of a verdict."""
     return Verdict(
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
@@ -65,7 +67,7 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
 
 
 def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Stepping:
-    """What one step says."""
+    """Build the record of a comparison of single steps."""
     judged = found.judgement
     return Stepping(
         rule=found.rule.name,
@@ -82,7 +84,7 @@ def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Steppi
 
 
 def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> ForwardDynamics | None:
-    """What accelerations say; names are those of the engine's coordinates."""
+    """Build the record of compared accelerations; `names` are the engine's coordinates."""
     if found is None:
         return None
     judged = found.judgement
@@ -100,7 +102,7 @@ def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> Forw
 
 
 def full_run_record(study: StepStudy, time_step: float, integrator: str) -> FullRun:
-    """What a user lives with."""
+    """Build the record of a full run: the error at the file's own time step."""
     return FullRun(
         time_step=number(time_step),
         integrator=integrator,
@@ -148,14 +150,14 @@ def series_record(
     amplitude: Array,
     components: tuple[str, ...],
 ) -> Series:
-    """What a plot of a case shows.
+    """Build the series for the plots of a case.
 
     Args:
-        motion: of the equations.
+        motion: the reference motion.
         found: the extrapolated segments.
         study: the full runs.
-        scale: what defects are relative to, (2n,).
-        amplitude: what global errors are relative to, (2n,).
+        scale: scale of the defects, (2n,).
+        amplitude: scale of the global errors, (2n,).
         components: names of the state's components.
     """
     shipped, balance = study.base_run, study.base_run.balance
@@ -200,7 +202,7 @@ def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
 
 
 def linearization_record(found: Found, one_step: FoundStep | None) -> EngineLinearization:
-    """An engine's linearization, beside Taylor's."""
+    """Build the record of an engine's linearization, compared with Taylor's."""
     return EngineLinearization(
         equilibrium=found.equilibrium,
         a=rows(found.a.tolist()),
@@ -245,7 +247,7 @@ def _pole(value: complex) -> EnginePole:
 
 
 def _digits(value: float, digits: int) -> Number:
-    """So many significant digits: what a plot can show."""
+    """Round to the given number of significant digits."""
     return number(float(f"{value:.{digits}g}"))
 
 

@@ -1,4 +1,4 @@
-"""What an engine compiled a model file to, term by term, beside the equations."""
+"""Comparison of the terms that an engine compiled with the terms of the equations."""
 
 from __future__ import annotations
 
@@ -25,18 +25,19 @@ from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunctio
 
 SEED = 20260101
 DRAWS = 24
-"""Random states whose accelerations are compared."""
+"""Number of random states at which accelerations are compared."""
 
 MOVED, SLOW, QUICKER = 0.2, 0.3, 0.1
-"""Displacement, speed and change of speed of the states measured, in amplitudes. They need not be
-small: the equations are taken at the same states."""
+"""Displacement, speed and change of speed of the measured states, in amplitudes. They need not be
+small: the equations are evaluated at the same states.
+"""
 
 EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """What the engine compiled, beside the equations.
+    """The engine's compiled terms and those of the equations.
 
     Attributes:
         equations: M, flattened, and the generalized forces, of (q, v, u, (t,)).
@@ -51,7 +52,7 @@ class Compiled:
 
     @staticmethod
     def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> Compiled:
-        """The terms of a loaded model, ready to be measured."""
+        """Prepare the measurement of a loaded model's terms."""
         equations = derive(task.system)
         n = len(task.system.q)
         speed = np.where(task.amplitude[n:] > 0, task.amplitude[n:], 1.0)
@@ -60,13 +61,13 @@ class Compiled:
         )
         entries: list[sp.Expr] = [*equations.mass, *equations.force]
         names = tuple(c.name for c in task.system.coordinates)
-        # Any equilibrium's will do for a scale.
+        # The scale may come from any equilibrium.
         inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
         return Compiled(task, accelerations, equations.compile(entries), names, inertia)
 
     def findings(self) -> Iterator[AuditFinding]:
-        """What differs about each equilibrium, each term once, and accelerations anywhere."""
-        # The same term is often wrong about every equilibrium: said once.
+        """Yield differences about each equilibrium, each term once, and of accelerations."""
+        # A term is often wrong about every equilibrium; report it once.
         seen: dict[tuple[str, tuple[str, ...]], AuditFinding] = {}
         for equilibrium in self.task.equilibria:
             for one in self._about(equilibrium):
@@ -80,20 +81,20 @@ class Compiled:
             yield from self._off_the_map(states, inputs)
 
     def _drawn(self) -> tuple[Array, Array]:
-        """Random states (DRAWS, 2n) and inputs, of the size of the system's motions."""
+        """Draw random states (DRAWS, 2n) and inputs, of the size of the system's motions."""
         n = len(self.names)
         random = np.random.default_rng(SEED)
-        # Positions that the motions pass, with velocities that they have elsewhere: drawn one by
-        # one, coordinates could be where the mechanism never is.
+        # Combine positions that the motions pass with velocities from other times. Coordinates
+        # drawn one by one could be outside the range of motion.
         places, speeds = random.integers(0, len(self.task.states), (2, DRAWS))
         states = np.hstack([self.task.states[places, :n], self.task.states[speeds, n:]])
         return states, random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
 
     def _off_the_map(self, states: Array, inputs: Array) -> Iterator[AuditFinding]:
-        """Each engine coordinate that leaves the coordinate map, where the equations hold it."""
+        """Yield each constrained engine coordinate that leaves the coordinate map."""
         found, scale = self.accelerations.off_the_map(states, inputs)
         if not np.isfinite(found.value).all():
-            return  # said of the accelerations
+            return  # reported with the accelerations
         model = self.accelerations.model
         size = np.abs(found.value)
         for j, name in enumerate(model.coordinates):
@@ -123,13 +124,13 @@ class Compiled:
         return ", ".join(f"{name} = {x:.4g}" for name, x in zip(names, state, strict=True))
 
     def _reference(self, states: Array, inputs: Array) -> tuple[Array, Array]:
-        """Mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
+        """Return mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
         n = len(self.names)
         both = self.equations(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
         return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
 
     def _about(self, equilibrium: Equilibrium) -> Iterator[AuditFinding]:
-        """Terms about an equilibrium."""
+        """Yield the terms that differ about an equilibrium."""
         n = len(self.names)
         step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
         going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
@@ -139,7 +140,7 @@ class Compiled:
             return
         places = np.concatenate([at[None], at + np.diag(step), at - np.diag(step)])
         speeds = np.concatenate([going[None], going + more, going - more])
-        # Inertia is measured on the move: what sticks at rest would hold it.
+        # Measure inertia in motion: static friction would hold the model at rest.
         ends = np.concatenate([speeds, -speeds])
         rest = np.hstack([places, np.tile(still, (len(places), 1))])
         states = np.concatenate(
@@ -158,7 +159,7 @@ class Compiled:
         yield from self._entries(
             "inertia", equilibrium.name, masses[0], mass.value[0], mass.uncertainty[0]
         )
-        # Odd in the velocity: damping, and what is constant but for its sign.
+        # Odd in the velocity: damping, and a constant that only changes its sign.
         odd = (force.value[ahead] - force.value[astern]) / 2
         odd_error = (force.uncertainty[ahead] + force.uncertainty[astern]) / 2
         wanted = (forces[ahead] - forces[astern]) / 2
@@ -191,7 +192,7 @@ class Compiled:
                 severity="note",
             )
             return
-        # At rest: the engine's accelerations there, times the inertia found on the move.
+        # At rest: the engine's accelerations times the inertia measured in motion.
         pull = self._times(rest, Estimate(value=mass.value[:k], uncertainty=mass.uncertainty[:k]))
         wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
         miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
@@ -224,7 +225,9 @@ class Compiled:
     def _held(
         self, equilibrium: Equilibrium, at: Array | None, step: Array
     ) -> Iterator[AuditFinding]:
-        """A note where stops act about an equilibrium: terms are taken elsewhere, if anywhere."""
+        """Yield a note if joint limits act about an equilibrium, so that terms are measured
+        elsewhere.
+        """
         held = tuple(stopped(*self._loaded, equilibrium.position, step))
         if held:
             where = "nowhere" if at is None else f"where {self._place(at)}"
@@ -240,9 +243,10 @@ class Compiled:
         return self.accelerations.model, self.accelerations.coordinates
 
     def _smooth(self, at: Array, step: Array) -> Array | None:
-        """The equilibrium; where a stop acts a step beside it, the middle of the motions.
+        """Return the equilibrium, or the middle of the motions if a joint limit acts near it.
 
-        The equations are taken at the same place, so that any other will do; None: all are stopped.
+        The equations are evaluated at the same place, so any place will do. Return None if joint
+        limits act everywhere.
         """
         passed = self.task.states[:, : len(at)]
         away = np.linalg.norm((passed - np.median(passed, axis=0)) / step, axis=1)
@@ -252,7 +256,7 @@ class Compiled:
         return None
 
     def _times(self, states: Array, mass: Estimate) -> Estimate:
-        """Forces at states, from the accelerations there and inertias known already."""
+        """Compute forces at states from the accelerations there and the known inertias."""
         none = np.zeros((len(states), len(self.task.push)))
         found = self.accelerations.measure(states, none, np.zeros((len(states), len(self.names))))
         with np.errstate(invalid="ignore"):
@@ -264,9 +268,9 @@ class Compiled:
     def _entries(
         self, kind: AuditKind, equilibrium: str, expected: Array, found: Array, error: Array
     ) -> Iterator[AuditFinding]:
-        """Each entry of a matrix that differs, and one note for those without a limit."""
+        """Yield each matrix entry that differs, and one note for the entries without a limit."""
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
-        # What an entry is small or large beside: the inertia, by the fastest rate.
+        # Scale of an entry: the inertia times a power of the fastest rate.
         inertia = np.sqrt(np.outer(self.inertia, self.inertia))
         resolved = error <= RESOLVED_SHARE * inertia * self.accelerations.fastest ** _RATES[kind]
         unresolved = []
@@ -274,7 +278,7 @@ class Compiled:
         for i, one in enumerate(self.names):
             for j, other in enumerate(self.names):
                 if j < i and (differing[j, i] or not resolved[j, i]):
-                    continue  # symmetric: said already
+                    continue  # symmetric: already reported
                 subject = (one,) if i == j else (one, other)
                 about = " and ".join(subject)
                 if differing[i, j]:
@@ -294,7 +298,7 @@ class Compiled:
             )
 
     def _anywhere(self, states: Array, inputs: Array, known: bool) -> Iterator[AuditFinding]:
-        """Accelerations at random states and inputs."""
+        """Yield differences of accelerations at random states and inputs."""
         n = len(self.names)
         masses, forces = self._reference(states, inputs)
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
@@ -336,7 +340,7 @@ class Compiled:
 
 
 def _slopes(values: Array, steps: Array) -> Array:
-    """Central differences: column j from the rows moved by +steps[j] and -steps[j]."""
+    """Compute central differences: column j from the rows moved by +steps[j] and -steps[j]."""
     n = len(steps)
     slopes: Array = ((values[1 : n + 1] - values[n + 1 :]) / (2 * steps[:, None])).T
     return slopes
@@ -367,7 +371,7 @@ def _sentence(kind: str, about: str, own: bool, found: float, expected: float, e
 
 
 def _told_apart(found: float, expected: float) -> tuple[str, str]:
-    """Both numbers, with as many digits as show the difference."""
+    """Format both numbers with enough digits to show their difference."""
     share = abs(found - expected) / max(abs(found), abs(expected))
     digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
     return f"{found:.{digits}g}", f"{expected:.{digits}g}"

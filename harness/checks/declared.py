@@ -1,4 +1,4 @@
-"""What a declaration says at a glance: names alone, nothing derived."""
+"""Names of a declaration, read without deriving anything."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """A warning that a declaration, or a library that it imports, gave."""
+    """A warning from a declaration or from a library that it imports."""
 
     message: str
     category: str
@@ -24,14 +24,14 @@ class Told:
     line: int
 
     def again(self) -> None:
-        """Give it here."""
+        """Emit the warning in this process."""
         category = getattr(builtins, self.category, UserWarning)
         warnings.warn_explicit(self.message, category, self.file, self.line)
 
 
 @dataclass(frozen=True)
 class Declared:
-    """A system's name and those of its scenarios, with what was warned of meanwhile."""
+    """The names of a system and its scenarios, with the warnings from loading them."""
 
     name: str
     scenarios: tuple[str, ...]
@@ -39,11 +39,11 @@ class Declared:
 
 
 def declared(target: Path, *, floating: bool = False, model: str = "") -> Declared:
-    """Load a declaration, or read a robot file; in a worker, since a declaration is a program.
+    """Load a declaration, or read a robot file, in a worker, since a declaration is a program.
 
     Args:
         target: the system folder, or the file.
-        floating, model: how the file is read, as in `read_robot`.
+        floating, model: options for reading the file, as in `read_robot`.
 
     Raises:
         DeclarationError, RobotError: naming the file, the line and the remedy.

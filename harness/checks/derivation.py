@@ -1,4 +1,4 @@
-"""What `crosscheck derive` prints of a system: derived, and not yet written."""
+"""Derivation of a system for `crosscheck derive`."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.mechanism.system import System
 
 ORDER = 3
-"""Order of the Taylor series: the first in which an odd force such as the sine bends."""
+"""Order of the Taylor series: the first with a nonlinear term of an odd force such as the sine."""
 
 LONG_SERIES = 400
-"""Operations in the equations of motion beyond which their series fills pages."""
+"""Maximum number of operations in the equations of motion for printing their series."""
 
 ROUNDING = 1e-40
-"""What of a matrix's largest entry is rounding: its entries are computed with 60 digits."""
+"""Relative size below which a matrix entry is rounding; entries are computed with 60 digits."""
 
 
 def derivation(system: System) -> DerivedSystem:
     """Return everything that is derived from a system, without integrating a scenario.
 
-    Equations of motion, class, linearizations with poles, modes and transfer functions, Taylor
-    series, the reach of the linear equations, and the errata of the source.
+    This covers equations of motion, class, linearizations with poles, modes and transfer functions,
+    Taylor series, the range of the linear equations, and the errata of the source.
 
     Raises:
-        DeclarationError: for an equilibrium that is none, or an erratum that can't be read.
+        DeclarationError: for a wrong equilibrium, or an unreadable erratum.
     """
     equations = derive(system)
     linear = equations.linear
@@ -132,17 +132,17 @@ def _matrices(one: TaylorLinearization, system: System) -> Iterator[Matrix]:
 
 
 def _short(*matrices: sp.Matrix) -> bool:
-    """Whether a person may read these."""
+    """Return whether the matrices are short enough to read."""
     return bool(
         sum(sp.count_ops(entry) for matrix in matrices for entry in matrix) <= LONG_OPERATIONS
     )
 
 
 def _invertible(*matrices: sp.Matrix) -> bool:
-    """Whether they are short, and sympy factors what follows from them.
+    """Return whether the matrices are short, and sympy can factor what follows from them.
 
-    With the digits of a position that was searched for, the polynomials have no common factors but
-    numbers, and to look for them is endless.
+    An equilibrium found numerically has decimal digits. Its polynomials then share no factors
+    except numbers, and the search for factors would not end.
     """
     return _short(*matrices) and not any(matrix.has(sp.Float) for matrix in matrices)
 
@@ -172,7 +172,7 @@ def _series(
         series = taylor(row, rest, ORDER)
         shifted = series.subs({q: d + place[q] for q, d in moved.items()}, simultaneous=True)
         terms = sp.Poly(sp.expand(shifted), *variables).terms()
-        # Linear terms first; acceleration, velocity, position within each degree.
+        # Linear terms first; within each degree acceleration, velocity, position.
         terms.sort(key=lambda term: (sum(term[0]), [-power for power in term[0]]))
         driven = [_term(t, variables) for t in terms if any(t[0][len(system.q) * 3 :])]
         free = [_term(t, variables) for t in terms if not any(t[0][len(system.q) * 3 :])]

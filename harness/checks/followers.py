@@ -1,4 +1,4 @@
-"""Joints that follow others, between a tree's coordinates and an engine's."""
+"""Map between a tree's coordinates and an engine's, including mimic joints."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 
 @dataclass(frozen=True, kw_only=True)
 class Followers:
-    """How a tree's joints follow its coordinates: all of them are G q + c.
+    """The joint positions of an engine as a linear function of a tree's coordinates: G q + c.
 
     Attributes:
-        names: of all that an engine has, (nz,).
+        names: names of all joints of the engine, (nz,).
         matrix: G, (nz, n).
         offset: c, (nz,).
     """
@@ -27,14 +27,14 @@ class Followers:
 
     @staticmethod
     def of(tree: Tree) -> Followers:
-        """All coordinates of a tree's joints."""
+        """Build the map to all joints of a tree."""
         coupled = Coupled(tree)
         rows = (row for link in tree.links for row in coordinate_names(link.kind, link.name))
         names = tuple(name for name, _ in rows)
         return Followers(names=names, matrix=coupled.matrix, offset=coupled.offset)
 
     def map(self, order: list[int], names: tuple[str, ...]) -> CoordinateMap:
-        """Between the coordinates, by their names, and an engine's, in their order."""
+        """Build the map from the coordinates, by name, to an engine's, in the engine's order."""
         own = [self.names[i] for i in order]
         kept = [own.index(name) for name in names]
         return linear(self.matrix[order], self.offset[order], kept)

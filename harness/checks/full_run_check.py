@@ -1,4 +1,4 @@
-"""What full runs say of a case that its segments have judged: they can take away, not give."""
+"""Check of a verdict by full runs, which can weaken an agreement but never create one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.motion import Motion
 
 BLOWN_UP = 1e6
-"""Global errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
+"""Global error, in amplitudes, above which a run counts as unstable."""
 
 
 def with_full_runs(
@@ -49,7 +49,7 @@ def with_full_runs(
 
 
 def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
-    """Why a run at the shipped step is none; empty where it is one."""
+    """Return why a run at the file's own time step fails; "" if it succeeds."""
     h = shipped.h
     if not shipped.finite:
         bad = shipped.t[~np.isfinite(shipped.states).all(axis=1)][0]
@@ -79,7 +79,7 @@ def _failure_kind(study: StepStudy) -> CaseKind:
 
 
 def _reservation(study: StepStudy, motion: Motion) -> str:
-    """How far full runs bear an agreement out, where the motion lets them do so in part alone."""
+    """Describe how far full runs confirm an agreement, if the motion allows only part of it."""
     found = study.full_run_check
     if not found.partly_chaotic:
         return ""

@@ -1,4 +1,4 @@
-"""The cases that targets have, by their names: nothing is derived, and no motion is run."""
+"""Lists of the cases of targets by name, without deriving or running anything."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from physics_crosscheck.harness.records.case import CaseId
 
 @dataclass(frozen=True)
 class Listed:
-    """Cases with their folders, and what can't be listed, a sentence each."""
+    """The cases with their folders, and one sentence for each target that cannot be listed."""
 
     cases: tuple[tuple[str, CaseId], ...]
     faults: tuple[str, ...]
@@ -30,12 +30,12 @@ class Listed:
 def listed(
     targets: Sequence[Path], only: Sequence[str], *, floating: bool = False, model: str = ""
 ) -> Listed:
-    """The cases of system folders and robot files, as they would be run.
+    """List the cases of system folders and robot files as a run would create them.
 
     Args:
-        targets: folders, each with its `system.py`, which is run in a worker; and files.
-        only: engines; none: all that the sidecars name, or that read the file.
-        floating, model: how files are read, as in `read_robot`.
+        targets: folders, each with a `system.py` that runs in a worker, and robot files.
+        only: engines; empty: all that the sidecars name, or that read the file.
+        floating, model: options for reading files, as in `read_robot`.
     """
     found = dict[Path, Declared | Failure]()
 

@@ -1,4 +1,4 @@
-"""Literals against their bindings: what the file says, and what the constants say."""
+"""Comparison of the literals of a model file with the constants that they are bound to."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.reference.mechanism.system import System
 
 MOST_LOST = 10
-"""Unreadable bindings that are reported one by one."""
+"""Maximum number of unreadable bindings that are reported one by one."""
 
 
 def declared_bindings(
@@ -40,12 +40,14 @@ def declared_bindings(
                 lost.append(finding("binding", ("bindings",), f"{rest}; fix these first"))
                 break
         if not lost:
-            raise  # what is wrong is between two of them
+            raise  # the error is between two bindings
         return tuple(found), tuple(lost)
 
 
 def literal_findings(declared: tuple[Binding, ...]) -> Iterator[AuditFinding]:
-    """Yield a finding for each literal that is not its expression, a note for a rounded one."""
+    """Yield a finding for each literal that differs from its expression, a note for a
+    rounded one.
+    """
     for b in declared:
         if b.exact:
             continue

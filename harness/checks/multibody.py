@@ -1,7 +1,7 @@
-"""A folder that declares bodies: its tree, chosen states of it, its models against these.
+"""Folders that declare bodies: their tree, sampled states, and checks of their models.
 
-The tree is what `system.py` says; a model file is held against it at the same kind of states as a
-file that is given alone is against its own. With which settings is said by its sidecar.
+`system.py` declares the tree. Model files are checked at the same kind of states as standalone
+files. The sidecar of a model holds its settings.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from physics_crosscheck.reference.solving.samples import Samples
 
 @dataclass(frozen=True, kw_only=True)
 class PreparedTree:
-    """A folder's tree of bodies, solved; picklable.
+    """A declared tree of bodies, solved; picklable.
 
     Attributes:
-        folder: of the system.
-        system: as declared.
-        samples: states of the tree, and where its equations take them.
+        folder: the system folder.
+        system: the declared system.
+        samples: states of the tree, and the states that its equations reach from them.
         record: the system's entry in results.json.
-        reads: states of what `system.py` has read, by name relative to the folder.
-        motion: from rest; why it can't be solved; None if none is wanted.
+        reads: states of the files that `system.py` read, by name relative to the folder.
+        motion: the motion from rest, or why it cannot be solved; None if none was requested.
     """
 
     folder: Path
@@ -56,13 +56,13 @@ class PreparedTree:
     motion: Motion | str | None = None
 
     def id(self, sidecar: Sidecar, engine: str) -> CaseId:
-        """The one case of a model in an engine."""
+        """Return the name of the only case of a model in an engine."""
         return CaseId(
             system=self.system.name, model=sidecar.model.name, scenario=SCENARIO, engine=engine
         )
 
     def task(self, sidecar: Sidecar, engine: str, resolution: float) -> RobotTask:
-        """That case, to run it."""
+        """Build the task of that case."""
         task = case_of(self.system, self.samples, self.folder, sidecar, engine, resolution)
         return replace(task, motion=self.motion)
 
@@ -75,7 +75,7 @@ def case_of(
     engine: str,
     resolution: float,
 ) -> RobotTask:
-    """A model in an engine at some states of the declared bodies."""
+    """Build the task of a model in an engine at states of the declared bodies."""
     spec = sidecar.spec(engine)
     return RobotTask(
         file=sidecar.model,
@@ -96,11 +96,11 @@ def case_of(
 def prepare_folder(
     folder: Path, described: bool = True, motion: float = 0.0
 ) -> Prepared | PreparedTree:
-    """Load `folder/system.py`, and solve what it declares: energies, or bodies.
+    """Load `folder/system.py`, and solve the system that it declares by energies or by bodies.
 
     Args:
-        folder: of the system.
-        described: whether the record has a derivation, as in `prepare`.
+        folder: the system folder.
+        described: whether the record contains a derivation, as in `prepare`.
         motion: duration of a motion from rest of declared bodies, seconds; 0 for none.
 
     Raises:
@@ -134,7 +134,7 @@ def _prepared_tree(
 
 
 def states_of(declared: MultibodySystem, count: int) -> Samples:
-    """States that tell a declared tree's numbers apart, and where its equations take them.
+    """Select states that make a tree's numbers distinguishable, and solve the equations from them.
 
     Raises:
         ReferenceError: where a joint moves nothing that has mass.
@@ -143,7 +143,7 @@ def states_of(declared: MultibodySystem, count: int) -> Samples:
 
 
 def survey_file(sidecar: Sidecar) -> FileSurvey:
-    """Read a model file as it is read alone."""
+    """Read a model file without its declaration."""
     robot = read_robot(
         sidecar.model,
         floating=bool(sidecar.settings.get("floating", False)),

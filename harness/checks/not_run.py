@@ -1,4 +1,4 @@
-"""Cases that could not be run: why, and their records."""
+"""Records of cases that could not run, with their reasons."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 @dataclass(frozen=True)
 class Hurdle:
-    """Why a model can't be run in an engine at all: ABSENT, or FAILED with a reason of a kind."""
+    """A reason why a model cannot run in an engine: ABSENT, or FAILED with a kind."""
 
     outcome: Outcome
     reason: str
@@ -30,7 +30,7 @@ def hurdle(known: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hur
 
     Args:
         known: all engines.
-        name: of the engine.
+        name: name of the engine.
         model: the sidecar, which may name any engine; or a robot file.
     """
     if isinstance(model, Path):
@@ -53,7 +53,7 @@ def hurdle(known: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hur
 
 
 def absent(engine: Engine) -> Hurdle | None:
-    """That an engine is not installed; None where it is."""
+    """Return the reason if an engine is not installed, otherwise None."""
     if engine.version() is None:
         return Hurdle(
             Outcome.ABSENT, f"{engine.name} is not installed; {install_command(engine)}", ""
@@ -62,12 +62,12 @@ def absent(engine: Engine) -> Hurdle | None:
 
 
 def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
-    """A case that was not begun."""
+    """Build the record of a case that was not started."""
     return replace(_case(one, folder, why.outcome, why.reason, ""), kind=why.kind)
 
 
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
-    """Return a case, or what stands for the cases of a model or a target, that could not run.
+    """Return the record of a case that could not run, or that stands for a whole model or target.
 
     Args:
         one: the case.
@@ -94,7 +94,7 @@ def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) 
 
 
 def not_of_a_tree(sidecar: Sidecar) -> str:
-    """Why a sidecar does not fit beside declared bodies, in a sentence; empty where it does."""
+    """Return why a sidecar does not fit declared bodies, in a sentence; "" if it fits."""
     given = {
         "coordinates": sidecar.coordinates, "readback": sidecar.readback,
         "bindings": sidecar.bindings, "frames": sidecar.frames,

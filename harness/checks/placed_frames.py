@@ -1,4 +1,4 @@
-"""Frames of a system in a loaded model: where equations have them, and where the engine does."""
+"""Frames of a system in a loaded model: their poses in the equations and in the engine."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunctio
 from physics_crosscheck.reference.mechanism.system import System
 
 STEPS = 16.0
-"""Roundings of one body's frame, placed in its parent's: a product of quaternions, turned into a
-matrix, times a vector; sums of four products each."""
+"""Rounding errors of one body's frame in its parent: a product of quaternions, its matrix, times a
+vector. Each step sums four products.
+"""
 
 PROBED = 8
-"""Positions at which it is measured how far roundings of coordinates move the frames."""
+"""Number of positions at which the effect of rounded coordinates on frames is measured."""
 
 _NUDGE = 2.0**-20
 
@@ -34,7 +35,7 @@ class Placed:
     turn: Array
 
     def miss(self, other: Placed) -> tuple[Array, Array]:
-        """How far frames are from those of another, m and rad, (K, F) each."""
+        """Return the distance between two sets of frames, m and rad, (K, F) each."""
         far = np.linalg.norm(self.at - other.at, axis=-1)
         chord = np.linalg.norm(self.turn - other.turn, axis=(-2, -1)) / np.sqrt(8)
         return far, 2 * np.arcsin(np.minimum(chord, 1.0))
@@ -45,8 +46,8 @@ class Frames:
     """The frames that a sidecar maps, in one loaded model.
 
     Attributes:
-        function: of q, every frame that the system declares.
-        rows: of the mapped ones among these.
+        function: poses of every declared frame as a function of q.
+        rows: indices of the mapped frames among these.
     """
 
     model: Model
@@ -57,10 +58,11 @@ class Frames:
 
     @staticmethod
     def of(system: System, said: SidecarFrames, model: Model, coordinates: CoordinateMap) -> Frames:
-        """Look every place up.
+        """Look up every frame.
 
         Raises:
-            SidecarError: for one that the model lacks; names file, line and those that there are.
+            SidecarError: for a frame that the model lacks; names the file, the line and the
+                existing frames.
         """
         for target in said.targets:
             if target.place not in model.places:
@@ -70,12 +72,14 @@ class Frames:
         return Frames(model, coordinates, said, frame_function(system), rows)
 
     def expected(self, q: Array) -> Placed:
-        """Where the equations have them, at positions q, (K, n)."""
+        """Return the poses in the equations at positions q, (K, n)."""
         values = self.function(q).reshape(len(q), -1, ENTRIES)[:, list(self.rows)]
         return Placed(values[..., :3], values[..., 3:].reshape(*values.shape[:2], 3, 3))
 
     def found(self, z: Array) -> Placed:
-        """Where the engine has them at its positions z, (K, nz), in the system's world."""
+        """Return the poses in the engine at its positions z, (K, nz), in the system's world
+        frame.
+        """
         targets = self.said.targets
         origins, turns = self.model.poses([target.place for target in targets], z)
         at = np.array([target.offset for target in targets])
@@ -86,17 +90,17 @@ class Frames:
         return Placed(places @ world, turned)
 
     def length(self, z: Array) -> float:
-        """The largest distance of anything of the model from its origin, m."""
+        """Return the largest distance of any part of the model from its origin, m."""
         origins, _ = self.model.poses(self.model.places, z[:PROBED])
         offsets = [float(np.linalg.norm(target.offset)) for target in self.said.targets]
         far = float(np.max(np.abs(origins), initial=0.0))
         return far + max(offsets, default=0.0) + float(np.linalg.norm(self.said.origin))
 
     def uncertainty(self, q: Array, length: float) -> tuple[float, float]:
-        """How far roundings may move a frame, m and rad.
+        """Return how far rounding may move a frame, m and rad.
 
-        Those of a chain of all the model's bodies, of the length that they span, and those of the
-        coordinates, whose effect is measured.
+        The sum of two errors: that of a chain of all bodies, as long as the model, and the measured
+        effect of rounded coordinates.
         """
         q = q[:: max(1, len(q) // PROBED)]
         z = self.coordinates.forward(q)
@@ -107,7 +111,9 @@ class Frames:
 
 
 def _moved(placed: Callable[[Array], Placed], x: Array) -> Array:
-    """How far one unit of relative rounding in every coordinate moves frames at most, m and rad."""
+    """Return the largest movement of frames per unit of relative rounding in all coordinates, m and
+    rad.
+    """
     here = placed(x)
     total = np.zeros(2)
     for j in range(x.shape[1]):

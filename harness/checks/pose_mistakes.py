@@ -1,4 +1,4 @@
-"""What kind of mistake moves a frame so: tried one after the other, the simplest first."""
+"""Classification of wrong poses: kinds of mistakes, tried in order from the simplest."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from physics_crosscheck.harness.checks.placed_frames import Placed
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SHARE = 1e-3
-"""Share of a miss that a kind may leave, where roundings allow less."""
+"""Share of a pose error that a kind may leave unexplained, if rounding allows less."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Miss:
-    """One frame at K positions, as the equations and as the engine have it.
+    """One frame at K positions, in the equations and in the engine.
 
     Attributes:
         at, turn: in the equations, (K, 3) and (K, 3, 3).
         found_at, found_turn: in the engine.
-        flipped: the equations' with the sign of one coordinate changed, by its name.
-        point: whether it is a point, whose turn says nothing.
-        near: what counts as the same, m and rad.
+        flipped: the equations' poses with the sign of one coordinate changed, by its name.
+        point: whether it is a point, so that its rotation has no meaning.
+        near: distance below which poses are equal, m and rad.
     """
 
     at: Array
@@ -45,7 +45,7 @@ class Miss:
         point: bool,
         uncertainty: tuple[float, float],
     ) -> Miss:
-        """Frame `f` of some."""
+        """Select frame `f`."""
         far, turned = (float(np.max(each[:, f])) for each in expected.miss(found))
         return Miss(
             at=expected.at[:, f],
@@ -58,17 +58,17 @@ class Miss:
         )
 
     def is_at(self, at: Array) -> bool:
-        """Whether the engine has the origin there."""
+        """Return whether the engine has the origin at this place."""
         return bool(np.max(np.linalg.norm(self.found_at - at, axis=-1)) <= self.near[0])
 
     def is_turned(self, turn: Array) -> bool:
-        """Whether the engine has the axes so; a point has none."""
+        """Return whether the engine has this rotation; false for a point."""
         chord = np.linalg.norm(self.found_turn - turn, axis=(-2, -1)) / np.sqrt(2)
         return self.point or bool(np.max(chord) <= self.near[1])
 
 
 def kind_of(miss: Miss) -> str:
-    """A few words; empty where no kind leaves little of it."""
+    """Return the kind of a mistake in a few words; "" if no kind explains the error."""
     return next(_kinds(miss), "")
 
 
@@ -83,7 +83,7 @@ def _kinds(miss: Miss) -> Iterator[str]:
 
 
 def _flipped(miss: Miss) -> Iterator[str]:
-    """A coordinate counts the other way."""
+    """Yield the coordinates with the opposite sign."""
     for name, (at, turn) in miss.flipped.items():
         moved = _mean(miss.found_at - at)
         if miss.is_at(at + moved) and miss.is_turned(turn):
@@ -92,20 +92,20 @@ def _flipped(miss: Miss) -> Iterator[str]:
 
 
 def _shifted(miss: Miss) -> Iterator[str]:
-    """Moved, in the world or in the body."""
+    """Yield a translation in the world or in the body."""
     if not miss.is_turned(miss.turn):
         return
     off = miss.found_at - miss.at
     if miss.is_at(miss.at + _mean(off)):
         yield f"moved by {_vector(_mean(off))} in the world"
-    # Of a point, the engine alone knows how its body is turned.
+    # For a point, only the engine has the rotation of its body.
     inside = _mean(np.einsum("kji,kj->ki", miss.found_turn, off))
     if miss.is_at(miss.at + miss.found_turn @ inside):
         yield f"offset by {_vector(inside)} in its body's axes"
 
 
 def _turned(miss: Miss) -> Iterator[str]:
-    """Turned by the same in the world, or in the body."""
+    """Yield a constant rotation in the world or in the body."""
     world = miss.found_turn[0] @ miss.turn[0].T
     if miss.is_turned(world @ miss.turn):
         moved = _mean(miss.found_at - miss.at @ world.T)
@@ -122,7 +122,7 @@ def _turned(miss: Miss) -> Iterator[str]:
 
 
 def _plane(miss: Miss) -> Iterator[str]:
-    """The motion is that of the equations in turned axes: a plane of motion, an axis of a joint."""
+    """Yield a rotation of the plane of motion or of a joint axis."""
     for axes in _cube():
         if np.allclose(axes, np.eye(3)):
             continue
@@ -141,7 +141,7 @@ def _mirrored(miss: Miss) -> Iterator[str]:
 
 
 def _cube() -> Iterator[Array]:
-    """The 24 turns of a cube, the quarter turns about an axis first."""
+    """Yield the 24 rotations of a cube, quarter turns about an axis first."""
     found = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
@@ -169,16 +169,16 @@ def _and_moved(moved: Array, miss: Miss) -> str:
 
 
 def _turn(matrix: Array) -> str:
-    """An angle about an axis, in words."""
+    """Format a rotation as an angle about an axis."""
     angle = np.arccos(np.clip((np.trace(matrix) - 1) / 2, -1, 1))
-    # The axis is what the turn leaves: of the symmetric part, the largest column.
+    # The rotation keeps its axis: the largest column of the symmetric part.
     symmetric = matrix + matrix.T + (1 - np.trace(matrix)) * np.eye(3)
     axis = symmetric[:, int(np.argmax(np.linalg.norm(symmetric, axis=0)))]
     axis = axis / (np.linalg.norm(axis) or 1.0)
     skew = np.array(
         [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
     )
-    if angle < 1e-4:  # what is left of the symmetric part is rounding
+    if angle < 1e-4:  # the rest of the symmetric part is rounding
         angle, axis = float(np.linalg.norm(skew)) / 2, skew / (np.linalg.norm(skew) or 1.0)
     elif axis @ skew < 0 or (not (axis @ skew > 0) and axis.sum() < 0):
         axis = -axis

@@ -20,21 +20,22 @@ from physics_crosscheck.reference.mechanism.system import System
 
 SEED = 20260115
 DRAWS = 64
-"""Random positions beside those that the motions pass."""
+"""Number of random positions, in addition to those of the motions."""
 
 RESOLUTION = 1e-9
-"""What is off by less, of the largest declared distance or in rad, is another digit of a number and
-no other robot."""
+"""Smallest pose error that counts, relative to the largest declared distance, or in rad. Smaller
+errors are differences in the last digits of a number.
+"""
 
 
 @dataclass(frozen=True)
 class PoseFinding:
-    """Frames that are elsewhere, alike.
+    """Frames with the same pose error.
 
     Attributes:
         frames: their names.
-        off: how far at most, m.
-        share: of that, which would still be found.
+        off: largest error, m.
+        share: smallest share of it that would still be detected.
     """
 
     frames: tuple[str, ...]
@@ -45,7 +46,7 @@ class PoseFinding:
 
 @dataclass(frozen=True)
 class PoseCheck:
-    """What was compared, and what differs."""
+    """The compared frames, and their differences."""
 
     record: Poses
     findings: tuple[PoseFinding, ...] = ()
@@ -58,10 +59,10 @@ def check_poses(
     coordinates: CoordinateMap,
     reached: Array,
 ) -> PoseCheck:
-    """Hold a loaded model's frames against the equations.
+    """Compare the frames of a loaded model with the equations.
 
     Args:
-        reached: positions that the motions pass, (K, n).
+        reached: positions of the motions, (K, n).
 
     Raises:
         SidecarError: naming file, line, entry and remedy.
@@ -84,7 +85,7 @@ def check_poses(
 
 
 def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ...]) -> PoseCheck:
-    """Every mapped frame at positions q, (K, n)."""
+    """Compare every mapped frame at positions q, (K, n)."""
     z = frames.coordinates.forward(q)
     expected, found = frames.expected(q), frames.found(z)
     length = frames.length(z)
@@ -94,7 +95,7 @@ def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ..
     turned[:, points] = 0.0
     size = float(np.max(np.abs(expected.at), initial=0.0)) or length
     near = max(uncertainty[0], RESOLUTION * size), max(uncertainty[1], RESOLUTION)
-    # What is not a number is nowhere.
+    # A pose that is not a number counts as infinitely far away.
     wrong = ~np.all((far <= near[0]) & (turned <= near[1]), axis=0)
     elsewhere = np.flatnonzero(wrong).tolist()
     rows = tuple(
@@ -131,14 +132,14 @@ def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ..
 
 
 def _flipped(q: Array, j: int) -> Array:
-    """Positions with the sign of one coordinate changed."""
+    """Change the sign of one coordinate in positions."""
     other = q.copy()
     other[:, j] *= -1
     return other
 
 
 def _positions(frames: Frames, system: System, reached: Array) -> Array:
-    """Positions that the motions pass, and random ones, a turn or twice as far, (K, n)."""
+    """Return the positions of the motions, and random ones up to a turn or twice as far, (K, n)."""
     extent = np.max(np.abs(reached), axis=0)
     turns = np.array([coordinate.unit == "rad" for coordinate in system.coordinates])
     wide = np.where(turns, np.pi, 2 * np.where(extent > 0, extent, 1.0))
@@ -155,7 +156,7 @@ def _place(system: System, q: Array) -> str:
 
 
 def _sentence(group: Sequence[FramePose], kind: str, at: str, near: tuple[float, float]) -> str:
-    """What is wrong of some frames, alike; what is `near`, m and rad, is not told."""
+    """Describe the common error of some frames; omit parts smaller than `near`, m and rad."""
     names = ", ".join(f"{one.name} ({one.place})" for one in group)
     far = max(one.position or 0.0 for one in group)
     angle = max(one.rotation or 0.0 for one in group)

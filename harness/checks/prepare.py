@@ -1,4 +1,4 @@
-"""The reference side of a folder: derive, linearize, solve; everything that its cases share."""
+"""Reference side of a folder, shared by all its cases: derive, linearize and solve."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A folder's physics, solved; picklable.
+    """The physics of a folder, solved; picklable.
 
     Attributes:
         motions: reference motion by scenario.
-        scales: what a defect is relative to, by scenario, (2n,) each.
+        scales: scale of the defects by scenario, (2n,) each.
         amplitude: largest magnitude over all scenarios, (2n,); nowhere zero.
         push: largest input over all scenarios, (inputs,).
         power: (energy, supplied, dissipated) of (q, v, u, (t,)).
         components: names of the state's components, positions then velocities.
-        stepped: the equations as integrators ask them; None where time stands in them.
+        stepped: the equations in the form for integrators; None if they depend on time.
         variants: the equations with every constant and some missing terms free.
         record: the system's entry in results.json.
-        reads: states of what `system.py` has read, by name relative to the folder.
+        reads: states of the files that `system.py` read, by name relative to the folder.
     """
 
     folder: Path
@@ -69,8 +69,8 @@ class Prepared:
 def prepare(folder: Path, described: bool = True) -> Prepared:
     """Load `folder/system.py`, derive, linearize and solve every scenario.
 
-    Without `described` the record has no derivation: formulas cost more than all the rest, and only
-    a report shows them.
+    Without `described` the record contains no derivation. Formulas take longer than all the rest,
+    and only a report shows them.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.
@@ -84,13 +84,13 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
 def derived(
     folder: Path, system: System, reads: Mapping[str, str], began: float, *, described: bool
 ) -> Prepared:
-    """Derive, linearize and solve what was loaded from a folder.
+    """Derive, linearize and solve the system of a folder.
 
     Args:
-        folder: of the system.
-        system: that it declares.
-        reads: states of what its declaration has read.
-        began: when that was, by `time.perf_counter`.
+        folder: the system folder.
+        system: the declared system.
+        reads: states of the files that the declaration read.
+        began: start time, from `time.perf_counter`.
         described: as in `prepare`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Where what engines and formats do on their own stands in a model's files."""
+"""Source lines of the defaults that engines and formats apply."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 
 
 def where(remark: Remark, sidecar: Sidecar, engine: str) -> SourceLine | None:
-    """The line that a remark is about, the file alone, or nothing."""
+    """Return the line that a remark concerns, or only the file, or None."""
     if remark.address is None:
         return None
     file, address = sidecar.model, remark.address

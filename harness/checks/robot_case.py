@@ -1,4 +1,4 @@
-"""A robot's file in an engine, against the equations of what it says: at chosen states."""
+"""Check of a robot file in an engine against its own equations, at sampled states."""
 
 from __future__ import annotations
 
@@ -66,32 +66,35 @@ from physics_crosscheck.reference.solving.samples import Samples, samples
 from physics_crosscheck.reference.solving.solve import solve
 
 SCENARIO = "states"
-"""What stands for the scenario of a file that declares none."""
+"""Placeholder for the scenario of a file that declares none."""
 
 FLOATING = "floating states"
-"""The same of a URDF whose root link moves freely."""
+"""The same for a URDF whose root link moves freely."""
 
 STATES = 40
-"""Segments of a check: chosen ones, at which each number shows as at a hundred at random."""
+"""Number of segments of a check. They are selected so that each number shows as well as with a
+hundred random segments.
+"""
 
 SEED = 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class PreparedRobot:
-    """A robot's file, read and solved.
+    """A robot file, read and solved.
 
     Attributes:
         file: the model file.
-        names: of its coordinates.
-        followers: what follows them.
-        system: its tree as a system, whose equations they are.
-        samples: states, and where the equations take them.
-        record: what is written of it.
-        settings: with which engines run it.
-        left_out: what the file says beyond the equations.
-        findings: inertias that no body can have.
-        motion: from rest; why it can't be solved, in a sentence; None if none is wanted.
+        names: names of its coordinates.
+        followers: map to the joints of an engine.
+        system: its tree as a system.
+        samples: states, and the states that the equations reach from them.
+        record: its entry in results.json.
+        settings: settings of the engines.
+        left_out: statements of the file that the equations omit.
+        findings: non-physical inertias.
+        motion: the motion from rest, or a sentence why it cannot be solved; None if none was
+            requested.
     """
 
     file: Path
@@ -107,11 +110,11 @@ class PreparedRobot:
 
     @property
     def scenario(self) -> str:
-        """What its states are called."""
+        """Name of its states."""
         return self.record.scenarios[0].name
 
     def task(self, engine: str, resolution: float) -> RobotTask:
-        """The check in an engine."""
+        """Build the task of the check in an engine."""
         own = engines()[engine].settings_for(self.file.suffix)
         return RobotTask(
             file=self.file,
@@ -132,7 +135,7 @@ class PreparedRobot:
 def prepare_robot(
     file: Path, *, floating: bool = False, model: str = "", motion: float = 0.0
 ) -> PreparedRobot:
-    """Read a robot's file, draw states, and solve.
+    """Read a robot file, sample states and solve.
 
     Args:
         file: the model file.
@@ -173,10 +176,10 @@ def prepare_robot(
 
 
 def motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Motion | str:
-    """Solve the motion from rest at the first of the drawn positions.
+    """Solve the motion from rest at the first of the sampled positions.
 
     Returns:
-        The motion, or why it can't be solved.
+        The motion, or why it cannot be solved.
     """
     scenario = Scenario(
         "motion",
@@ -198,12 +201,12 @@ def scenario_of(robot: Robot) -> str:
 
 
 def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> Samples:
-    """States that tell a tree's numbers apart, and where its equations take them.
+    """Select states that make a tree's numbers distinguishable, and solve the equations from them.
 
     Args:
         system: the tree.
-        limits: of all its joints.
-        count: how many states.
+        limits: limits of all its joints.
+        count: number of states.
 
     Raises:
         ReferenceError: where a joint moves nothing that has mass.
@@ -215,15 +218,15 @@ def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """Segments of a robot in an engine, in the order that the engine has.
+    """Segments of a robot in an engine, in the engine's order.
 
     Attributes:
-        model: as the engine has loaded it.
-        map: of the coordinates to its own.
-        names: of the coordinates, in that order.
-        samples: likewise.
-        scale: what a defect is relative to, (2n,).
-        found: where the engine ends them as h -> 0.
+        model: the model that the engine loaded.
+        map: map from the coordinates to the engine's.
+        names: names of the coordinates, in the engine's order.
+        samples: states, in the engine's order.
+        scale: scale of the defects, (2n,).
+        found: ends of the segments in the engine as h -> 0.
     """
 
     model: Model
@@ -235,24 +238,24 @@ class Followed:
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Names of the states' components, (2n,)."""
+        """Names of the components of the state, (2n,)."""
         return (*self.names, *(f"{name}_dot" for name in self.names))
 
 
 def scale_of(drawn: Samples) -> Array:
-    """What a defect is relative to: how far each component moves at most, (2n,)."""
+    """Return the scale of the defects: the largest displacement of each component, (2n,)."""
     return filled(np.max(np.abs(drawn.end - drawn.start), axis=0))
 
 
 def follow_robot(
     task: RobotTask, rungs: tuple[int, ...] = (), model: Model | None = None
 ) -> Followed:
-    """Run every segment in the engine as h -> 0: on these rungs, or as many as it takes.
+    """Run every segment in the engine as h -> 0, on these rungs or as many as needed.
 
     Args:
-        task: what is run.
-        rungs: on which; empty: as many as it takes.
-        model: the file as it is loaded; None: it is loaded here.
+        task: the task.
+        rungs: rungs of the step study; empty: as many as needed.
+        model: the loaded model; None: load the file here.
 
     Raises:
         EngineError, BlownUpError: naming the file.
@@ -285,14 +288,15 @@ def follow_robot(
 def run_robot(task: RobotTask) -> Case:
     """Run every segment in the engine as h -> 0, and judge.
 
-    What is unresolved is stepped in the engine's other ways as well: where a servo settles within
-    microseconds, a position moves by so little that its last digits, times the weights that an
-    order of 1 asks for, hide the resolution; an order of 4 asks for a tenth of them.
+    Run unresolved cases with the engine's other integrators too. A servo that settles within
+    microseconds moves its joint so little that rounding, multiplied by the large weights of an
+    extrapolation of order 1, hides the result. Order 4 needs a tenth of these weights.
 
-    A file given alone that the engine refuses is such a case: others may have a verdict on it.
+    A standalone file that the engine refuses still becomes such a case, since other engines may
+    judge it.
 
     Raises:
-        EngineError, BlownUpError: the case is FAILED with that message.
+        EngineError, BlownUpError: the case is then FAILED with that message.
     """
     began = time.perf_counter()
     try:
@@ -301,7 +305,7 @@ def run_robot(task: RobotTask) -> Case:
         if task.folder != str(task.file):
             raise
         return _refused(task, failure_of(error))
-    stepping = _stepping(task, way)  # as the file itself has the engine step
+    stepping = _stepping(task, way)  # with the integrator that the file selects
     shipped = way
     way, verdict, dynamics = _decided(task, way, verdict)
     outcome, reason, kind, full_run = _with_motion(task, shipped, verdict)
@@ -323,10 +327,10 @@ def run_robot(task: RobotTask) -> Case:
 
 
 def judge_robot(task: RobotTask) -> Verdict:
-    """What becomes of every segment alone: nothing is stepped as the file ships.
+    """Judge every segment, without a run at the file's own time step.
 
     Raises:
-        EngineError, BlownUpError: where the engine doesn't run it.
+        EngineError, BlownUpError: if the engine cannot run it.
     """
     return _decided(task, *_judged(task))[1]
 
@@ -346,16 +350,16 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
 
 
 def judge_loaded(task: RobotTask, model: Model) -> Verdict:
-    """What becomes of every segment of a model that is loaded, stepped in its own way alone.
+    """Judge every segment of a loaded model, with its own integrator only.
 
     Raises:
-        EngineError, BlownUpError: where the engine doesn't run it.
+        EngineError, BlownUpError: if the engine cannot run it.
     """
     return _judged(task, model)[1]
 
 
 def _judged(task: RobotTask, model: Model | None = None) -> tuple[Followed, Verdict]:
-    """Every segment in the engine, and what follows from them."""
+    """Run every segment in the engine, and derive the verdict."""
     way = follow_robot(task, model=model)
     verdict = judged(
         way.found,
@@ -372,16 +376,16 @@ def _judged(task: RobotTask, model: Model | None = None) -> tuple[Followed, Verd
 def _decided(
     task: RobotTask, way: Followed, verdict: Verdict
 ) -> tuple[Followed, Verdict, AccelerationComparison | None]:
-    """The same with the engine's accelerations, and another way to step where that is asked for."""
+    """Refine the verdict with the engine's accelerations, and with another integrator if needed."""
     dynamics, names = _dynamics(task, way), tuple(way.model.coordinates)
     way, verdict = _otherwise(task, way, verdict)
     return way, with_dynamics(verdict, dynamics, names, task.resolution), dynamics
 
 
 def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Followed, Verdict]:
-    """The same in another way to step the model, where that alone resolves it.
+    """Run with another integrator if only that resolves the case.
 
-    Its reason tells both ways.
+    The reason then names both integrators.
     """
     if verdict.outcome is not Outcome.UNRESOLVED:
         return way, verdict
@@ -399,8 +403,8 @@ def _with_motion(
     """Run the motion from rest at the file's own time step, and compare it with the verdict.
 
     Returns:
-        The outcome, its reason, the kind of the reason, and the full run; without a motion those of
-        the verdict.
+        The outcome, its reason, the kind of the reason, and the full run; those of the verdict if
+        there is no motion.
     """
     motion, model = task.motion, way.model
     known = verdict.outcome, verdict.reason, verdict.kind
@@ -428,7 +432,7 @@ def _with_motion(
 
 
 def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
-    """The engine's very next state, at the starts of the segments."""
+    """Compare single steps of the engine, from the starts of the segments."""
     drawn = way.samples
     found = step_engine(
         way.model,
@@ -443,12 +447,14 @@ def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
 
 
 def _dynamics(task: RobotTask, way: Followed) -> AccelerationComparison | None:
-    """The engine's accelerations, at those states and at others of their positions."""
+    """Compare the engine's accelerations at those states, and at further states in the same
+    positions.
+    """
     states, inputs = mixed(way.samples.start, way.samples.forces)
     stepped = _stepped(task, way)
     return forward_dynamics(way.model, way.map, stepped, states, inputs, task.resolution)
 
 
 def _stepped(task: RobotTask, way: Followed) -> SteppedBodies:
-    """The equations, in the order of the engine's coordinates."""
+    """Build the equations in the order of the engine's coordinates."""
     return SteppedBodies(task.tree, [task.names.index(name) for name in way.names])

@@ -1,4 +1,4 @@
-"""What is told of a robot's file beside its verdict, and with which settings engines run it."""
+"""Records and findings of a robot file, and the settings for running it."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.samples import Samples
 
 STANDALONE_SETTINGS: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
-"""Settings of every engine: what the equations leave out is left out there too."""
+"""Settings of every engine: they switch off the effects that the equations omit."""
 
 METHOD = "recursion along the tree; Gauss collocation of order 16, checked by DOP853"
 
 
 def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
-    """Inertias that no body can have; of what stands still, a note."""
+    """Return findings for non-physical inertias; notes for fixed bodies."""
     still = {part.name for part in robot.parts if part.body == WORLD}
     return tuple(
         AuditFinding(
@@ -60,9 +60,9 @@ def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
 
 
 def _remarks(file: Path) -> Iterator[AuditFinding]:
-    """What engines make of a file as they read it."""
+    """Yield the remarks of engines on reading a file."""
     for engine in engines_reading(file.suffix):
-        with suppress(EngineError):  # its own case reports that it can't read the file
+        with suppress(EngineError):  # its own case reports that it cannot read the file
             for remark in engine.file_remarks(file) if engine.version() is not None else ():
                 yield AuditFinding(
                     kind=remark.kind,
@@ -76,7 +76,7 @@ def _remarks(file: Path) -> Iterator[AuditFinding]:
 
 
 def place_of(file: Path, remark: Remark) -> SourceLine:
-    """Return the line that a remark is about, in a file or in one that it includes."""
+    """Return the line that a remark concerns, in a file or in one that it includes."""
     places = ((part, line_of(part, remark.address or "")) for part in parts_of(file))
     part, line = next(((p, n) for p, n in places if n is not None), (file, None))
     return SourceLine(file=str(part), line=line)
@@ -88,7 +88,7 @@ def negative_findings(file: Path) -> Iterator[AuditFinding]:
         try:
             found = numerals(Document(part))
         except DocumentError:
-            continue  # reading the file tells of it
+            continue  # already reported by the reader of the file
         for one in found:
             kind = _NEGATIVE.fullmatch(one.path)
             if kind is None or one.value >= 0 or one.word:
@@ -99,12 +99,12 @@ def negative_findings(file: Path) -> Iterator[AuditFinding]:
 def _parts(file: Path) -> tuple[Path, ...]:
     try:
         return parts_of(file)
-    except EngineError:  # reading the file tells of it
+    except EngineError:  # already reported by the reader of the file
         return ()
 
 
 def finding_of(one: Number, what: str) -> AuditFinding:
-    """Return the finding about a negative number; a spring may well push away."""
+    """Return the finding about a negative number; a spring may be negative."""
     word = next(word for word in _EFFECTS if word in what.lower())
     return AuditFinding(
         kind=_NEGATIVES[word],
@@ -131,7 +131,7 @@ _EFFECTS = {
 
 
 def settings_of(robot: Robot) -> Mapping[str, object]:
-    """With which every engine runs it."""
+    """Return the settings with which every engine runs a robot."""
     own: dict[str, object] = dict(robot.stated)
     if robot.controls:
         own["controls"] = list(robot.controls)
@@ -145,7 +145,7 @@ def settings_of(robot: Robot) -> Mapping[str, object]:
 
 
 def sidecar_beside(file: Path) -> tuple[str, ...]:
-    """A sidecar counts in its folder, and not where its file is checked alone."""
+    """Return a remark about a sidecar, which is ignored if its file is checked alone."""
     beside = file.with_name(f"{file.name}.toml")
     return (
         (f"the contents of {beside.name}, which is read together with its folder",)
@@ -155,7 +155,7 @@ def sidecar_beside(file: Path) -> tuple[str, ...]:
 
 
 def told(one: Omission) -> str:
-    """Such as: dry friction (7)."""
+    """Format an omission, such as: dry friction (7)."""
     return one.what if one.count == 1 else f"{one.what} ({one.count})"
 
 
@@ -167,14 +167,14 @@ def tree_record(
     seconds: float,
     motion: float = 0.0,
 ) -> System:
-    """Return the record of a tree: its joints, the states of its check, and its motion.
+    """Return the record of a tree: its joints, the sampled states and its motion.
 
     Args:
-        folder: of the system, or its file.
+        folder: the system folder, or the file.
         system: the tree.
-        drawn: the states.
-        scenario: name of these.
-        seconds: spent on it.
+        drawn: the sampled states.
+        scenario: name of the states.
+        seconds: time spent.
         motion: duration of a motion from rest, seconds; 0 for none.
     """
     count = len(drawn.start)

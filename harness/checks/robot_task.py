@@ -1,4 +1,4 @@
-"""A robot's file in one engine: what is to be run, and which of the equations' its joints are."""
+"""Tasks for a robot file in one engine, and the mapping of its joints to the equations."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from physics_crosscheck.reference.solving.samples import Samples
 
 
 class RefusedError(EngineError):
-    """An engine would not load a robot's file."""
+    """An engine that refuses to load a robot file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotTask:
-    """A robot's file in one engine.
+    """The task of a robot file in one engine.
 
     Attributes:
         file: the model file.
-        folder: whose case it is: the system's, or the file itself where it is given alone.
-        robot: its name.
-        scenario: what its states are called.
-        engine: that runs it.
-        names: of the coordinates, in the samples' order.
-        followers: what follows them.
-        tree: whose equations they are.
-        samples: states, and where the equations take them.
-        settings: with which the engine runs it.
-        resolution: that is asked.
-        springs: of its sidecar.
-        motion: from rest; why it can't be solved; None if none is wanted.
+        folder: the system folder, or the file itself if it is standalone.
+        robot: name of the robot.
+        scenario: name of its states.
+        engine: name of the engine.
+        names: names of the coordinates, in the samples' order.
+        followers: map to the joints of an engine.
+        tree: the tree of the equations.
+        samples: states, and the states that the equations reach from them.
+        settings: settings of the engine.
+        resolution: relative discrepancy to resolve.
+        springs: springs of its sidecar.
+        motion: the motion from rest, or why it cannot be solved; None if none was requested.
     """
 
     file: Path
@@ -57,7 +57,7 @@ class RobotTask:
 
 
 def load_robot(task: RobotTask) -> Model:
-    """The file as its engine loads it.
+    """Load the file in its engine.
 
     Raises:
         RefusedError: naming file, place and remedy.
@@ -72,10 +72,11 @@ def load_robot(task: RobotTask) -> Model:
 
 
 def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple[str, ...]]:
-    """The states as the engine's coordinates have them, those maps, and the names of the states.
+    """Return the states in the engine's coordinates, the coordinate map and the names of the
+    states.
 
     Raises:
-        EngineError: where they are not the same joints.
+        EngineError: if the joints differ.
     """
     order, n = order_of(task, model), len(task.names)
     if len(order) > n:
@@ -85,19 +86,19 @@ def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple
 
 
 def order_of(task: RobotTask, model: Model) -> list[int]:
-    """Which of the equations' coordinates each of the engine's is.
+    """Return the index of the equations' coordinate for each of the engine's coordinates.
 
     Raises:
-        EngineError: naming those that only one of them has.
+        EngineError: naming the joints that only one side has.
     """
     return joints_of(task.followers, model, task.file, task.engine)
 
 
 def joints_of(followers: Followers, model: Model, file: Path, engine: str) -> list[int]:
-    """Which of a tree's coordinates each of the engine's is.
+    """Return the index of the tree's coordinate for each of the engine's coordinates.
 
     Raises:
-        EngineError: naming those that only one of them has.
+        EngineError: naming the joints that only one side has.
     """
     here, there = set(followers.names), set(model.coordinates)
     if here != there or len(there) != len(model.coordinates):

@@ -1,7 +1,7 @@
-"""A system's sketch as plain data: shapes whose places are small trees of numbers and positions.
+"""A system's sketch as plain data: shapes whose places are expression trees.
 
 A tree is a number, `["q", i]` for the i-th position, or an operation and its operands: `+`, `*`,
-`^`, `sin`, `cos`, `tan`. Whoever draws it needs to know neither symbols nor constants.
+`^`, `sin`, `cos`, `tan`. Drawing it needs neither symbols nor constants.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ from physics_crosscheck.reference.mechanism.system import System
 Kind: TypeAlias = Literal[
     "spring", "damper", "rod", "line", "wall", "measure", "block", "disc", "spiral"
 ]
-"""What a declared shape may be, beside an angle."""
+"""Kinds of declared shapes, besides an angle."""
 
 
 def sketch_record(system: System) -> records.Sketch | None:
-    """The sketch of a system, posed as its first scenario starts; None without."""
+    """Return the sketch of a system at the start of its first scenario; None if it has no
+    sketch.
+    """
     if not system.sketch:
         return None
     start = system.scenarios[0].q
@@ -63,7 +65,9 @@ def _shape(shape: Shape, system: System) -> records.Shape:
 
 
 def tree(expression: sp.Expr, system: System) -> records.SketchTree:
-    """An expression of positions and constants as a tree, the constants put in."""
+    """Convert an expression of positions and constants to a tree, with the constants
+    substituted.
+    """
     places = {q: i for i, q in enumerate(system.q)}
 
     def walk(e: sp.Expr) -> records.SketchTree:

@@ -1,4 +1,4 @@
-"""A system's record: everything that a report says of its physics."""
+"""Record of a system: everything that a report shows about its physics."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def system_record(
     *,
     described: bool,
 ) -> records.System:
-    """The record of a system.
+    """Build the record of a system.
 
     Args:
-        linear: about each equilibrium.
-        motions: of every scenario, by name.
-        described: whether with what is derived, as formulas. They cost more than all the rest, and
-            only a report shows them.
+        linear: linearizations about each equilibrium.
+        motions: motions of every scenario, by name.
+        described: whether to include the derivation as formulas. They take longer than all the
+            rest, and only a report shows them.
     """
     system = equations.system
     latex = Latex(system.q, system.v, system.a)
@@ -71,7 +71,7 @@ def system_record(
 def quantities(
     declared: tuple[Coordinate, ...] | tuple[Input, ...],
 ) -> tuple[records.Quantity, ...]:
-    """Coordinates or inputs."""
+    """Build the records of coordinates or inputs."""
     return tuple(
         records.Quantity(
             name=each.name,
@@ -84,7 +84,7 @@ def quantities(
 
 
 def constants(system: System) -> tuple[records.Constant, ...]:
-    """The constants of a system."""
+    """Build the records of a system's constants."""
     return tuple(
         records.Constant(
             name=c.name,
@@ -99,13 +99,11 @@ def constants(system: System) -> tuple[records.Constant, ...]:
 
 
 def motion_terms(equations: Equations) -> tuple[tuple[SumTerms, SumTerms], ...]:
-    """M a = f, both sides of each row: accelerations; the motion's own forces, then the inputs."""
+    """Return both sides of each row of M a = f: accelerations; internal forces, then the inputs."""
     system = equations.system
     sides: list[tuple[SumTerms, SumTerms]] = []
     for row, force in zip(equations.mass.tolist(), equations.force, strict=True):
-        if (
-            sp.count_ops(force) > LONG_OPERATIONS
-        ):  # in an order that takes no comparing of long terms
+        if sp.count_ops(force) > LONG_OPERATIONS:  # an order that needs no comparison of long terms
             terms = list(sp.Add.make_args(force))
         else:
             terms = sp.expand(force).as_ordered_terms()
@@ -116,7 +114,7 @@ def motion_terms(equations: Equations) -> tuple[tuple[SumTerms, SumTerms], ...]:
 
 
 def pole_records(one: TaylorLinearization) -> tuple[records.Pole, ...]:
-    """The poles of a linearization."""
+    """Build the records of a linearization's poles."""
     return tuple(
         records.Pole(
             real=number(p.value.real),
@@ -130,7 +128,7 @@ def pole_records(one: TaylorLinearization) -> tuple[records.Pole, ...]:
 
 
 def mode_records(one: TaylorLinearization) -> tuple[records.Mode, ...]:
-    """The modes of a linearization without its damping."""
+    """Build the records of a linearization's undamped modes."""
     return tuple(
         records.Mode(
             frequency=number(m.frequency),
@@ -145,7 +143,7 @@ def mode_records(one: TaylorLinearization) -> tuple[records.Mode, ...]:
 def linearity_records(
     equations: Equations, one: TaylorLinearization
 ) -> tuple[records.Linearity, ...]:
-    """How far a linearization holds, by mode."""
+    """Build the records of a linearization's range of validity, by mode."""
     return tuple(
         records.Linearity(
             equilibrium=e.equilibrium,
@@ -161,7 +159,7 @@ def linearity_records(
 def errata_records(
     equations: Equations, linear: tuple[TaylorLinearization, ...]
 ) -> tuple[tuple[str, records.Erratum], ...]:
-    """Every published equation, and what it claims to be."""
+    """Build the records of every published equation, with the equation that it claims to be."""
     return tuple(_erratum(found) for found in errata(equations, linear))
 
 
@@ -233,7 +231,7 @@ def _linearization(one: TaylorLinearization, system: System, latex: Latex) -> re
 
 
 def _linear_equations(one: TaylorLinearization, system: System, latex: Latex) -> records.Formula:
-    """M a + C v + K q = F u, the matrices written out and terms of zeros left out."""
+    """Format M a + C v + K q = F u, with the matrices written out and zero terms omitted."""
     symbols = (system.a, system.v, system.q)
     parts = zip(("M", "C", "K"), (one.mass, one.damping, one.stiffness), symbols, strict=True)
     left = [(_readable(one, name, factor), of) for name, factor, of in parts if any(factor)]
@@ -256,7 +254,7 @@ def _linear_equations(one: TaylorLinearization, system: System, latex: Latex) ->
 
 
 def _readable(one: TaylorLinearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
-    """A matrix with its symbols, or where that would be too long to read with numbers."""
+    """Return a matrix with its symbols, or with numbers where symbols would be too long to read."""
     if sum(sp.count_ops(entry) for entry in matrix) <= LONG_OPERATIONS:
         return matrix
     return sp.Matrix(one.arrays[name])

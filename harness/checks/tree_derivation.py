@@ -1,4 +1,4 @@
-"""Equations that `crosscheck derive` prints of bodies: formulas of few joints, numbers of all."""
+"""Equations of bodies for `crosscheck derive`: formulas for few joints, numbers for all."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 ROUNDING = 1e-11
-"""Of a mass matrix with a diagonal of ones: smaller entries are what angles with a file's digits
-leave of zeros."""
+"""Threshold for zero entries of a mass matrix with unit diagonal: smaller entries come from rounded
+angles in the file.
+"""
 
 
 def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> DerivedTree:
@@ -31,7 +32,7 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
 
     Args:
         declared: the bodies of a declaration, or of a robot file.
-        omitted: statements of the file beyond them.
+        omitted: statements of the file that the equations omit.
     """
     system, whole = declared.tree_system, declared.assembled
     home = home_of(whole.tree, whole.limits)[Coupled(whole.tree).kept]
@@ -70,7 +71,7 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
 def _motion(
     found: SymbolicEquations, a: tuple[sp.Symbol, ...]
 ) -> list[tuple[list[tuple[sp.Expr, sp.Expr]], list[tuple[sp.Expr, sp.Expr]]]]:
-    """Both sides of each equation."""
+    """Return both sides of each equation."""
     return [
         (list(zip(row, a, strict=True)), [(term, sp.Integer(1)) for term in force])
         for row, force in zip(found.mass, found.force, strict=True)

@@ -1,7 +1,7 @@
-"""From defects to a verdict: one outcome, the number behind it, and the reason.
+"""Verdicts from defects: one outcome, the number behind it, and the reason.
 
-The first that applies: ABSENT, FAILED, DIFFERS, UNRESOLVED, AGREES. No tolerance is picked: the
-uncertainty is that of the extrapolation, its rounding and the reference.
+The first outcome that applies: ABSENT, FAILED, DIFFERS, UNRESOLVED, AGREES. No tolerance is chosen:
+the uncertainty is that of the extrapolation, its rounding and the reference.
 """
 
 from __future__ import annotations
@@ -33,18 +33,19 @@ class Verdict:
 
     Attributes:
         outcome: see `Outcome`.
-        discrepancy: E, the largest defect over the segments, relative to how far the component
-            moves over a segment at most.
-        uncertainty: U, likewise.
+        discrepancy: E, the largest defect over the segments, relative to the largest displacement
+            of the component over a segment.
+        uncertainty: U, on the same scale.
         largest_discrepancy, largest_uncertainty: over all components and segments.
         component: the component they belong to, such as `x` or `theta_dot`.
         time: start of the segment with the largest defect, seconds.
-        order: leading order seen on the segments' rungs; nan where rounding hides it.
-        map_residual, map_uncertainty: E and U of the engine's coordinates against the coordinate
-            map, likewise, the largest; nan where the map leaves nothing open.
-        reason: one sentence for whatever is not AGREES, and for what does with a reservation.
-        resolution: at which it is judged: what is asked, or what the engine's numbers allow.
-        kind: of the reason for DIFFERS or UNRESOLVED; empty for AGREES.
+        order: leading order observed in the step study; nan if rounding hides it.
+        map_residual, map_uncertainty: largest E and U of the deviation of the engine's coordinates
+            from the coordinate map; nan if the map has no redundant coordinates.
+        reason: one sentence for each outcome other than AGREES, and for AGREES with a reservation.
+        resolution: resolution of the verdict: the requested one, or the one that the engine's
+            precision allows.
+        kind: kind of the reason for DIFFERS or UNRESOLVED; empty for AGREES.
     """
 
     outcome: Outcome
@@ -63,14 +64,14 @@ class Verdict:
 
 
 STILL = 1e-12
-"""A component that moves by less than this share of its like moves by rounding alone."""
+"""Share of the largest scale below which a component moves only by rounding."""
 
 
 def filled(sizes: Array) -> Array:
-    """Sizes (2n,) of positions and velocities, nowhere zero.
+    """Replace zero scales of positions and velocities, (2n,).
 
-    One that rounding alone makes, as of a coordinate that nothing moves, is the largest of its
-    like; where none of these moves either, 1.
+    A component that moves only by rounding takes the largest scale of its kind, or 1 if none of
+    these moves.
     """
     found = sizes.copy()
     half = len(found) // 2
@@ -81,29 +82,29 @@ def filled(sizes: Array) -> Array:
 
 
 def component_scale(motion: Motion, others: list[Motion]) -> Array:
-    """What counts as one, per component: how far it moves over a segment at most.
+    """Return the scale of each component: its largest displacement over a segment.
 
-    Floored by the system's other scenarios. A component that no scenario moves takes the largest
-    scale among the positions (or velocities).
+    The system's other scenarios give a lower bound. A component that no scenario moves takes the
+    largest scale among the positions (or velocities).
     """
     reach = np.max([m.movement for m in others], axis=0) if others else motion.movement
     return filled(np.maximum(motion.movement, FLOOR * reach))
 
 
 class Reference(Protocol):
-    """Where the equations take K segments: a motion's, or states that no motion joins."""
+    """The states that the equations reach over K segments: of a motion, or independent ones."""
 
     @property
     def t(self) -> Array:
-        """Start times, (K,); nan where no motion joins them."""
+        """Start times, (K,); nan for independent segments."""
 
     @property
     def end(self) -> Array:
-        """States at the segments' ends, (K, 2n)."""
+        """States at the ends of the segments, (K, 2n)."""
 
     @property
     def bound(self) -> Array:
-        """Of the error of `end`, per component, (2n,)."""
+        """Error bound of `end` for each component, (2n,)."""
 
 
 def judged(
@@ -116,12 +117,12 @@ def judged(
     claimed: int,
     resolution: float,
 ) -> Verdict:
-    """The verdict on extrapolated segments, and on what they leave of the coordinate map.
+    """Judge extrapolated segments, and their deviation from the coordinate map.
 
     Args:
-        found: of the segments.
-        reference: where the equations take them.
-        scale: what counts as one, per component, (2n,).
+        found: the extrapolated segments.
+        reference: the segments in the equations.
+        scale: scale of each component, (2n,).
         components: names of the state's components, 2n.
         coordinates: names of the engine's coordinates, nz.
         claimed: order that the engine claims.
@@ -143,13 +144,13 @@ def judge(
     resolution: float,
     held: bool = False,
 ) -> Verdict:
-    """Judge the extrapolated segments of one scenario: `harness.numerics.judgement`.
+    """Judge the extrapolated segments of one scenario; see `harness.numerics.judgement`.
 
-    `with_residual` judges what the engine's coordinates leave of the map as well; `held` is whether
-    they are more than the equations'.
+    `with_residual` judges the deviation of the engine's coordinates from the map. `held` means that
+    the engine has more coordinates than the equations.
     """
     defect = np.abs(limit.value - motion.end) / scale
-    # Never below what a double resolves: a component at rest at zero has no rounding at all.
+    # At least the precision of a double: a component at rest at zero has no rounding at all.
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
     asked, resolution = resolution, judgement.resolvable(limit, scale, resolution)
     found = judgement.judge(defect, uncertainty, resolution, unresolved_reason(limit))
@@ -193,13 +194,13 @@ def with_residual(
     names: tuple[str, ...],
     resolution: float,
 ) -> Verdict:
-    """A verdict with that on the coordinate map's residual, whose reference is zero.
+    """Combine a verdict with that on the residual of the coordinate map, whose reference is zero.
 
-    What leaves the map is a freedom that the equations don't have, or a constraint that has let go:
-    it shows in no motion that is read back.
+    A model leaves the map if it can move in an extra direction, or if a constraint fails. The
+    mapped motion does not show this.
 
     Args:
-        names: of the engine's coordinates, nz.
+        names: names of the engine's coordinates, nz.
     """
     limit, scale = residual.limit, residual.scale
     defect = np.abs(limit.value) / scale
@@ -253,7 +254,7 @@ def with_residual(
 
 
 def _coarse(limit: Limit, known: float, asked: float) -> str:
-    """What is said of an engine whose numbers have too few digits for what was asked."""
+    """Explain that the engine's numbers have too few digits for the requested resolution."""
     return (
         f"known to {known:.1e}, above the requested {asked:.0e}: the engine's "
         f"numbers have only {1 - math.log2(limit.epsilon):.0f} binary digits"
@@ -261,7 +262,7 @@ def _coarse(limit: Limit, known: float, asked: float) -> str:
 
 
 def _below(what: str, place: str, found: LimitVerdict, resolution: float) -> str:
-    """What is said of a difference that is measurable and was not asked for."""
+    """Describe a measurable difference that is below the requested resolution."""
     return (
         f"{what} differs at {found.discrepancy:.0e}, below the requested resolution "
         f"{resolution:.0e} (segment at {place}, uncertainty {found.uncertainty:.0e})"
@@ -309,7 +310,7 @@ def _kind(found: LimitVerdict, limit: Limit) -> CaseKind:
 
 
 def _is_rounding(limit: Limit, found: LimitVerdict) -> bool:
-    """Return whether rounding makes all of the uncertainty."""
+    """Return whether rounding causes all of the uncertainty."""
     at = found.segment, found.component
     return bool(limit.uncertainty[at] <= ROUNDED * limit.rounding[at])
 
@@ -318,7 +319,7 @@ def _why_coarse(limit: Limit, found: LimitVerdict, held: bool) -> str:
     """Return why an uncertainty is above the resolution.
 
     Args:
-        held: whether the engine holds some coordinates to others.
+        held: whether the engine constrains some coordinates to others.
     """
     if _is_rounding(limit, found):
         divided = "; an equality divides the last digits of a position by the time step"
