@@ -1,4 +1,4 @@
-"""What an audit finds wrong against what was accepted of that."""
+"""Comparison of audit findings with the accepted ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from physics_crosscheck.harness.records.model import Model
 
 
 def unaccepted(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:
-    """What is found wrong with a model and was not accepted."""
+    """Return the findings about a model that were not accepted."""
     known = () if audit is None else audit.findings
     return tuple(
         one for one in model.findings if not any(_same(_plain(one, model), a) for a in known)
@@ -21,13 +21,13 @@ def unaccepted(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding,
 def accepted_audit(
     id_: ModelId, model: Model, before: AcceptedAudit | None, reason: str
 ) -> AcceptedAudit | None:
-    """What is to be accepted of a model's audit; as it was where nothing is new; None for nothing.
+    """Return the findings to accept for a model: the old ones if nothing is new; None without any.
 
     Args:
-        id_: the model, its system called as in the baseline.
+        id_: name of the model, with its system's name in the baseline.
         model: its record.
-        before: what was accepted of it.
-        reason: why it is accepted.
+        before: the accepted findings.
+        reason: reason for accepting them.
     """
     findings = tuple(_plain(one, model) for one in model.findings)
     if not findings:
@@ -44,7 +44,7 @@ def accepted_audit(
 
 
 def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
-    """A finding without the place of this machine that its folder is in."""
+    """Convert a finding for the baseline, without the path of its folder on this machine."""
     folder = Path(model.folder)
     folder = folder.parent if folder.name == model.model else folder
     base = "" if folder == Path() else f"{folder}/"
@@ -58,7 +58,7 @@ def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
 
 
 def _same(one: AcceptedFinding, other: AcceptedFinding) -> bool:
-    """Whether a finding was accepted; the numbers of a literal are the file's, and exact."""
+    """Return whether two findings are equal; numbers of a literal must be exactly equal."""
     tolerance = 0.0 if one.kind == "literal" else SAME
     return (
         (one.kind, one.subject) == (other.kind, other.subject)

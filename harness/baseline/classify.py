@@ -53,7 +53,7 @@ class Change:
 
 
 def unaccepted(case: Case) -> str:
-    """Return the message about a case that the baseline does not have."""
+    """Return the message about a case that is not in the baseline."""
     return f"{case.outcome}, not in the baseline yet"
 
 
@@ -70,9 +70,9 @@ def classify(
     """Compare a case with its accepted result.
 
     Args:
-        system: its name; the case lacks it if its declaration could not be loaded.
-        case: its record.
-        measured: measurement of its model, or why there is none.
+        system: name of the system; the case lacks it if its declaration could not be loaded.
+        case: record of the case.
+        measured: measurement of its model, or the reason for its absence.
         scan: the files of the run.
         one: the baseline of the system.
         versions: of the engines.

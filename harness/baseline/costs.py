@@ -1,4 +1,4 @@
-"""What a step costs, and what a motion says of constants, against what was accepted."""
+"""Changes of the cost of a time step and of identified constants since they were accepted."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Identified
 
 GLOBAL = 0.01
-"""Relative change of a global error that is told. A global error e is a leading term, known to a
-share e of itself; so the larger of the two counts."""
+"""Smallest relative change of a global error to report. A global error e is a leading term with a
+relative error e, so the larger of the two counts.
+"""
 
 ORDER = 0.5
-"""An order is another one from here on: halfway to the next."""
+"""Smallest change of a convergence order to report: half the distance to the next order."""
 
 
 def other_method(then: AcceptedCase, now: AcceptedCase) -> bool:
-    """Whether the time-stepping is another one."""
+    """Return whether the time-stepping method changed."""
     return (then.time_step, then.integrator, then.claimed_order) != (
         now.time_step,
         now.integrator,
@@ -27,7 +28,9 @@ def other_method(then: AcceptedCase, now: AcceptedCase) -> bool:
 
 
 def cost_part(then: AcceptedCase, now: AcceptedCase, settled: bool) -> Part:
-    """What the step costs; judged where the limit is the same (`settled`), told anyway."""
+    """Report the cost of a time step; it is judged only if the limit has not changed
+    (`settled`).
+    """
     found = _method(then, now)
     found = _orders(then, now, _error(then, now, found, settled))
     worse, better = (found.worse, found.better) if settled else (False, False)
@@ -45,7 +48,7 @@ def _method(then: AcceptedCase, now: AcceptedCase) -> Part:
 
 
 def _error(then: AcceptedCase, now: AcceptedCase, found: Part, settled: bool) -> Part:
-    """With what is found of the global error at the shipped step."""
+    """Add changes of the global error at the file's own time step."""
     a, b = then.global_error, now.global_error
     if a is None or b is None:
         if a == b:
@@ -60,7 +63,7 @@ def _error(then: AcceptedCase, now: AcceptedCase, found: Part, settled: bool) ->
 
 
 def _orders(then: AcceptedCase, now: AcceptedCase, found: Part) -> Part:
-    """With what is found of the orders."""
+    """Add changes of the convergence orders."""
     messages, worse, better = list(found.messages), found.worse, found.better
     pairs = (
         ("claimed order", then.claimed_order, now.claimed_order),
@@ -70,7 +73,7 @@ def _orders(then: AcceptedCase, now: AcceptedCase, found: Part) -> Part:
         if a is None or b is None or abs(b - a) <= ORDER:
             continue
         messages.append(f"{what} {a:.2g} -> {b:.2g}")
-        # A higher order at a higher error is no improvement, nor the other way round.
+        # A higher order with a higher error is no improvement, nor is the opposite.
         worse = worse or (b < a and not better)
         better = better or (b > a and not worse)
     return Part(messages=tuple(messages), worse=worse, better=better)
@@ -85,7 +88,7 @@ def _percent(value: float) -> str:
 
 
 def constants_moved(was: Mapping[str, Identified], now: Mapping[str, Identified]) -> list[str]:
-    """Constants that the motion identifies, then and now, where they moved."""
+    """Describe the constants identified from the motion whose values changed."""
     told = []
     for name in (name for name in now if name in was):
         old, new = was[name], now[name]

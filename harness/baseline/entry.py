@@ -1,4 +1,4 @@
-"""What would be accepted of a case, from what was just seen of it."""
+"""Baseline entries built from the results of a case."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from physics_crosscheck.harness.records.outcome import Outcome
 def entry_of(
     case_id: CaseId, case: Case, measured: Measurement | None, now: Dependencies
 ) -> AcceptedCase:
-    """A case that was judged and measured as an entry of the baseline, without a reason yet.
+    """Build the baseline entry of a case that was judged and measured, without a reason yet.
 
     Args:
-        case_id: its name, in which the system is called as the baseline does.
-        case: its record.
-        measured: what its model does; None for a file that the engine refuses.
-        now: what it depends on.
+        case_id: name of the case, with its system's name in the baseline.
+        case: record of the case.
+        measured: measurement of its model; None for a file that the engine refuses.
+        now: present dependencies of the case.
     """
     verdict, full_run = case.verdict, case.full_run
-    assert verdict is not None or measured is None  # what was measured was judged
+    assert verdict is not None or measured is None  # measured cases have a verdict
     return summarized(
         AcceptedCase(
             system=case_id.system,
@@ -57,7 +57,7 @@ def entry_of(
 
 
 def summarized(entry: AcceptedCase) -> AcceptedCase:
-    """With all of it in one line, for who reviews it."""
+    """Add a one-line summary for reviewers to an entry."""
 
     def short(value: Number, form: str) -> str:
         return "unknown" if value is None else format(value, form)
@@ -67,7 +67,7 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
     summary = (
         f"{entry.outcome}, E {short(entry.discrepancy, '.0e')} U {short(entry.uncertainty, '.0e')}"
     )
-    if entry.integrator:  # no motion joins chosen states, which have no full run
+    if entry.integrator:  # separate sampled states have no full run
         summary += (
             f"; global error {short(entry.global_error, '.2%')}"
             f" at {short(entry.time_step, 'g')} s, {entry.integrator}"

@@ -1,7 +1,7 @@
-"""The baseline file of a system: read strictly, and written with a line a quantity.
+"""Baseline file of a system, with one line per quantity and strict reading.
 
-Every entry carries its own names and a seal over all that it says; a snapshot is called by the hash
-of what is in it. So a file that was damaged, badly merged or edited by hand is never believed.
+Every entry contains its own names and a seal over its whole content. A snapshot is named by the
+hash of its content. So a file that was damaged, badly merged or edited by hand is rejected.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ _NOT_BELIEVED = (
 
 
 class FileError(ValueError):
-    """A text that is no baseline file, or can't be believed; says what, where and the remedy."""
+    """An invalid baseline file; the message gives the problem, its place and the remedy."""
 
 
 class _ShapeError(FileError):
-    """JSON of another shape."""
+    """JSON with the wrong structure."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SystemBaseline:
-    """What was accepted of a system.
+    """The accepted results of a system.
 
     Attributes:
-        declared: what it declared then, and its folder.
-        snapshots: those that cases refer to, by key.
-        cases: what was accepted of each.
-        audits: what was accepted though the audit finds it wrong, by model.
+        declared: the accepted declaration, and the system folder.
+        snapshots: snapshots that cases refer to, by key.
+        cases: accepted result of each case.
+        audits: accepted audit findings, by model.
     """
 
     declared: Declared
@@ -63,18 +63,18 @@ class SystemBaseline:
 
     @property
     def system(self) -> str:
-        """Its name."""
+        """Name of the system."""
         return self.declared.system
 
     @property
     def robot(self) -> RobotOptions | None:
-        """Options with which a robot file is read; None for a system folder."""
+        """Options for reading the robot file; None for a system folder."""
         robot = self.declared.robot
         return robot if isinstance(robot, RobotOptions) else None
 
     @property
     def known_differences(self) -> dict[CaseId, AcceptedCase]:
-        """Cases that were accepted though they don't agree."""
+        """Accepted cases with an outcome other than AGREES."""
         return {
             case: entry for case, entry in self.cases.items() if entry.outcome is not Outcome.AGREES
         }
@@ -85,19 +85,19 @@ class SystemBaseline:
 
 
 class _Head(msgspec.Struct):
-    """The one field by which another format is told from a broken file."""
+    """The format field, which distinguishes another format from a damaged file."""
 
     format: object = None
 
 
 class _Folder(msgspec.Struct):
-    """The one part in which the folder is named."""
+    """The part of the file that names the folder."""
 
     declared: Declared
 
 
 def file_text(one: SystemBaseline) -> str:
-    """A system's baseline as the text of its file; snapshots that no case needs are left out."""
+    """Return the text of a system's baseline file; omit snapshots that no case needs."""
     needed = sorted({entry.snapshot for entry in one.cases.values()} - {""})
     cases = [
         f"    {_table(sealed(_as_read(one.cases[case])), '    ')}" for case in sorted(one.cases)
@@ -119,7 +119,7 @@ def file_text(one: SystemBaseline) -> str:
 
 
 def _as_read(record: S) -> S:
-    """A record as a file gives it back, whole numbers as what they are declared to be."""
+    """Convert a record as a file does, so that whole numbers become the declared type."""
     return msgspec.json.decode(canonical(record), type=type(record))
 
 
@@ -128,7 +128,7 @@ def _line(value: object) -> str:
 
 
 def _table(record: Record, indent: str) -> str:
-    """A record with a line a field."""
+    """Format a record with one line per field."""
     fields: dict[str, object] = msgspec.to_builtins(record)
     lines = [f"{indent}  {_line(name)}: {_line(value)}" for name, value in fields.items()]
     return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
@@ -142,7 +142,7 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
     """Read the baseline file of a system.
 
     Raises:
-        FileError: for anything that can't be believed.
+        FileError: if any part is invalid.
     """
     _check_format(data)
     file = _decoded(data, BaselineFile)
@@ -166,10 +166,10 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
 def read_target(data: bytes) -> tuple[str, bool]:
     """Return the folder or robot file that a baseline file names, and whether it is a robot file.
 
-    What else it says is neither read nor believed.
+    The rest of the file is neither read nor checked.
 
     Raises:
-        FileError: for a text in which no folder is named.
+        FileError: for a text that names no folder.
     """
     _check_format(data)
     declared = _decoded(data, _Folder).declared
@@ -177,16 +177,16 @@ def read_target(data: bytes) -> tuple[str, bool]:
 
 
 def _check_format(data: bytes) -> None:
-    """Refuse other formats.
+    """Reject other formats.
 
     Raises:
-        FileError: saying which it is.
+        FileError: naming the format.
     """
     again = "remove it and run `crosscheck accept --reason TEXT`"
     try:
         found = _decoded(data, _Head).format
     except _ShapeError:
-        _decoded(data, object)  # what is no JSON at all is told as that
+        _decoded(data, object)  # report text that is not JSON as such
         found = None
     if isinstance(found, int) and found < FORMAT:
         raise FileError(
@@ -200,10 +200,10 @@ def _check_format(data: bytes) -> None:
 
 
 def _decoded(data: bytes, wanted: type[T]) -> T:
-    """Decode a record; keys that are there twice are not looked for: of what counts, seals tell.
+    """Decode a record. Duplicate keys are not detected here; the seals detect those that matter.
 
     Raises:
-        FileError: where the text is no JSON, or has another shape.
+        FileError: if the text is not JSON, or its structure is wrong.
     """
     try:
         return msgspec.json.decode(data, type=wanted)
@@ -234,7 +234,7 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
 
 
 def _believe(one: A, called: str, system: str, *, known: bool) -> None:
-    """Refuse what is not as it was sealed, of another system, or there twice."""
+    """Reject a record with a broken seal, of another system, or with a duplicate key."""
     if sealed(one) != one:
         raise FileError(f"{called}: {_NOT_BELIEVED}")
     if one.system != system:
@@ -252,7 +252,7 @@ def _audits(file: BaselineFile, system: str) -> dict[ModelId, AcceptedAudit]:
 
 
 def _is_whole(one: Snapshot) -> bool:
-    """Whether a snapshot's tables belong together, and its numbers can be worked with."""
+    """Return whether a snapshot's tables are consistent, and its numbers valid."""
     count, width = len(one.t), len(one.components)
     inputs = {len(row) for nodes in one.input_nodes for row in nodes}
     return (
@@ -273,7 +273,7 @@ def _positive(one: Snapshot) -> Iterator[float]:
 
 
 def _fits(entry: AcceptedCase, one: Snapshot) -> bool:
-    """Whether an entry's ends are those of a snapshot's segments, of its scenario."""
+    """Return whether an entry's ends match the segments and the scenario of a snapshot."""
     size = len(one.t), len(one.components)
     tables = (entry.end, entry.end_uncertainty)
     return one.scenario == entry.scenario and all(_is_table(table, *size) for table in tables)

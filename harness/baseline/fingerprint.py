@@ -1,6 +1,6 @@
-"""What the outcome of a case depends on, as hashes: files, engine version, numerics.
+"""Dependencies of a case's outcome, as hashes: files, engine version, numerics.
 
-Read without running anything: this is what tells, in a moment, that nothing has changed.
+They are read without running anything, so unchanged results are recognized at once.
 """
 
 from __future__ import annotations
@@ -28,20 +28,22 @@ from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.records.baseline import RobotOptions
 
 BESIDE = "(beside)"
-"""Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
+"""Placeholder for the files of a folder that no model file names: a `space.py` may open any of
+them.
+"""
 
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """A model file of a folder, with everything that it is made of.
+    """A model file of a folder, with all the files that it includes.
 
     Attributes:
         folder: the system folder.
-        model: the file's name.
-        engines: those that run it.
-        hashes: name of each file, relative to the folder, and the hash of its content.
-        copies: of these, the ones that a reader may want to see the differences of.
-        beside: names of the files that are in these hashes, alone or together.
+        model: name of the file.
+        engines: engines that run the file.
+        hashes: hash of each file's content, by name relative to the folder.
+        copies: files whose differences are worth showing.
+        beside: names of the files covered by these hashes, alone or together.
     """
 
     folder: Path
@@ -54,13 +56,14 @@ class ModelFiles:
 
 @dataclass(frozen=True)
 class FolderFiles:
-    """A system folder or a robot file: its models, and what there is that can't be run.
+    """A system folder or a robot file: its models, and the problems that prevent running some of
+    them.
 
     Attributes:
         folder: the folder, or the robot file.
         system: hash of `system.py` and of the files that it may read; empty for a robot file.
-        broken: sentences: sidecars that can't be read, model files without one.
-        robot: options with which a robot file is read; None for a system folder.
+        broken: sentences on unreadable sidecars and on model files without one.
+        robot: options for reading a robot file; None for a system folder.
     """
 
     folder: Path
@@ -71,17 +74,17 @@ class FolderFiles:
 
     @property
     def base(self) -> Path:
-        """The folder that the names of files are relative to."""
+        """Folder that the names of files are relative to."""
         return self.folder if self.robot is None else self.folder.parent
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dependencies:
-    """All that the outcome of a case depends on.
+    """All dependencies of a case's outcome.
 
     Attributes:
         files: hashes by name, as in `ModelFiles`.
-        engine_version: the engine with its version, as `engine 4.0.0`.
+        engine_version: engine with its version, such as `engine 4.0.0`.
         resolution: of the run.
         numerics: version of this package's numerics.
     """
@@ -95,7 +98,7 @@ class Dependencies:
 def dependencies(
     files: Mapping[str, str], engine: str, versions: Mapping[str, str | None], resolution: float
 ) -> Dependencies:
-    """What a case depends on as things are now: the one place that knows the numerics' version."""
+    """Return the present dependencies of a case; only this function knows the numerics' version."""
     return Dependencies(
         files=files,
         engine_version=f"{engine} {versions.get(engine)}",
@@ -105,10 +108,10 @@ def dependencies(
 
 
 def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
-    """Hash a system folder; `apart` is a folder inside that is none of its own (the baseline).
+    """Hash a system folder; `apart` is an inner folder to ignore, the baseline.
 
     Raises:
-        OSError: for a file that can't be read. What can't be read is not taken as unchanged.
+        OSError: for an unreadable file, since it cannot count as unchanged.
     """
     sidecars, broken, own = {}, [], {"system.py"}
     for path in sorted(folder.glob("*.toml")):
@@ -151,11 +154,11 @@ def robot_file(file: Path, engines: tuple[str, ...], robot: RobotOptions) -> Fol
 
     Args:
         file: the robot file.
-        engines: those that run it.
-        robot: options with which it is read.
+        engines: engines that run the file.
+        robot: options for reading the file.
 
     Raises:
-        OSError: for a file that can't be read.
+        OSError: for an unreadable file.
     """
     hashes = {
         Path(os.path.relpath(path, file.parent)).as_posix(): digest(path)
@@ -166,10 +169,10 @@ def robot_file(file: Path, engines: tuple[str, ...], robot: RobotOptions) -> Fol
 
 
 def hashed_again(before: FolderFiles, apart: Path) -> FolderFiles:
-    """Hash the same folder or robot file once more.
+    """Hash the same folder or robot file again.
 
     Raises:
-        OSError: for a file that can't be read.
+        OSError: for an unreadable file.
     """
     if before.robot is None:
         return folder_files(before.folder, apart)
@@ -177,10 +180,11 @@ def hashed_again(before: FolderFiles, apart: Path) -> FolderFiles:
 
 
 def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, str]:
-    """Return what a model's cases depend on: its files, and what its folder's code asked besides.
+    """Return the dependencies of a model's cases: its files, and the files that the folder's code
+    read.
 
-    The content of what lies in the folder and is no hidden file is in one hash with all that lies
-    there. What else the code asked of such a file is under its name with `./` before it.
+    One hash covers the content of all files in the folder except hidden ones. Other information
+    that the code requested about such a file has an entry with `./` before its name.
     """
     if model is None:
         return {}
@@ -194,9 +198,9 @@ def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, 
 
 
 def as_now(model: ModelFiles, accepted: Mapping[str, str]) -> dict[str, str]:
-    """Return the same with what was read when it was accepted, as that is now, running nothing.
+    """Return the same, with the present state of the files that were read for the accepted result.
 
-    Code that is as it was, and finds what it found then, reads what it has read.
+    Nothing is run: unchanged code that finds the same files reads the same files.
     """
     besides = {
         name: state
@@ -207,9 +211,9 @@ def as_now(model: ModelFiles, accepted: Mapping[str, str]) -> dict[str, str]:
 
 
 def changed_names(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Return the names in two such tables that differ.
+    """Return the names that differ between two such tables.
 
-    What code looked for in one of two runs alone did not change: it may have found that loaded.
+    A file that only one of two runs looked for did not change: it may have been loaded before.
     """
 
     def differs(name: str) -> bool:
@@ -225,7 +229,9 @@ def _together(hashes: dict[str, str]) -> str:
 
 
 def _inside(folder: Path, apart: Path | None) -> Iterator[str]:
-    """Names of all files in a folder and below, but hidden ones, caches and this tool's own."""
+    """Yield the names of all files below a folder, except hidden files, caches and this tool's
+    files.
+    """
     apart = None if apart is None else apart.resolve()
     seen = set()
     for base, folders, names in os.walk(folder, followlinks=True):

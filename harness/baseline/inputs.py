@@ -1,4 +1,4 @@
-"""All that the results of a model depend on, as one hash: equal, and they need not be had again."""
+"""All dependencies of a model's results, as one hash: equal hashes allow their reuse."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from physics_crosscheck.harness.records.case import ModelKey
 
 
 def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey, str]:
-    """The hash of each model of a folder in each engine; {} where files can't be read.
+    """Return the hash of each model of a folder in each engine; {} if a file cannot be read.
 
     Args:
-        folder: of the system.
+        folder: the system folder.
         resolution: of the run.
-        apart: a folder inside that is none of its own: the baseline.
+        apart: an inner folder to ignore: the baseline.
     """
     try:
         scan = folder_files(folder, apart)
@@ -44,12 +44,12 @@ def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey
 
 
 def with_reads_of_system(known: str, key: ModelKey, reads: Mapping[str, str]) -> str:
-    """Return the hash of a model with what `system.py` has read or looked for; "": unknown.
+    """Add the files that `system.py` read or looked for to the hash of a model; "" if unknown.
 
     Args:
         known: hash of the model.
-        key: of the model. One that is code may read files of any place while it is run.
-        reads: states of what was read, by name relative to the folder.
+        key: key of the model. A model that is code may read any file while it runs.
+        reads: states of the files that were read, by name relative to the folder.
     """
     if not known or Path(key[1]).suffix == ".py" or UNREADABLE in reads.values():
         return ""
@@ -62,7 +62,7 @@ def _hash(depends: Dependencies, known: Mapping[str, str | None]) -> str:
 
 
 def versions() -> dict[str, str | None]:
-    """Of this package, Python and each engine."""
+    """Return the versions of this package, Python and each engine."""
     try:
         own = importlib.metadata.version("physics-crosscheck")
     except importlib.metadata.PackageNotFoundError:

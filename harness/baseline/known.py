@@ -1,8 +1,8 @@
-"""A run against the accepted baseline: known differences, and what changed.
+"""Comparison of a run with the accepted baseline: known differences and changes.
 
-A known difference is a case that doesn't agree and was accepted so with a reason. It passes where
-cases are counted, and is shown as that, as long as it is the same: the outcome, and the model's and
-the equations' motion on the accepted snapshot.
+A known difference is a case that does not agree and was accepted with a reason. It counts as passed
+and is shown as a known difference until it changes: its outcome, or the motion of the model or of
+the equations on the accepted snapshot.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from physics_crosscheck.harness.records.results import BaselineChange, BaselineC
 from physics_crosscheck.harness.results.status import counted
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
-"""What was measured, or why it was not, by folder and case."""
+"""Measurements, or the reasons for their absence, by folder and case."""
 
 Kind = Literal["regression", "improvement", "change", "new", "missing"]
 _ORDER: tuple[Kind, ...] = ("regression", "missing", "change", "new", "improvement")
@@ -44,18 +44,18 @@ _ORDER: tuple[Kind, ...] = ("regression", "missing", "change", "new", "improveme
 
 @dataclass(frozen=True, kw_only=True)
 class Accepted:
-    """What was accepted of some folders and robot files, and what they are now.
+    """The accepted results of folders and robot files, with the present state of their files.
 
     Attributes:
-        place: the baseline's folder.
+        place: the folder of the baseline.
         systems: the baseline, by name.
-        folders: the files of each folder or robot file, with what was accepted of it.
-        versions: of the engines.
-        resolution: of the run.
-        engines: those that run; none: all.
-        absent: those of extras that are not installed.
-        snapshots: of the cases that a run is to measure: known differences, and those that
-            something changed of.
+        folders: files and accepted results of each folder or robot file.
+        versions: versions of the engines.
+        resolution: resolution of the run.
+        engines: engines to run; empty: all.
+        absent: engines of extras that are not installed.
+        snapshots: snapshots of the cases that a run must measure: known differences and cases with
+            changed dependencies.
     """
 
     place: Path
@@ -68,22 +68,22 @@ class Accepted:
     absent: frozenset[str] = frozenset()
 
     def meant(self, engine: str) -> bool:
-        """Whether a run is of an engine's cases: of an extra that isn't there it is not."""
+        """Return whether a run includes an engine; engines of missing extras are not included."""
         return engine not in self.absent and (not self.engines or engine in self.engines)
 
     def system_of(self, folder: str, system: str) -> SystemBaseline | None:
-        """Return the baseline of a system: a folder's by its name, a robot file's by its place."""
+        """Return the baseline of a system: by name for a folder, by path for a robot file."""
         scan, accepted = self.folders.get(folder, (None, None))
         return self.systems.get(system) if scan is None or scan.robot is None else accepted
 
     def id_of(self, case: Case) -> CaseId:
-        """Return the name of a case in the baseline, which calls a robot file by its path."""
+        """Return the name of a case in the baseline, which names a robot file by its path."""
         accepted = self.system_of(case.folder, case.system)
         system = case.system if accepted is None else accepted.system
         return msgspec.structs.replace(case.id, system=system)
 
     def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
-        """Return the accepted snapshot of a case that a run is to measure."""
+        """Return the accepted snapshot of a case that a run must measure."""
         accepted = self.system_of(folder, case.system)
         if accepted is None:
             return None
@@ -97,17 +97,17 @@ def accepted(
     only: tuple[str, ...] = (),
     robot: RobotOptions = RobotOptions(),  # noqa: B008  # frozen
 ) -> Accepted | None:
-    """Read a baseline for a run of some folders and robot files; None where nothing was accepted.
+    """Read a baseline for a run of folders and robot files; return None if nothing was accepted.
 
     Args:
-        place: the baseline's folder.
+        place: the folder of the baseline.
         targets: folders and robot files.
-        resolution: of the run.
-        only: engines that run; none: all.
-        robot: options of the run with which robot files are read.
+        resolution: resolution of the run.
+        only: engines to run; empty: all.
+        robot: options for reading robot files.
 
     Raises:
-        BaselineError: for a baseline that can't be believed.
+        BaselineError: for an invalid baseline.
     """
     systems = {} if place is None else read_baseline(place)
     if place is None or not systems:
@@ -120,9 +120,9 @@ def accepted(
         try:
             scan, one = scan_target(target, place, systems, only, options)
         except OSError:
-            continue  # nothing of it can be as accepted; the run says what can't be read
+            continue  # not comparable with the baseline; the run reports the unreadable file
         if one is not None and one.robot != scan.robot:
-            one = None  # read with other options, it is another robot
+            one = None  # other options make it a different robot
         found[str(target)] = scan, one
         if one is not None:
             for case in _to_measure(scan, one, versions, resolution):
@@ -146,7 +146,7 @@ def _to_measure(
     versions: Mapping[str, str | None],
     resolution: float,
 ) -> Iterator[CaseId]:
-    """Cases of a system that are known differences, or that something changed of."""
+    """Yield the cases of a system that are known differences or have changed dependencies."""
     changed = {
         (model.model, engine)
         for model in scan.models
@@ -161,9 +161,9 @@ def _to_measure(
 def mark_known(
     cases: Sequence[Case], measured: Measured, found: Accepted | None
 ) -> tuple[Case, ...]:
-    """The cases, each that is a known difference with the reason it was accepted with.
+    """Mark each known difference with the reason of its acceptance.
 
-    One that was accepted and has changed since is told so in its own reason.
+    An accepted case that changed since gets a reason that describes the change.
     """
     if found is None:
         return tuple(cases)
@@ -187,18 +187,18 @@ def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted)
 def _why_changed(
     case: Case, measured: Measurement | Failure, entry: AcceptedCase, snapshot: Snapshot | None
 ) -> str:
-    """Why a case is not the difference that was accepted; "" where it is."""
+    """Return how a case differs from the accepted difference; "" if it does not."""
     if case.outcome != entry.outcome:
         return f"the outcome is {case.outcome}, accepted as {entry.outcome}"
     if isinstance(measured, Failure):
         return measured.reason
-    assert snapshot is not None  # what was measured has one,
-    assert case.verdict is not None  # and was judged
+    assert snapshot is not None  # measured cases have a snapshot
+    assert case.verdict is not None  # and a verdict
     return why_not_known(entry, case.verdict, snapshot, measured)
 
 
 def mark_models(models: Iterable[Model], baseline: Accepted | None) -> tuple[Model, ...]:
-    """Return the models; those whose findings were all accepted have the reason for it."""
+    """Mark the models whose findings were all accepted with the reason of the acceptance."""
     return tuple(models) if baseline is None else tuple(_model(one, baseline) for one in models)
 
 
@@ -215,7 +215,7 @@ def _model(model: Model, baseline: Accepted) -> Model:
 def changes_since(
     cases: Sequence[Case], measured: Measured, found: Accepted | None
 ) -> BaselineChanges | None:
-    """What changed since the baseline, worst first; None without a baseline."""
+    """Return the changes since the baseline, worst first; None without a baseline."""
     if found is None:
         return None
     changes = [change for case in cases if (change := _change(case, measured, found))]
@@ -228,7 +228,7 @@ def changes_since(
 
 
 def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
-    """Accepted cases of the folders that there are no more, and that no failure bars."""
+    """Yield accepted cases that no longer exist in the folders, unless a failure explains it."""
     seen = {found.id_of(case) for case in cases}
     barred = {one for case in cases for one in _stands_for(case, found)}
     for _, one in found.folders.values():
@@ -238,9 +238,9 @@ def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
 
 
 def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
-    """Accepted cases that a failure stands for: a model's that can't be read, or a whole folder's.
+    """Return the accepted cases that a failure covers: those of an unreadable model or folder.
 
-    A folder is found by its place: what system it declares is not known where it failed.
+    A folder is identified by its path, because the name of its system is unknown after a failure.
     """
     known = found.folders.get(case.folder)
     one = found.systems.get(case.system) if known is None else known[1]
@@ -255,7 +255,7 @@ def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
 
 
 def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange | None:
-    """What became of one case; None where it is as it was accepted."""
+    """Return the change of one case; None if it is as accepted."""
     if barred := _stands_for(case, found):
         message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"
         return _told(case.id, "regression", message)

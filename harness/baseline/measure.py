@@ -1,7 +1,7 @@
-"""Measure what a case's model does, for the baseline: limits on a snapshot, constants from them.
+"""Measurement of a case's model for the baseline: limits on a snapshot, and fitted constants.
 
-Where an accepted snapshot is given, the model and the equations are both run on it too: so that it
-can be told which of them moved.
+The model and the equations also run on the accepted snapshot, if there is one. So a change can be
+attributed to the model or to the equations.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.variants import Variants
 
 TIED = 1e-6
-"""A constant that may change by this share of a unit change without moving any segment by more than
-rounding is not identified: other constants make up for it."""
+"""Smallest effect of an identifiable constant, as a share of its unit change. Other constants
+compensate a smaller one: no segment moves by more than rounding.
+"""
 
 ITERATIONS = 6
 NUDGE = 1e-4
@@ -50,10 +51,10 @@ NUDGE = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class MeasureTask:
-    """Everything a worker needs.
+    """The inputs that a worker needs.
 
-    `accepted` is the snapshot of the baseline, where there is one; `reads` is the states of what
-    `system.py` has read.
+    `accepted` is the snapshot of the baseline, if any; `reads` holds the states of the files that
+    `system.py` read.
     """
 
     system: System
@@ -69,7 +70,7 @@ class MeasureTask:
 
 
 def measure_task(case: CaseTask, prepared: Prepared, accepted: Snapshot | None) -> MeasureTask:
-    """Gather what measuring a case needs beside its verdict's own task."""
+    """Build the task for measuring a case, from the task for its verdict."""
     return MeasureTask(
         system=case.system,
         sidecar=case.sidecar,
@@ -85,10 +86,10 @@ def measure_task(case: CaseTask, prepared: Prepared, accepted: Snapshot | None) 
 
 
 def measure(task: MeasureTask) -> Measurement:
-    """Measure one case: on the accepted snapshot where it is comparable, and on its own.
+    """Measure one case: on the accepted snapshot if comparable, and on its own.
 
     Raises:
-        EngineError, SidecarError, BlownUpError: naming what could not be run.
+        EngineError, SidecarError, BlownUpError: naming the model that cannot run.
     """
     folder = task.sidecar.model.parent
     with record_reads(folder) as reads:
@@ -123,16 +124,18 @@ def _measured(task: MeasureTask) -> Measurement:
 
 
 def is_accepted(own: Snapshot, accepted: Snapshot, now: OnAccepted) -> bool:
-    """Whether the accepted snapshot is still the case's own: the motion, and what equations do.
+    """Return whether the accepted snapshot still fits: the same motion, and the same equations.
 
-    Equations that move by less than makes another motion would else be told for ever, since the
-    ends that they are held against would stay the old ones.
+    Otherwise a change of the equations too small to change the motion would be reported in every
+    later run, since the old ends would remain the reference.
     """
     return same_motion(own, accepted) and not of_equations(accepted, now)
 
 
 def comparable(own: Snapshot, accepted: Snapshot) -> bool:
-    """Whether both have the same number of components and of inputs, and times alike."""
+    """Return whether two snapshots have equal numbers of components and inputs, and similar
+    times.
+    """
     inputs = {len(row) for one in (own, accepted) for nodes in one.input_nodes for row in nodes}
     timed = {time is None for one in (own, accepted) for time in one.t}
     return len(own.components) == len(accepted.components) and len(inputs) == len(timed) == 1
@@ -141,10 +144,10 @@ def comparable(own: Snapshot, accepted: Snapshot) -> bool:
 def identify(
     variants: Variants, one: PickedSegments, end: Array, uncertainty: Array
 ) -> dict[str, Identified]:
-    """Constants of the equations that explain where the segments end, by name.
+    """Return the constants of the equations that explain the ends of the segments, by name.
 
-    Gauss-Newton over all constants at once. Left out are those that this motion can't tell from
-    others; and all, where constants don't explain the motion: it has another cause then.
+    Gauss-Newton over all constants at once. Constants that this motion cannot distinguish are
+    omitted. All are omitted if constants do not explain the motion, which then has another cause.
     """
     chosen = [i for i, p in enumerate(variants.parameters) if p.kind == "constant"]
     known = np.isfinite(uncertainty) & np.isfinite(end)
@@ -192,7 +195,7 @@ def identify(
 
 
 def _flow(variants: Variants, points: Array, one: PickedSegments) -> Array:
-    """Ends by the equations at some parameters: points (P, parameters) -> (P, K, 2n)."""
+    """Return the ends by the equations at parameter points: (P, parameters) -> (P, K, 2n)."""
     found = np.empty((len(points), *one.end.shape))
     for length in np.unique(one.length):
         chosen = one.length == length

@@ -1,6 +1,6 @@
-"""What a model of declared bodies does, for the baseline: at some of the states that are checked.
+"""Measurement of a model of declared bodies for the baseline, at some of the checked states.
 
-No constant is fitted: which number has moved is told by the diagnosis, of a model that differs.
+No constant is fitted here. The diagnosis of a model that differs finds the changed number.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from physics_crosscheck.reference.solving.samples import ends_of
 
 @dataclass(frozen=True, kw_only=True)
 class MeasureTreeTask:
-    """Everything a worker needs.
+    """The inputs that a worker needs.
 
     Attributes:
         task: the case.
         system: the declared tree.
         accepted: the snapshot of the baseline, where there is one.
-        reads: states of what `system.py` has read.
+        reads: states of the files that `system.py` read.
     """
 
     task: RobotTask
@@ -44,14 +44,14 @@ class MeasureTreeTask:
 
 
 def measure_tree(task: MeasureTreeTask) -> Measurement:
-    """Measure one case: on the accepted snapshot where it is comparable, and on its own.
+    """Measure one case: on the accepted snapshot if comparable, and on its own.
 
     Raises:
-        EngineError, BlownUpError, ReferenceError: naming what could not be run.
+        EngineError, BlownUpError, ReferenceError: naming the model that cannot run.
     """
     folder = Path(task.task.folder)
     if folder == task.task.file:
-        return _measured(task)  # the file given alone is hashed with all that it names
+        return _measured(task)  # a standalone file is hashed with all files that it names
     with record_reads(folder) as reads:
         found = _measured(task)
     return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
@@ -84,7 +84,7 @@ def _measured(task: MeasureTreeTask) -> Measurement:
 
 
 def _snapshot(task: RobotTask) -> Snapshot:
-    """The first of the states, each under its own forces."""
+    """Build a snapshot of the first states, each with its own forces."""
     drawn = task.samples
     count = min(PICKED, len(drawn.start))
     return Snapshot(
@@ -108,7 +108,7 @@ def _table(values: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def _equations(system: TreeSystem, accepted: Snapshot) -> Array:
-    """Where the equations of today end the accepted segments, (K, 2n)."""
+    """Return the ends of the accepted segments by the present equations, (K, 2n)."""
     one = segments_of(accepted)
     forces = np.concatenate(one.inputs)
     return ends_of(TreeEquations(system), one.start, forces, float(one.length[0]))

@@ -12,32 +12,33 @@ from physics_crosscheck.harness.records.case import starts_at
 from physics_crosscheck.harness.results.status import percent
 
 EQUATIONS = 1e-11
-"""Relative movement of a segment's end, by the equations, that is none: ten times what the two
-integrations of a reference may be apart."""
+"""Relative movement of a segment's end, by the equations, below which it is unchanged: ten times
+the tolerated difference of the two integrations of a reference.
+"""
 
 ROUNDING = 1e-15
 
 
 class Sized(Protocol):
-    """A discrepancy with its uncertainty, as a verdict and an accepted case have."""
+    """A discrepancy with its uncertainty, as in a verdict or an accepted case."""
 
     @property
     def discrepancy(self) -> Number:
-        """Relative."""
+        """Relative discrepancy."""
 
     @property
     def uncertainty(self) -> Number:
-        """Relative."""
+        """Relative uncertainty."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Movement:
-    """The largest change of a segment's end; all zero where uncertainties cover it.
+    """The largest change of a segment's end; all zero if uncertainties cover it.
 
     Attributes:
         size, uncertainty: relative to the component's movement over a segment.
-        component: the one with the largest.
-        place: where the segment starts: a time, or which of the states.
+        component: component with the largest change.
+        place: start of the segment: a time, or the number of the state.
     """
 
     size: float = 0.0
@@ -50,7 +51,7 @@ class Movement:
 
     def __str__(self) -> str:
         size = percent(self.size)
-        if "%" not in size:  # close to what rounding does
+        if "%" not in size:  # close to rounding
             size += f" ± {self.uncertainty:.0e}"
         return f"{size} of its displacement, in {self.component} near {self.place}"
 
@@ -75,16 +76,16 @@ def of_equations(snapshot: Snapshot, now: OnAccepted) -> Movement:
 
 @dataclass(frozen=True)
 class _Ends:
-    """Where segments end, and how uncertain that is, (K, 2n) each."""
+    """Ends of segments and their uncertainty, (K, 2n) each."""
 
     value: Sequence[Numbers]
     uncertainty: Rows
 
 
 def _movement(was: _Ends, now: _Ends, snapshot: Snapshot, *, beyond: bool = True) -> Movement:
-    """The largest movement of an end that exceeds both uncertainties, relative to its scale.
+    """Return the largest movement of an end beyond both uncertainties, relative to its scale.
 
-    `beyond` False: the largest at all, with the largest of the uncertainties.
+    With `beyond` False, return the largest movement of all, with the largest uncertainty.
     """
     worst = Movement()
     rows = zip(was.value, was.uncertainty, now.value, now.uncertainty, snapshot.t, strict=True)
@@ -110,7 +111,7 @@ def discrepancy_moved(was: Sized, now: Sized) -> bool:
     """Return whether a discrepancy changed by more than both uncertainties."""
     bounds = was.uncertainty, now.uncertainty
     if None in bounds:
-        # No digit is claimed of a case whose uncertainty is infinite, before and after alike.
+        # A case with infinite uncertainty claims no digit, before and now.
         return bounds != (None, None)
     a, b, ua, ub = was.discrepancy, now.discrepancy, *bounds
     if a is None or b is None or ua is None or ub is None:

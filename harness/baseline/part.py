@@ -1,4 +1,4 @@
-"""One thing that is found of a case against what was accepted of it."""
+"""One aspect of the comparison of a case with its accepted result."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """What one comparison tells; of several, kinds and messages add up.
+    """The result of one comparison; the kinds and messages of several are combined.
 
     Attributes:
         kinds: what changed.
-        messages: sentences.
-        worse, better: whether that makes the case so; what is worse counts.
+        messages: sentences for the user.
+        worse, better: whether the case became worse or better; worse takes precedence.
     """
 
     kinds: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Where a baseline lies, unless another place is told."""
+"""Default folder of the baseline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Seals: over the whole of a record, so that one that was edited or merged badly is told so."""
+"""Seals over whole records, which reveal manual edits and bad merges."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ S = TypeVar("S", AcceptedCase, AcceptedAudit, Declared)
 
 
 def canonical(record: Record) -> bytes:
-    """A record as the one JSON text that it has: names sorted, no space, shortest numbers."""
+    """Return the canonical JSON text of a record: sorted names, no spaces, shortest numbers."""
     return msgspec.json.encode(record, order="sorted")
 
 
 def sealed(record: S) -> S:
-    """A record with the seal over all the rest of it."""
+    """Return a record with a seal over its other fields."""
     bare = msgspec.structs.replace(record, seal="")
     return msgspec.structs.replace(record, seal=_hash(canonical(bare), 16))
 
 
 def snapshot_key(snapshot: Snapshot) -> str:
-    """Name of a snapshot by what is in it, such as `free@1f0a2b3c4d5e`."""
+    """Return the name of a snapshot, derived from its content, such as `free@1f0a2b3c4d5e`."""
     return f"{snapshot.scenario}@{_hash(canonical(snapshot), 12)}"
 
 

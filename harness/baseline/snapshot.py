@@ -1,7 +1,7 @@
-"""A snapshot: picked segments of a scenario, complete in numbers, for a later run to repeat.
+"""Snapshots: selected segments of a scenario in numbers, for later runs to repeat.
 
-From states that were written down, under inputs that were written down, an engine must end where
-it ended before; whatever has become of the declaration since.
+From the recorded states under the recorded inputs, an engine must end where it ended before, even
+if the declaration has changed.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.motion import Motion
 
 PICKED = 16
-"""Segments a snapshot: even over the motion, at least two of each span between breaks."""
+"""Number of segments in a snapshot: evenly spaced, at least two between breaks of the motion."""
 
 SAME = 1e-9
-"""Starts, ends and inputs this close, relative to their scale, are those of one motion: computed
-anew on another machine they differ by some 1e-13."""
+"""Relative difference of starts, ends and inputs up to which two motions are the same. Another
+machine reproduces them to about 1e-13.
+"""
 
 _FIRST_NODES, _MOST_NODES = 12, 96
 _INTERPOLATED = 1e-13
@@ -39,12 +40,12 @@ class PickedSegments:
 
     Attributes:
         scenario, fastest, varying: as in `Snapshot`.
-        t: start times, (K,), seconds; nan where no motion joins the segments.
-        length: of each segment, (K,), seconds.
-        start: states there, (K, 2n).
-        inputs: each segment's inputs at Chebyshev points inside it, (nodes, inputs).
-        end: where the equations end each segment, (K, 2n).
-        scale: what a defect is relative to, (2n,).
+        t: start times, (K,), seconds; nan for independent segments.
+        length: length of each segment, (K,), seconds.
+        start: start states, (K, 2n).
+        inputs: inputs of each segment at its inner Chebyshev points, (nodes, inputs).
+        end: ends of the segments by the equations, (K, 2n).
+        scale: scale of the defects, (2n,).
     """
 
     scenario: str
@@ -59,12 +60,12 @@ class PickedSegments:
 
 
 def segments_of(one: Snapshot) -> PickedSegments:
-    """The segments of a snapshot, to run them."""
+    """Convert the segments of a snapshot to arrays."""
     return PickedSegments(
         scenario=one.scenario,
         fastest=one.fastest,
         varying=one.varying,
-        t=np.array(one.t, dtype=float),  # nan of None
+        t=np.array(one.t, dtype=float),  # None becomes nan
         length=np.array(one.length),
         start=np.array(one.start),
         inputs=tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in one.input_nodes),
@@ -76,7 +77,7 @@ def segments_of(one: Snapshot) -> PickedSegments:
 def snapshot_of(
     system: System, name: str, motion: Motion, scale: Array, components: tuple[str, ...]
 ) -> Snapshot:
-    """Pick segments evenly over a scenario, from each of its spans in proportion."""
+    """Select segments evenly over a scenario, from each of its spans in proportion."""
     chosen = np.concatenate([indices for _, indices in pick_segments(motion, PICKED)])
     scenario = system.scenario(name)
     t, length = motion.t[chosen], motion.lengths[chosen]
@@ -104,7 +105,7 @@ def _table(values: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def same_motion(one: Snapshot, other: Snapshot) -> bool:
-    """Whether both are the same segments of the same motion."""
+    """Return whether two snapshots hold the same segments of the same motion."""
     if (one.components, one.varying) != (other.components, other.varying):
         return False
     a, b = segments_of(one), segments_of(other)
@@ -128,10 +129,10 @@ def same_motion(one: Snapshot, other: Snapshot) -> bool:
 
 
 def ends(model: Model, coordinates: CoordinateMap, one: PickedSegments) -> tuple[Array, Array]:
-    """Where an engine ends the segments as h -> 0, with the uncertainty, (K, 2n) each.
+    """Return the ends of the segments in an engine as h -> 0, with their uncertainty, (K, 2n) each.
 
     Raises:
-        BlownUpError: where the engine returns values that are not finite.
+        BlownUpError: if the engine returns values that are not finite.
     """
     limit = extrapolate(model, coordinates, _batch(one)).limit
     return limit.value, limit.uncertainty
@@ -155,7 +156,9 @@ def _batch(one: PickedSegments) -> Batch:
 
 
 def inputs_of(one: PickedSegments, chosen: Array, copies: int) -> Callable[[Array], Array]:
-    """u at flat times of `copies` runs over the chosen segments, as the reference asks for it."""
+    """Return u at flat times of `copies` runs over the chosen segments, as the reference
+    expects.
+    """
     t = np.tile(one.t[chosen], copies)
     length = np.tile(one.length[chosen], copies)
     nodes = [one.inputs[i] for i in np.flatnonzero(chosen)] * copies
@@ -170,7 +173,7 @@ def inputs_of(one: PickedSegments, chosen: Array, copies: int) -> Callable[[Arra
 
 
 def _nodes(inputs: Callable[[Array], Array], start: float, length: float) -> Array:
-    """Inputs at Chebyshev points inside a segment: as many as give them back to rounding."""
+    """Sample inputs at Chebyshev points inside a segment, enough to restore them up to rounding."""
     check = start + length * (np.arange(33) + 0.5) / 33
     wanted = inputs(check)
     if bool(np.all(wanted == wanted[:1])):
@@ -185,13 +188,13 @@ def _nodes(inputs: Callable[[Array], Array], start: float, length: float) -> Arr
 
 
 def _points(count: int) -> Array:
-    """Chebyshev points of the first kind on (0, 1): none at a break of the input."""
+    """Return Chebyshev points of the first kind on (0, 1), none at a break of the input."""
     points: Array = (1 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2
     return points
 
 
 def _interpolate(nodes: Array, at: Array) -> Array:
-    """Values at places in [0, 1], (len(at), inputs)."""
+    """Interpolate between nodes at places in [0, 1], (len(at), inputs)."""
     if len(nodes) == 1:
         return np.repeat(nodes, len(at), axis=0)
     values: Array = _matrix(len(nodes), tuple(at.tolist())) @ nodes
@@ -200,7 +203,7 @@ def _interpolate(nodes: Array, at: Array) -> Array:
 
 @lru_cache(maxsize=512)
 def _matrix(count: int, at: tuple[float, ...]) -> Array:
-    """Barycentric interpolation (Berrut and Trefethen 2004, eq. 4.2 and 5.3)."""
+    """Return a barycentric interpolation matrix (Berrut and Trefethen 2004, eq. 4.2 and 5.3)."""
     k = np.arange(count)
     weights = np.where(k % 2 == 0, 1.0, -1.0) * np.sin(np.pi * (k + 0.5) / count)
     gaps = np.array(at)[:, None] - _points(count)

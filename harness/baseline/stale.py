@@ -1,4 +1,4 @@
-"""What changed since it was accepted, by hashes and versions alone: nothing is run."""
+"""Changes since the acceptance, found from hashes and versions without running anything."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from physics_crosscheck.harness.records.case import CaseId
 
 
 def location(folder: Path, baseline: Path) -> str:
-    """How a baseline names a system's folder: relative to itself; an installed one by its name."""
+    """Return the name of a system folder in a baseline: its relative path, or its package name."""
     home = builtin().resolve()
     if folder.resolve().parent == home and home.parent.name == "harness":
         return f"builtin:{folder.name}"
@@ -36,13 +36,13 @@ def location(folder: Path, baseline: Path) -> str:
 
 
 def robot_name(file: Path, baseline: Path) -> str:
-    """Return the name of a robot file in a baseline: its path from the folder that holds both."""
+    """Return the name of a robot file in a baseline: its path from their common folder."""
     parts = location(file, baseline).split("/")
     return "/".join(part for part in parts if part != "..")
 
 
 def robot_options(file: Path, *, floating: bool, model: str) -> RobotOptions:
-    """Return the options that matter: a URDF may float, an SDFormat file has several models."""
+    """Return the relevant options: floating for URDF, the model for SDFormat."""
     return RobotOptions(
         floating=floating and file.suffix == ".urdf", model=model if file.suffix == ".sdf" else ""
     )
@@ -59,14 +59,14 @@ def scan_target(
 
     Args:
         target: the folder or the file.
-        place: of the baseline.
-        baseline: its systems, by name.
-        only: wanted engines; empty: for a robot file the accepted ones and those that need no
-            extra, or all installed ones if none was accepted.
-        robot: options with which a robot file is read; None: as accepted.
+        place: folder of the baseline.
+        baseline: systems of the baseline, by name.
+        only: engines to run; empty: for a robot file the accepted ones and those without an extra,
+            or all installed ones if none was accepted.
+        robot: options for reading a robot file; None: as accepted.
 
     Raises:
-        OSError: for a file that can't be read.
+        OSError: for an unreadable file.
     """
     accepted = match(target, place, baseline)
     if target.is_dir():
@@ -83,7 +83,9 @@ def scan_target(
 def match(
     target: Path, place: Path, baseline: Mapping[str, SystemBaseline]
 ) -> SystemBaseline | None:
-    """The baseline of a target: by its place; moved, by its name where that is unique."""
+    """Find the baseline of a target by its path, or by its name if it moved and the name is
+    unique.
+    """
     here = location(target, place)
     for one in baseline.values():
         if one.declared.folder == here:
@@ -107,7 +109,7 @@ def stale(
     versions: Mapping[str, str | None],
     resolution: float,
 ) -> bool:
-    """Whether anything that the cases of a model in an engine depend on is not as accepted."""
+    """Return whether any dependency of a model's cases in an engine changed."""
     if one is None or one.robot != scan.robot:
         return True
     if one.declared.declared != scan.system or not one.declared.scenarios:
@@ -125,7 +127,7 @@ def _as_accepted(
     versions: Mapping[str, str | None],
     resolution: float,
 ) -> bool:
-    """Whether what a case depends on is what it was when it was accepted."""
+    """Return whether the dependencies of a case are as accepted."""
     if entry is None or UNREADABLE in entry.files.values():
         return False
     now = dependencies(as_now(model, entry.files), entry.engine, versions, resolution)

@@ -1,6 +1,6 @@
-"""The accepted baseline: a folder with a readable JSON file a system, and the accepted texts.
+"""Folder of the accepted baseline: one readable JSON file per system, and the accepted texts.
 
-A line a quantity, in a stable order: who reviews a change sees what moved and nothing else.
+Each quantity has its own line, in a stable order, so that a diff shows exactly what changed.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_
 T = TypeVar("T")
 
 MOST = 512 * 2**20
-"""Bytes of a file: thousands of cases."""
+"""Maximum size of a file in bytes, enough for thousands of cases."""
 
 ACCEPTED = ".accepted"
-"""What the names of accepted texts end with: no tool shall take them for models or for code."""
+"""Suffix of accepted texts, so that no tool takes them for models or code."""
 
 
 class BaselineError(ValueError):
-    """A baseline that can't be read or believed; the message names file, place and remedy."""
+    """An unreadable or invalid baseline; the message gives the file, the place and the remedy."""
 
 
 def read_baseline(folder: Path) -> dict[str, SystemBaseline]:
-    """Read all systems of a baseline, by name; none where the folder does not exist.
+    """Read all systems of a baseline by name; empty if the folder does not exist.
 
     Raises:
-        BaselineError: for anything that can't be believed.
+        BaselineError: for an invalid file.
     """
     files = {path.relative_to(folder).with_suffix("").as_posix(): path for path in _files(folder)}
     return {name: _read(path, partial(read_file, system=name)) for name, path in files.items()}
@@ -50,7 +50,7 @@ def named_targets(folder: Path) -> list[tuple[str, bool]]:
     """Return the folders and robot files that a baseline names, and which are robot files.
 
     Raises:
-        BaselineError: for a file that names none.
+        BaselineError: for a file without a folder or a robot file.
     """
     return [_read(path, read_target) for path in _files(folder)]
 
@@ -74,7 +74,7 @@ def _read(path: Path, reader: Callable[[bytes], T]) -> T:
 
 
 def accepted_text(folder: Path, system: str, name: str, wanted: str) -> str | None:
-    """The text of a file as it was accepted, if it is kept and has the hash that is wanted."""
+    """Return the accepted text of a file, if it is stored and has the wanted hash."""
     with suppress(OSError, UnicodeDecodeError):
         data = read_regular(folder / system / (name + ACCEPTED), MAX_MODEL_BYTES)
         if digest_of(data) == wanted:
@@ -87,19 +87,19 @@ def write_baseline(
     systems: Sequence[SystemBaseline],
     texts: Mapping[tuple[str, str], bytes],
 ) -> list[Path]:
-    """Write systems, and texts by (system, file name); returns the files that changed.
+    """Write systems, and texts by (system, file name); return the files that changed.
 
-    Everything is written beside its place first and then renamed, so that a full disk or a run
-    that is killed leaves the old baseline. Texts that no case needs any more are removed, and so is
-    the file of a system without cases.
+    All files are written to temporary names first and then renamed, so that a full disk or a killed
+    run leaves the old baseline intact. Unneeded texts are removed, and the file of a system without
+    cases.
 
     Raises:
-        OSError: as the file system has it; nothing has changed then.
+        OSError: from the file system; nothing has changed then.
     """
     wanted: dict[Path, bytes | None] = {}
     for one in systems:
         wanted |= _wanted_texts(folder, one, texts)
-    # The entries come last: their hashes tell whether a text is the one they mean.
+    # Rename the entries last: their hashes identify the texts that belong to them.
     for one in systems:
         wanted[folder / f"{one.system}.json"] = file_text(one).encode() if one.cases else None
     changed = {path: data for path, data in wanted.items() if _bytes(path) != data}
@@ -110,7 +110,7 @@ def write_baseline(
 def _wanted_texts(
     folder: Path, one: SystemBaseline, texts: Mapping[tuple[str, str], bytes]
 ) -> dict[Path, bytes | None]:
-    """What shall become of a system's accepted texts; None: removed."""
+    """Return the new content of a system's accepted texts; None to remove one."""
     kept = _texts_of(one)
     wanted: dict[Path, bytes | None] = {
         path: None
@@ -124,7 +124,7 @@ def _wanted_texts(
 
 
 def _replace(changed: Mapping[Path, bytes | None]) -> None:
-    """Write files, or remove them, all or none as far as writing goes."""
+    """Write or remove files, all or none as far as writing can fail."""
     staged: dict[Path, str] = {}
     try:
         for path, data in changed.items():
@@ -141,7 +141,7 @@ def _replace(changed: Mapping[Path, bytes | None]) -> None:
 
 
 def _texts_of(one: SystemBaseline) -> set[str]:
-    """Files whose accepted text is worth keeping: models, their sidecars, the declaration."""
+    """Return the files whose accepted text is kept: models, their sidecars and the declaration."""
     models = {case.model for case in one.cases}
     return {"system.py", *models, *(f"{model}.toml" for model in models)} if models else set()
 
