@@ -1,1 +1,1 @@
-"""What was accepted of every model, and what moved since: the baseline and its gate."""
+"""The gate: comparison of every model with the accepted baseline."""

@@ -1,4 +1,4 @@
-"""Accept present results as the baseline: what a model does from now on, and why that is right."""
+"""Acceptance of present results as the baseline, each with a reason."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ _UNMOVED = (Status.SAME, Status.WITHIN, Status.KNOWN)
 
 
 class AcceptError(ValueError):
-    """What can't be accepted; the message says why, and that nothing was written."""
+    """A result that cannot be accepted; the message gives the reason, and nothing was written."""
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """What was written.
+    """The result of an acceptance.
 
     Attributes:
         files: baseline files that changed.
-        cases: those whose entry is new or says something else.
-        left: ids of those asked for whose engine is absent: theirs are as they were.
+        cases: cases with a new or changed entry.
+        left: ids of requested cases whose engine is missing; their entries are unchanged.
     """
 
     files: tuple[Path, ...]
@@ -49,15 +49,15 @@ class Accepted:
 
 
 def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Accepted:
-    """Write what a gate found into the baseline: the cases that match; all, without patterns.
+    """Write the matching cases of a gate's result to the baseline; all cases without patterns.
 
-    An entry whose motion did not move keeps its numbers and its reason, so that the difference
-    under review is what changed. One named by a pattern takes the reason given.
+    An entry whose motion did not change keeps its numbers and its reason, so that the diff under
+    review shows only the changes. An entry named by a pattern takes the given reason.
 
     Raises:
         AcceptError: for a case that failed, or a file that changed meanwhile; nothing was written.
         FolderError: for a pattern that matches nothing; nothing was written.
-        OSError: as the file system has it; nothing was written then either.
+        OSError: from the file system; nothing was written.
     """
     asked = [change.id for change in _asked_for(found, patterns)]
     return accept_each(found, dict.fromkeys(asked, reason), asked if patterns else (), baseline)
@@ -66,11 +66,11 @@ def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Pa
 def accept_each(
     found: GateResult, reasons: Mapping[CaseId, str], named: Collection[CaseId], baseline: Path
 ) -> Accepted:
-    """The same for some cases, each with its reason, which takes the old one's place if `named`.
+    """Write some cases, each with its reason, which replaces the old reason if `named`.
 
     Raises:
         AcceptError: for a file that changed meanwhile; nothing was written.
-        OSError: as the file system has it; nothing was written then either.
+        OSError: from the file system; nothing was written.
     """
     asked = [change for change in found.changes if change.id in reasons]
     chosen = [change for change in asked if change.status is not Status.NOT_RUN]
@@ -97,7 +97,7 @@ def accept_each(
 
 
 def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
-    """The changes that the patterns mean; all, without patterns.
+    """Select the changes that match the patterns; all without patterns.
 
     Raises:
         AcceptError: for a case that failed.
@@ -118,7 +118,9 @@ def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
 
 
 def _matches(change: Change, pattern: str) -> bool:
-    """Whether a case's id is meant: `*` and `?` stand for anything, brackets for themselves."""
+    """Return whether a pattern matches a case's id: `*` and `?` are wildcards, brackets are
+    literal.
+    """
     pattern, name = pattern.replace("[", "[[]"), str(change.id)
     return fnmatchcase(name, pattern) or fnmatchcase(name, f"{pattern} [[]*]")
 
@@ -133,11 +135,11 @@ def _empty(system: str) -> SystemBaseline:
 
 
 def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
-    """What is accepted of a case; None where it is gone."""
+    """Return the entry to accept for a case; None if the case no longer exists."""
     old, now = change.entry, change.now
     if change.status is Status.GONE:
         return None
-    if now is None:  # it was not run
+    if now is None:  # not run
         assert old is not None
         return msgspec.structs.replace(old, reason=reason) if named else old
     if old is None or change.status not in _UNMOVED:
@@ -160,7 +162,7 @@ def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
 def _with(
     one: SystemBaseline, change: Change, entry: AcceptedCase | None
 ) -> tuple[SystemBaseline, AcceptedCase | None]:
-    """A system's baseline with an entry, or without one that is gone."""
+    """Add an entry to a system's baseline, or remove one whose case no longer exists."""
     cases, snapshots = dict(one.cases), dict(one.snapshots)
     if entry is None:
         del cases[change.id]
@@ -174,7 +176,7 @@ def _with(
 def _with_audit(
     one: SystemBaseline, change: Change, found: GateResult, reason: str
 ) -> SystemBaseline:
-    """With what the audit finds wrong in the model of a case that was run, accepted as it is."""
+    """Add the audit findings of a model that was run to the accepted ones."""
     there = {case.of_model for case in one.cases}
     audits = {model: audit for model, audit in one.audits.items() if model in there}
     model = None if change.case is None else found.model_of(change.case)
@@ -188,7 +190,7 @@ def _with_audit(
 def _declared(
     one: SystemBaseline, scan: FolderFiles, results: Results | None, baseline: Path
 ) -> SystemBaseline:
-    """With what the declaration says now, where it was loaded."""
+    """Update the accepted declaration if it was loaded."""
     now = msgspec.structs.replace(
         one.declared,
         folder=location(scan.folder, baseline),
@@ -206,10 +208,10 @@ def _declared(
 
 
 def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str], bytes]:
-    """The texts of the models accepted.
+    """Return the texts of the accepted models.
 
     Raises:
-        AcceptError: for one that is not what was run.
+        AcceptError: for a text that changed after the run.
     """
     texts = {}
     for change in changes:

@@ -1,4 +1,4 @@
-"""What the audit says of a model that was run, in what the gate says of its cases."""
+"""Audit findings in the gate's result."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import counted
 
 MOST_TOLD = 5
-"""Findings told of a case."""
+"""Maximum number of findings reported for a case."""
 
 
 def with_audits(
     changes: Sequence[Change], results: Results, systems: Mapping[str, SystemBaseline]
 ) -> list[Change]:
-    """The cases that were run, with what the audits find wrong and was not accepted.
+    """Add new audit findings to the cases that were run.
 
-    A number that no motion depends on is wrong all the same. What could not be audited did not run.
+    A wrong number counts even if no motion depends on it. A model whose audit failed counts as not
+    run.
 
     Args:
-        changes: what became of the cases.
-        results: of the run, with the audits.
-        systems: what was accepted, by name.
+        changes: the changes of the cases.
+        results: results of the run, with the audits.
+        systems: the accepted results, by name of the system.
     """
     moved = {change.id.of_model for change in changes if not change.status.passes}
     return [_with_audit(change, results, systems, moved) for change in changes]
@@ -48,7 +49,7 @@ def _with_audit(
     if not new or (change.status.passes and of_model in moved):
         return change
     told = (*change.messages, *_told(new))
-    if of_model in moved:  # a motion tells it too, in this case or another
+    if of_model in moved:  # a motion shows it too, in this case or another
         return replace(change, messages=told, findings=new)
     kinds = tuple(kind for kind in change.kinds if kind != "text")
     return replace(

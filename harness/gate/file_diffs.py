@@ -1,4 +1,4 @@
-"""What changed in the files since they were accepted: literals and lines, with their places."""
+"""Changes in files since they were accepted: literals and lines, with their places."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from physics_crosscheck.harness.modelfiles.path_states import ABSENT
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 
 MOST_LINES = 12
-"""Changed lines told of a file: beyond, a diff serves better."""
+"""Maximum number of changed lines reported for a file; beyond it, a diff is more useful."""
 
 MOST_SHOWN = 100
 
@@ -24,7 +24,7 @@ MOST_SHOWN = 100
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 
 _LAST_NAME = re.compile(r"""([A-Za-z_][\w.-]*)\s*(?:=|>|\[|\()[^=<>]*$""")
-"""The attribute, element or variable whose value a number is."""
+"""Name of the attribute, element or variable that a number belongs to."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class ChangedLine:
 
     Attributes:
         file: its path.
-        line: counted from 1.
-        message: one sentence on what changed.
-        edit: the same in a few words, such as `damping 0.05 -> 0.06`; empty: no line of a text.
-        old: the number that was accepted; empty where more than a number changed.
+        line: line number, from 1.
+        message: one sentence on the change.
+        edit: the same in a few words, such as `damping 0.05 -> 0.06`; empty if not a text line.
+        old: the accepted number; empty if more than a number changed.
     """
 
     file: Path
@@ -48,14 +48,14 @@ class ChangedLine:
 
 @dataclass(frozen=True, kw_only=True)
 class FileDiff:
-    """What changed in one file of a system.
+    """The changes in one file of a system.
 
     Attributes:
         system: the system.
         name: the file, relative to the system's folder.
         models: model files whose cases depend on it.
         lines: changed literals first, then other changed lines.
-        more: changed lines beyond those told.
+        more: number of changed lines that are not listed.
     """
 
     system: str
@@ -66,18 +66,18 @@ class FileDiff:
 
     @property
     def is_outside(self) -> bool:
-        """Whether the file is outside of the system's folder."""
+        """True if the file is outside of the system's folder."""
         return self.name.startswith("../") or Path(self.name).is_absolute()
 
     def concerns(self, change: Change) -> bool:
-        """Whether a case depends on the file."""
+        """Return whether a case depends on the file."""
         return change.id.system == self.system and change.id.model in self.models
 
 
 def file_diffs(
     changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path
 ) -> tuple[FileDiff, ...]:
-    """Tell every changed file of the cases that were run, once."""
+    """Return the differences of every changed file of the cases that were run."""
     found = []
     for (system, name, accepted), models in sorted(_changed(changes).items()):
         scan = folders.get(system)
@@ -97,7 +97,7 @@ def file_diffs(
 
 
 def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
-    """Models by (system, name of a changed file, its accepted hash)."""
+    """Return the models by (system, name of a changed file, its accepted hash)."""
     found: dict[tuple[str, str, str], set[str]] = {}
     for change in changes:
         if change.entry is None or change.case is None or not change.files:
@@ -141,7 +141,7 @@ def _changed_lines(
 def _literals(
     file: Path, name: str, old: str, new: str, models: Sequence[str]
 ) -> list[ChangedLine]:
-    """Bound literals whose number changed."""
+    """Return the bound literals whose number changed."""
     found = []
     own = name.endswith(".toml")
     for model in models:
@@ -165,8 +165,8 @@ def _literals(
 
 
 def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
-    """Return the changed numbers of a robot file that have a name of their own."""
-    # Imported here: they bring sympy, which an unchanged repository does not need.
+    """Return the changed numbers of a robot file that have a name."""
+    # Import late: it needs sympy, which an unchanged repository does not.
     from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
     from physics_crosscheck.harness.modelfiles.numbers import numerals
 
@@ -187,7 +187,7 @@ def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
 
 
 def _spoken(address: str) -> str:
-    """Return the address of a literal in words: `joint[x]@damping` is `damping of joint x`."""
+    """Return a readable address of a literal: `joint[x]@damping` becomes `damping of joint x`."""
     *_, name = re.split(r"[@/]", address.removesuffix("@value"))
     owners = re.findall(r"(\w+)\[([^\]@/]*[^\]@/\d][^\]@/]*)\]", address)
     if not owners or name.startswith(f"{owners[-1][0]}["):
@@ -221,7 +221,7 @@ def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
 
 
 def _changed_line(file: Path, line: int, old: str | None, new: str) -> ChangedLine:
-    """Return a changed line: the number that changed, if it is one alone, or the new text."""
+    """Describe a changed line: the number, if only one number changed, otherwise the new text."""
     message = f"+ {_short(new)}"
     if old is None:
         return ChangedLine(file, line, message, f"added: {_short(new)}")

@@ -1,8 +1,9 @@
-"""The gate: run what changed since it was accepted, and say of each case what moved and why.
+"""The gate: run the cases whose inputs changed, and report what changed and why.
 
-folders --hash--> what changed --run--> records --compare--> changes --> lines, annotations, exit
+folders --hash--> changed cases --run--> records --compare--> changes --> lines, annotations, exit
 
-Nothing heavy is imported until something must be run: an unchanged repository passes in a moment.
+Heavy modules are imported only if something must run, so that an unchanged repository passes at
+once.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 Progress = Callable[[int, int, Case | None], None]
-"""Called with (cases done, cases known, the case just done or None)."""
+"""Called with (cases done, known cases, the case just done or None)."""
 
 _GONE = "accepted, but the case no longer exists"
 
@@ -45,9 +46,9 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
     """Compare every case of folders and robot files with the baseline, running those that changed.
 
     Raises:
-        BaselineError: for a baseline that can't be believed.
-        FolderError: for two folders of one system.
-        OSError: for a file that can't be read.
+        BaselineError: for an invalid baseline.
+        FolderError: if two folders declare one system.
+        OSError: for an unreadable file.
     """
     began = time.perf_counter()
     found = survey(targets, options)
@@ -71,10 +72,10 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
 
 
 def accepted_targets(baseline: Path) -> list[Path]:
-    """Return the folders and robot files that a baseline names, and those beside them.
+    """Return the folders and robot files that a baseline names, and their neighbours.
 
     Raises:
-        BaselineError: for a baseline that can't be read.
+        BaselineError: for an unreadable baseline.
     """
     parents, folders = set[Path](), set[Path]()
     for name, is_file in named_targets(baseline):
@@ -91,12 +92,12 @@ def accepted_targets(baseline: Path) -> list[Path]:
 
 
 def robots_in(folder: Path, baseline: Path) -> list[Path]:
-    """Return the robot files below a folder, and the accepted ones wherever below it they are.
+    """Return the robot files below a folder, including the accepted ones.
 
-    Without accepted ones, none where a system folder is below it.
+    If none was accepted and there is a system folder below, return none.
 
     Raises:
-        BaselineError: for a baseline that can't be read.
+        BaselineError: for an unreadable baseline.
     """
     here, accepted = folder.resolve(), _accepted(baseline)
     inside = [folder / file.relative_to(here) for file in accepted if here in file.parents]
@@ -104,14 +105,14 @@ def robots_in(folder: Path, baseline: Path) -> list[Path]:
 
 
 def _whole(files: Iterable[Path], accepted: Set[Path]) -> list[Path]:
-    """Return the robot files among some files; what others include counts if it was accepted."""
+    """Return the complete robot files among some files; included files count only if accepted."""
     robots = sorted(file for file in files if is_robot(file) or file.resolve() in accepted)
     parts = {part.resolve() for file in robots for part in included(file)} - accepted
     return [file for file in robots if file.resolve() not in parts]
 
 
 def _accepted(baseline: Path) -> set[Path]:
-    """Return the accepted robot files, resolved; some may be gone."""
+    """Return the accepted robot files, resolved; some may no longer exist."""
     return {(baseline / name).resolve() for name, is_file in named_targets(baseline) if is_file}
 
 
@@ -136,9 +137,9 @@ def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
 def _of_run(
     ran: Run, names: Mapping[str, FolderFiles], found: Survey, options: GateOptions
 ) -> Iterator[Change]:
-    """What became of the cases that were run."""
+    """Yield the changes of the cases that were run."""
     again = {scan.folder: hashed_again(scan, options.baseline) for scan in found.running}
-    # Where a declaration can't be loaded, the case is told by its folder; the baseline knows.
+    # After a failed declaration only the folder is known; the baseline gives the system's name.
     systems = {str(scan.folder): name for name, scan in names.items()}
     for case in ran.results.cases:
         system = systems[case.folder]
@@ -158,9 +159,9 @@ def _of_run(
 def _of_the_rest(
     ran: Sequence[Change], names: Mapping[str, FolderFiles], found: Survey, options: GateOptions
 ) -> Iterator[Change]:
-    """What became of the cases of the baseline that were not run: as accepted, or gone."""
+    """Yield the changes of accepted cases that were not run: unchanged, or gone."""
     seen = {change.id for change in ran}
-    # A declaration or a sidecar that can't be read takes its cases with it: they are not gone.
+    # A declaration or a sidecar that cannot be read makes its cases fail; they are not gone.
     failed = {(c.id.system, c.id.model) for c in ran if c.status is Status.NOT_RUN}
     for system, one in sorted(found.baseline.items()):
         scan = names.get(system)

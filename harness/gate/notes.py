@@ -1,4 +1,4 @@
-"""What a pull request shows of a gate's findings: notes at file and line."""
+"""Annotations of a pull request at file and line."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from physics_crosscheck.harness.results.github import Annotation, case_note
 from physics_crosscheck.harness.results.status import counted
 
 _QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
-"""Cases that nobody needs to look at."""
+"""Statuses that need no attention."""
 
 
 def notes(found: GateResult) -> list[Annotation]:
-    """An annotation for each changed model and declaration, worst first, at the changed line."""
+    """Return an annotation for each changed model and declaration, worst first, at the changed
+    line.
+    """
     alike: dict[tuple[str, str, Status], list[Change]] = {}
     for change in found.changes:
         if change.status not in _QUIET:
@@ -28,7 +30,7 @@ def notes(found: GateResult) -> list[Annotation]:
 
 
 def _note(found: GateResult, alike: list[Change]) -> Annotation:
-    """The annotation of the first of some changes of one model."""
+    """Build the annotation of the first of several changes of one model."""
     change = alike[0]
     place = _place(found, change)
     others = f" (and {counted(len(alike) - 1, 'case')} more)" if len(alike) > 1 else ""
@@ -43,7 +45,7 @@ def _note(found: GateResult, alike: list[Change]) -> Annotation:
 
 
 def _place(found: GateResult, change: Change) -> ChangedLine:
-    """Where a change is to be shown: the diagnosed cause, a changed line, or the model file."""
+    """Return where to show a change: the diagnosed cause, a changed line, or the model file."""
     model = change.id.model
     if change.case is not None and change.case.outcome is Outcome.DIFFERS:
         note = case_note(change.case, found.model_of(change.case))
@@ -57,7 +59,7 @@ def _place(found: GateResult, change: Change) -> ChangedLine:
 
 
 def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | None:
-    """The line of what the audit finds wrong: a changed one, or where nothing else is wrong any."""
+    """Return the line of an audit finding: a changed line, or any if nothing else is wrong."""
     wrong = [
         (Path(one.location.file), one.location.line)
         for one in change.findings

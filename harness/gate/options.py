@@ -1,4 +1,4 @@
-"""What a gate may be told."""
+"""Options of the gate."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from physics_crosscheck.harness.jobs.limits import Limits
 
 @dataclass(frozen=True, kw_only=True)
 class GateOptions:
-    """What a gate may be told.
+    """Options of the gate.
 
     Attributes:
         baseline: folder of the accepted baseline.
-        engines: only these; none: all.
-        every: run every case, changed or not.
-        diagnose: name the cause where a model differs, which takes a while.
+        engines: engines to run; empty: all.
+        every: whether to run unchanged cases too.
+        diagnose: whether to find the cause of each difference, which takes longer.
         resolution, jobs, limits: as in `harness.run.Options`.
-        floating, model: the same for robot files; unset: as accepted.
-        parents: folders all of whose systems are given, so that one that is missing is gone;
-            None: every system of the baseline is expected.
+        floating, model: the same for robot files; default: as accepted.
+        parents: folders whose systems are all given, so that a missing system counts as gone; None:
+            expect every system of the baseline.
     """
 
     baseline: Path
@@ -37,7 +37,7 @@ class GateOptions:
     parents: tuple[Path, ...] | None = None
 
     def left_out(self, engines: Collection[str]) -> frozenset[str]:
-        """Those whose cases are not looked at: not asked for, or of extras that aren't there."""
+        """Return the engines to ignore: not requested, or of extras that are not installed."""
         absent = absent_extras()
         unasked = {name for name in engines if self.engines and name not in self.engines}
         return frozenset(unasked | {name for name in engines if name in absent})

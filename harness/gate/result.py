@@ -1,4 +1,4 @@
-"""What a gate found."""
+"""Result of the gate."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from physics_crosscheck.harness.records.results import Results
 
 @dataclass(frozen=True, kw_only=True)
 class GateResult:
-    """What a gate found.
+    """The result of the gate.
 
     Attributes:
         changes: a `Change` for every case, worst first.
-        file_diffs: what changed in the files, a model or declaration each.
-        results: of what was run, without what a report needs; None where nothing was.
-        folders: hashes of every folder and robot file given, by name of its system.
-        baseline: what was accepted, by name of the system.
-        seconds: how long it took.
+        file_diffs: changes in the files, one for each model or declaration.
+        results: results of the run without the data of a report; None if nothing was run.
+        folders: hashes of every given folder and robot file, by name of the system.
+        baseline: accepted results, by name of the system.
+        seconds: duration.
     """
 
     changes: tuple[Change, ...]
@@ -41,13 +41,13 @@ class GateResult:
 
     @property
     def passes(self) -> bool:
-        """Whether every case passes, and there is one at all, and nothing beside them failed."""
+        """True if there are cases, all of them pass, and nothing else failed."""
         passes = all(change.status.passes for change in self.changes)
         return bool(self.changes) and passes and not self.failures
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be done beside the cases, a sentence each; of audits the cases tell."""
+        """Failures besides the cases, a sentence each; the cases report those of audits."""
         models = self.results.models if self.results else ()
         return tuple(
             f"{what} of {self.id_of(m)}: {why}"
@@ -57,20 +57,20 @@ class GateResult:
         )
 
     def of(self, *statuses: Status) -> tuple[Change, ...]:
-        """The changes of some statuses."""
+        """Return the changes with one of the given statuses."""
         return tuple(change for change in self.changes if change.status in statuses)
 
     def model_of(self, case: Case) -> Model | None:
-        """The record of a case's model, where it was run."""
+        """Return the record of a case's model, if it was run."""
         return None if self.results is None else self.results.model_of(case)
 
     def id_of(self, model: Model) -> ModelId:
-        """Return the name of a model in the baseline, which calls a robot file by its path."""
+        """Return the name of a model in the baseline, which names a robot file by its path."""
         names = {str(scan.folder): name for name, scan in self.folders.items()}
         return msgspec.structs.replace(model.id, system=names.get(model.folder, model.system))
 
     def record(self) -> Gate:
-        """The findings for other programs."""
+        """Return the record for other programs."""
         return Gate(
             passes=self.passes,
             seconds=self.seconds,

@@ -1,4 +1,4 @@
-"""What a person decides of a gate's findings, one after the other."""
+"""Interactive review of a gate's result."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.results.status import counted
 
 ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
-"""Of what a person is asked each by each."""
+"""Statuses that a person decides one by one."""
 
 KEYS = "[a]ccept  [A]ccept all of this file  [r]eject  [s]kip  [q]uit"
 
 Ask = Callable[[str], str]
-"""Shows a question, and returns the line that was typed; EOFError: there is nobody any more."""
+"""Show a question, and return the typed line; raises EOFError if there is no input."""
 
 Tell = Callable[[str], None]
 
 
 @dataclass
 class Decisions:
-    """What was decided.
+    """The decisions of a review.
 
     Attributes:
-        reasons: of what is accepted.
-        kept: of these, those that keep the reason that they have.
-        rejected: what is to be as it was.
-        left: what nothing was decided of.
+        reasons: reasons of the accepted cases.
+        kept: accepted cases that keep their old reason.
+        rejected: cases to restore.
+        left: undecided cases.
     """
 
     reasons: dict[CaseId, str] = field(default_factory=dict)
@@ -41,12 +41,12 @@ class Decisions:
 
 
 class Review:
-    """A walk through a gate's findings.
+    """An interactive pass through a gate's result.
 
     Args:
-        found: by the gate.
-        ask: asks the person.
-        tell: prints a line.
+        found: result of the gate.
+        ask: function that asks the user.
+        tell: function that prints a line.
     """
 
     def __init__(self, found: GateResult, ask: Ask, tell: Tell) -> None:
@@ -56,7 +56,7 @@ class Review:
         self._told: set[tuple[str, str]] = set()
 
     def walk(self) -> Decisions:
-        """Ask of every change; what is left where the person quits is decided of not at all."""
+        """Ask about every change; changes after an early exit remain undecided."""
         waiting = list(by_file(self._found.of(*ASKED)))
         count = len(waiting)
         try:
@@ -83,7 +83,7 @@ class Review:
                     self._tell(line)
 
     def _decide(self, change: Change, others: Sequence[Change]) -> Sequence[Change]:
-        """Ask of one; returns those of the others that were decided with it."""
+        """Ask about one change; return the other changes that the answer covers."""
         while True:
             key = self._ask(f"{KEYS} ? ").strip()
             if key in ("a", "A"):
@@ -101,7 +101,7 @@ class Review:
                 raise EOFError
 
     def _why(self) -> str:
-        """A reason; an empty line is the last one again."""
+        """Ask for a reason; an empty line repeats the last one."""
         again = f" [{self._reason}]" if self._reason else ""
         while True:
             said = " ".join(self._ask(f"Why is this right?{again} ").split()) or self._reason
@@ -110,7 +110,7 @@ class Review:
                 return said
 
     def _unmoved(self) -> None:
-        """Ask of those whose files changed and whose motions did not, all at once."""
+        """Ask once about all cases whose files changed but whose motions did not."""
         unmoved = self._found.of(Status.WITHIN)
         if not unmoved:
             return
@@ -127,7 +127,7 @@ class Review:
 
 
 def by_file(changes: Sequence[Change]) -> Iterator[Change]:
-    """Those of one file one after the other, files in the order of their worst."""
+    """Yield the changes grouped by file, files in the order of their worst change."""
     files = dict.fromkeys((change.id.system, change.id.model) for change in changes)
     for file in files:
         yield from (one for one in changes if (one.id.system, one.id.model) == file)

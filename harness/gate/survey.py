@@ -1,4 +1,4 @@
-"""What a gate knows before anything is run: the baseline, the files, and what changed of them."""
+"""State of the gate before a run: the baseline, the files and their changes."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ ModelInEngine = tuple[str, str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """What is there, and what was accepted of it.
+    """The present files and the accepted results.
 
     Attributes:
-        baseline: what was accepted, by name of the system.
-        versions: of the engines.
-        scans: the files of each folder and robot file.
-        matched: what was accepted of each of them.
-        left_out: engines whose cases are not looked at.
-        chosen: models whose cases are to be run.
+        baseline: accepted results, by name of the system.
+        versions: versions of the engines.
+        scans: files of each folder and robot file.
+        matched: accepted results of each of them.
+        left_out: engines to ignore.
+        chosen: models to run.
     """
 
     baseline: Mapping[str, SystemBaseline] = field(repr=False)
@@ -51,7 +51,7 @@ class Survey:
 
     @property
     def running(self) -> list[FolderFiles]:
-        """Folders and robot files in which something is to be run, or can't be."""
+        """Folders and robot files that must run, or that cannot run."""
         wanted = {folder for folder, _, _ in self.chosen}
         return [
             scan
@@ -75,8 +75,8 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
     """Read the baseline and hash the folders and robot files.
 
     Raises:
-        BaselineError: for a baseline that can't be believed.
-        OSError: for a file that can't be read.
+        BaselineError: for an invalid baseline.
+        OSError: for an unreadable file.
     """
     baseline = read_baseline(options.baseline)
     versions = {name: engine.version() for name, engine in engines().items()}
@@ -116,7 +116,7 @@ def _chosen(
     versions: Mapping[str, str | None],
     options: GateOptions,
 ) -> Iterator[ModelInEngine]:
-    """Models of a folder that are to be run, whoever runs them: those that changed, or all."""
+    """Yield the models of a folder that must run, in any engine: changed ones, or all."""
     for model in scan.models:
         for engine in model.engines:
             if options.every or stale(scan, model, engine, one, versions, options.resolution):
@@ -124,12 +124,12 @@ def _chosen(
 
 
 def by_name(found: Survey, results: Results | None, baseline: Path) -> dict[str, FolderFiles]:
-    """Folders by the name of their system: as it was just loaded, or as it was accepted.
+    """Return the folders by the name of their system, as loaded or as accepted.
 
-    A robot file is called by its path, whatever name the robot has.
+    A robot file is named by its path, not by the robot's name.
 
     Raises:
-        FolderError: where two folders have one name.
+        FolderError: if two folders have one name.
     """
     loaded = {system.folder: system.name for system in results.systems} if results else {}
     names: dict[str, FolderFiles] = {}
@@ -149,7 +149,7 @@ def by_name(found: Survey, results: Results | None, baseline: Path) -> dict[str,
 
 
 def is_expected(one: SystemBaseline, options: GateOptions) -> bool:
-    """Whether a system of the baseline ought to be among the folders and robot files given."""
+    """Return whether a system of the baseline should be among the given folders and robot files."""
     file = (options.baseline / one.declared.folder).resolve()
     if one.robot is not None and file.exists():
         return False
@@ -162,7 +162,7 @@ def is_expected(one: SystemBaseline, options: GateOptions) -> bool:
 
 
 def was_left_alone(scan: FolderFiles, one: SystemBaseline, case: CaseId, found: Survey) -> bool:
-    """Whether a case of the baseline is still there, and was not run since nothing changed."""
+    """Return whether an accepted case still exists and was not run because nothing changed."""
     if case.scenario not in one.declared.scenarios:
         return False
     here = any(m.model == case.model and case.engine in m.engines for m in scan.models)

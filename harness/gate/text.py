@@ -1,4 +1,4 @@
-"""A gate's findings as lines for a terminal or a log, and as Markdown for a step summary."""
+"""Text of a gate's result: lines for a terminal or a log, and Markdown for a step summary."""
 
 from __future__ import annotations
 
@@ -24,27 +24,30 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible_lines
 
 QUIET = (Status.SAME,)
-"""Cases that a log only counts."""
+"""Statuses that a log only counts."""
 
 MAX_ROWS = 200
-"""Cases that a summary lists; gate.json has all."""
+"""Maximum number of cases in a summary; gate.json has all."""
 
 MAX_GROUPS, MAX_CASES, MAX_EDITS, MAX_KNOWN, MAX_PATTERNS = 20, 12, 12, 5, 3
-"""Models, cases of a model, edits, known differences and patterns that a terminal shows."""
+"""Maximum numbers of models, cases of a model, edits, known differences and patterns in a
+terminal.
+"""
 
 _MARKUP = re.compile(r"[<>|`*~\[\]!\\$#]|(?<![^\W_])_|_(?![^\W_])")
-"""Characters that Markdown, or GitHub's formulas, read as markup."""
+"""Characters that Markdown, or GitHub's formulas, interpret as markup."""
 
 _REFERENCE = re.compile(r"@|&#35;(?=\d)|www(?=\.)|https?(?=:)|ftp(?=:)")
-"""What begins a mention, a reference to an issue or a link, in what is shown already: a comment
-behind it ends it."""
+"""Start of a mention, an issue reference or a link in escaped text; a comment after it
+breaks it.
+"""
 
 
 def gate_lines(found: GateResult, width: int = 80, given: Sequence[str] = ()) -> list[str]:
-    """Return what a terminal shows: the verdict, the edit, what to do, each case, and a total.
+    """Return the lines for a terminal: the verdict, the edit, the remedy, each case, and a total.
 
     Args:
-        found: by the gate.
+        found: result of the gate.
         width: columns of the terminal.
         given: options that `crosscheck accept` needs to see the same cases.
     """
@@ -68,7 +71,7 @@ def gate_lines(found: GateResult, width: int = 80, given: Sequence[str] = ()) ->
 
 
 def verdict(found: GateResult) -> str:
-    """Return the word that the output begins with: `ok`, `FAIL` or `ERROR`."""
+    """Return the first word of the output: `ok`, `FAIL` or `ERROR`."""
     if found.passes:
         return "ok"
     cannot_tell = found.of(Status.NOT_RUN) or not found.changes or found.failures
@@ -76,7 +79,7 @@ def verdict(found: GateResult) -> str:
 
 
 def _headline(found: GateResult, width: int) -> list[str]:
-    """Return the verdict with what made it: one edit, one engine upgrade, or the counts."""
+    """Return the verdict with its cause: one edit, one engine upgrade, or the counts."""
     word = verdict(found)
     if not found.changes:
         remedy = "Name a system folder or a robot file: crosscheck gate robot.urdf"
@@ -115,12 +118,12 @@ Item = TypeVar("Item")
 
 
 def _one(items: Collection[Item]) -> Item | None:
-    """Return the item of a collection of one, else None."""
+    """Return the only item of a collection; None if it has several or none."""
     return next(iter(items)) if len(items) == 1 else None
 
 
 def _upgrade(change: Change) -> str:
-    """Return how the engine's version changed; empty where it did not."""
+    """Return how the engine's version changed; "" if it did not."""
     was, now = change.entry, change.now
     if was is None or now is None or was.engine_version == now.engine_version:
         return ""
@@ -144,7 +147,7 @@ def _sole_edit(found: GateResult, bad: Sequence[Change]) -> list[ChangedLine]:
 
 
 def _edit_list(found: GateResult, width: int) -> list[str]:
-    """Return the edits, unless the headline has the only one; other files in a line."""
+    """Return the edits, except one in the headline; other files share one line."""
     bad = [change for change in found.changes if not change.status.passes]
     diffs = _concerned(found, bad)
     edits = [line for diff in diffs for line in diff.lines if line.edit]
@@ -166,7 +169,7 @@ def _edit_list(found: GateResult, width: int) -> list[str]:
 
 
 def _remedy(found: GateResult, width: int, given: Sequence[str]) -> list[str]:
-    """Return what to do: undo the edit, or accept what changed, with the command for it."""
+    """Return the remedy: undo the edit, or accept the changes, with the command."""
     bad = [change for change in found.changes if not change.status.passes]
     usable = [change for change in bad if change.status is not Status.NOT_RUN]
     if len(usable) < len(bad) or not bad:
@@ -184,7 +187,7 @@ def _remedy(found: GateResult, width: int, given: Sequence[str]) -> list[str]:
 
 
 def _patterns(changes: Sequence[Change]) -> list[str]:
-    """Return patterns for `crosscheck accept` that match the models of some cases; none: all."""
+    """Return patterns for `crosscheck accept` that match the models of some cases; empty: all."""
     models = list(dict.fromkeys(f"{one.id.path}/*" for one in changes))
     if len(models) > MAX_PATTERNS:
         models = list(dict.fromkeys(f"{one.id.system}/*" for one in changes))
@@ -197,7 +200,7 @@ def _failures(found: GateResult, width: int) -> list[str]:
 
 
 def _remarks(found: GateResult, width: int) -> list[str]:
-    """Return a line for what passes and is not simply as accepted."""
+    """Return a line for the cases that pass but are not simply as accepted."""
     lines = []
     if better := _groups(found.of(Status.IMPROVED)):
         names = ", ".join(group[0].id.path for group in better)
@@ -215,7 +218,7 @@ def _remarks(found: GateResult, width: int) -> list[str]:
 
 
 def _groups(changes: Sequence[Change]) -> list[list[Change]]:
-    """Return cases of one model, status and code together, in the order of the worst."""
+    """Group cases by model, status and code, in the order of the worst."""
     found: dict[tuple[str, str, Status, str], list[Change]] = {}
     for change in changes:
         key = change.id.system, change.id.model, change.status, change_code(change)
@@ -224,23 +227,23 @@ def _groups(changes: Sequence[Change]) -> list[list[Change]]:
 
 
 def change_code(change: Change) -> str:
-    """Return the message code of a case in the gate; empty where it is as accepted."""
+    """Return the message code of a case in the gate; "" if it is as accepted."""
     return gate_code(change.status, change.kinds)
 
 
 def code_hint(found: GateResult) -> str:
-    """Return how to explain the first code that a failing gate prints; empty for others."""
+    """Return how to explain the first code that a failing gate prints; "" otherwise."""
     codes = [change_code(change) for change in found.changes if not change.status.passes]
     return explain_hint([*codes, *(part_code() for _ in found.failures)])
 
 
 def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> list[str]:
-    """Return a line for each case of a model; what holds for all of them once.
+    """Return a line for each case of a model; common facts appear once.
 
     Args:
         group: cases of one model.
         width: columns.
-        with_audit: whether to repeat what the audit finds; the headline may have said it.
+        with_audit: whether to list audit findings, which the headline may already show.
     """
     first = group[0]
     name = with_code(change_code(first), first.id.path)
@@ -266,11 +269,11 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
 def accepted_lines(
     cases: Sequence[CaseId], files: Sequence[Path], width: int, *, with_cases: bool = False
 ) -> list[str]:
-    """Return what was accepted: a line for each system, and where it was written.
+    """Return the accepted cases, one line for each system, and the files that were written.
 
     Args:
-        cases: those whose entry is new or changed.
-        files: of the baseline that were written.
+        cases: cases with a new or changed entry.
+        files: written files of the baseline.
         width: columns.
         with_cases: whether to list the cases.
     """
@@ -304,7 +307,7 @@ def diff_lines(diff: FileDiff) -> list[str]:
 
 
 def total(found: GateResult) -> str:
-    """Return one line: how many cases of each kind, how many were run, and the time."""
+    """Return one line: the number of cases of each kind, of cases that ran, and the time."""
     if not found.changes:
         return "no cases found"
     counts = Counter(change.status for change in found.changes)
@@ -325,7 +328,7 @@ def _counted(status: Status, number: int) -> str:
 
 
 def summary(found: GateResult) -> str:
-    """Return the findings as Markdown."""
+    """Return the result as Markdown."""
     lines = [f"## crosscheck gate: {verdict(found)}", "", total(found), ""]
     told = [change for change in found.changes if change.status not in QUIET]
     if told:
@@ -351,14 +354,14 @@ def summary(found: GateResult) -> str:
 
 
 def sentences(change: Change) -> Sequence[str]:
-    """Return what changed in a case; of a known difference, the reason of its acceptance first."""
+    """Return the changes of a case; for a known difference, the reason of its acceptance first."""
     if change.status is Status.KNOWN and change.entry is not None:
         return [f"{change.entry.outcome}, accepted: {change.entry.reason}", *change.messages]
     return change.messages
 
 
 def _causes(found: GateResult) -> list[str]:
-    """Return the causes that the diagnosis found in models that differ."""
+    """Return the causes that the diagnosis found for models that differ."""
     lines: list[str] = []
     for alike in explained_alike(found.results.models if found.results else ()):
         diagnosis = alike[0].diagnosis
@@ -379,14 +382,14 @@ def _relative(path: Path) -> str:
 
 
 def _cell(text: str) -> str:
-    """Text of one line as Markdown shows it: no markup, link, mention or reference to an issue."""
+    """Escape one line of text for Markdown: no markup, link, mention or issue reference."""
     text = " ".join(visible_lines(text)).replace("&", "&amp;")
     text = _MARKUP.sub(lambda found: f"&#{ord(found[0])};", text)
     return _REFERENCE.sub(r"\g<0><!-- -->", text)
 
 
 def _code(text: str) -> str:
-    """Text of one line as a code span, whose fence is longer than any run of backticks in it."""
+    """Format one line of text as a code span, with a fence longer than its runs of backticks."""
     text = " ".join(visible_lines(text))
     fence = "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
     pad = " " if "`" in text else ""
