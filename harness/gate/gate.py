@@ -72,7 +72,7 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
 
 
 def accepted_targets(baseline: Path) -> list[Path]:
-    """Return the folders and robot files that a baseline names, and their neighbours.
+    """Return the folders and robot files that a baseline names, and those in the same folders.
 
     Raises:
         BaselineError: for an unreadable baseline.
@@ -105,7 +105,7 @@ def robots_in(folder: Path, baseline: Path) -> list[Path]:
 
 
 def _whole(files: Iterable[Path], accepted: Set[Path]) -> list[Path]:
-    """Return the complete robot files among some files; included files count only if accepted."""
+    """Return the robot files among some files, except included parts that were not accepted."""
     robots = sorted(file for file in files if is_robot(file) or file.resolve() in accepted)
     parts = {part.resolve() for file in robots for part in included(file)} - accepted
     return [file for file in robots if file.resolve() not in parts]

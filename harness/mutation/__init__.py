@@ -1,1 +1,1 @@
-"""Models made wrong on purpose: what a validation would catch."""
+"""Faults planted in models, to measure what a validation would catch."""

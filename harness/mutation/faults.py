@@ -1,4 +1,4 @@
-"""What every literal is made: wrong by three sizes and four factors."""
+"""Faults of literals: three small sizes and four factors."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from physics_crosscheck.harness.records.cause import CauseId
 
 SIZES = {"1e-6": 1 + 1e-6, "1e-3": 1 + 1e-3, "5 %": 1.05}
 FACTORS = {"left out": 0.0, "sign": -1.0, "double": 2.0, "half": 0.5}
-"""What a literal is multiplied by: the small faults, and the mistakes that people make."""
+"""Factors for a literal: the small faults, and typical human mistakes."""
 
 FAULTS = SIZES | FACTORS
 
 
 def literal_faults(found: Sequence[Binding], joints: Sequence[str]) -> Iterator[Mistake]:
-    """Every bound literal that is not zero, multiplied by each factor.
+    """Yield every nonzero bound literal, multiplied by each factor.
 
     Args:
-        found: the literals.
-        joints: the engine's coordinates.
+        found: the bound literals.
+        joints: names of the engine's coordinates.
     """
-    # A number with the other sign may be as good as an axis that points the other way.
+    # A number with the opposite sign may be equivalent to a reversed axis.
     mirrored = frozenset(CauseId(kind="axis", subject=(name,)) for name in joints)
     for b in found:
         for label, factor in FAULTS.items() if b.value else ():

@@ -1,4 +1,4 @@
-"""One model made wrong in one way, and what the check says of it."""
+"""Check of one model with one planted fault."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from physics_crosscheck.harness.results.status import percent
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 RESOLUTION = 1e-9
-"""A model whose motions are known no better than this does not agree,"""
+"""Uncertainty of motions up to which a model can agree."""
 
 BESIDE = 10.0
-"""unless they are known no worse, by this factor, than those of the sound model."""
+"""Factor of the sound model's uncertainty up to which a model can agree too."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MutationTask:
-    """One model in one engine, made wrong in one way.
+    """One model in one engine, with one planted fault.
 
     Attributes:
-        model: the sound model, as a diagnosis takes it.
-        survey: of that.
-        fault: what is made wrong.
+        model: the sound model, as the diagnosis uses it.
+        survey: survey of the sound model.
+        fault: the fault to plant.
     """
 
     model: DiagnosisTask
@@ -50,14 +50,14 @@ class MutationTask:
 
     @property
     def kind(self) -> FaultKind:
-        """Whether it is a literal's, a known mistake, or none."""
+        """Kind of the fault: a literal's, a known mistake, or none."""
         if self.fault.location in self.survey.addresses and self.fault.name in FAULTS:
             return FaultKind.LITERAL
         return FaultKind.NONE if self.fault.sound else FaultKind.MISTAKE
 
 
 def mutated(task: MutationTask) -> Mutation:
-    """Make one model wrong in one way, and see what the check says."""
+    """Plant a fault in one model, and judge it."""
     began = time.process_time()
     with scratch() as copies:
         sidecar = task.fault.edit.made(task.model.sidecar, task.model.engine, copies)
@@ -70,12 +70,12 @@ def mutated(task: MutationTask) -> Mutation:
 
 
 def refused(task: MutationTask, reason: str) -> Mutation:
-    """The row of a fault that the engine does not run."""
+    """Build the row of a fault that the engine does not run."""
     return _row(task, FaultVerdict.REFUSED, float("inf"), reason)
 
 
 def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
-    """The row of a fault, from the motions of the wrong model."""
+    """Build the row of a fault, from the motions of the wrong model."""
     sound, fault = task.survey, task.fault
     with trial_model(wrong, _near(task)) as (whole, uncertainty):
         defect = np.abs(whole.defect({}))
@@ -100,7 +100,7 @@ def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
 
 
 def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutation:
-    """The row of a fault that no motion shows: caught where a body is elsewhere."""
+    """Build the row of a fault that no motion shows: caught if a body is displaced."""
     model, coordinates = load(wrong.system, wrong.sidecar, wrong.engine)
     n = len(wrong.system.q)
     reached = np.concatenate([motion.start[:, :n] for motion in wrong.motions.values()])
@@ -118,7 +118,7 @@ def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutat
 
 
 def _near(task: MutationTask) -> dict[CauseId, Array] | None:
-    """A model that is nearly right depends on its literals as the sound one does."""
+    """Return the sound model's slopes if the fault is so small that they still hold."""
     if task.fault.name not in SIZES:
         return None
     known = zip(task.survey.addresses, task.survey.slopes, strict=True)
@@ -126,7 +126,7 @@ def _near(task: MutationTask) -> dict[CauseId, Array] | None:
 
 
 def _resolved(uncertainty: Array, sound: Survey) -> bool:
-    """Whether motions are known well enough to agree."""
+    """Return whether the uncertainty of motions is small enough for agreement."""
     enough = max(RESOLUTION, BESIDE * float(np.max(sound.uncertainty)))
     return float(np.max(uncertainty)) <= enough
 
@@ -139,7 +139,10 @@ def _row(
     *,
     share: float | None = None,
 ) -> Mutation:
-    """The row of a fault; `share` of a mistake is what would be seen, of a literal it is known."""
+    """Build the row of a fault.
+
+    `share` is the detectable share of a known mistake. The survey has those of literals.
+    """
     model, fault, known = task.model, task.fault, task.survey
     if task.kind is FaultKind.LITERAL:
         share = float(known.first_caught[known.addresses.index(fault.location)])
@@ -159,16 +162,16 @@ def _row(
 
 
 def _unnoticed(row: Mutation, moved: bool) -> Mutation:
-    """Missed if the motions depend on it, unseen if they don't."""
+    """Judge an undetected fault: missed if the motions depend on it, otherwise untested."""
     depends = row.first_caught is not None if row.kind is FaultKind.LITERAL else moved
     verdict = FaultVerdict.MISSED if depends else FaultVerdict.UNTESTED
     return msgspec.structs.replace(row, verdict=verdict)
 
 
 def _named(row: Mutation, task: MutationTask, ranking: Ranking) -> Mutation:
-    """What the diagnosis says of a fault, and whether it is right.
+    """Add the causes of the diagnosis, and whether they are right.
 
-    Two causes together name a fault if both are of those that may be named for it.
+    Two causes together name a fault if both are among the right ones.
     """
     if not ranking.fits:
         return row
@@ -184,7 +187,7 @@ def _named(row: Mutation, task: MutationTask, ranking: Ranking) -> Mutation:
 
 
 def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
-    """How far the fitted value of a literal is from the right one, relative to the fault."""
+    """Return the error of a literal's fitted value, relative to the fault."""
     address = task.fault.location
     if task.kind is not FaultKind.LITERAL:
         return None
@@ -198,9 +201,9 @@ def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
 
 
 def _global_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
-    """Errors of a full run at the step stated, before and after, of the scenario that moves least.
+    """Format the errors of full runs at the file's own time step, before and after the fault.
 
-    Where it moves much, two steps may end anywhere.
+    The scenario with the least motion is used. With large motions, two time steps may end anywhere.
     """
     motion = min(before.motions.values(), key=lambda m: float(np.max(m.amplitude)))
     n = len(before.system.q)

@@ -1,9 +1,9 @@
-"""What the check would catch: models made wrong, on purpose, in copies.
+"""Mutation test of the check: faults planted in copies of models.
 
-Every bound literal is made wrong by three sizes and four factors, and every known mistake
-(`harness.mutation.mistakes`) is made wherever a model has a place for it. It tells what a
-validation is worth: whether a fault is seen in the motions of the folder's scenarios, whether its
-cause is named from them alone, and at what size it is first seen.
+Every bound literal gets three small faults and four factors, and every known mistake
+(`harness.mutation.mistakes`) is planted wherever a model has a place for it. The result measures
+the value of a validation: whether the motions of the folder's scenarios reveal a fault, whether the
+motions alone identify its cause, and its smallest detectable size.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of
 from physics_crosscheck.harness.records.mutation import Mutation
 
 Progress = Callable[[int, int, Mutation | None], None]
-"""Called with (faults done, faults in all or 0 while that is unknown, the one just done)."""
+"""Called with (faults done, all faults or 0 if unknown, the fault just done)."""
 
 
 def mutate(
@@ -52,16 +52,16 @@ def mutate(
     model: str = "",
     warn: Callable[[str], object] = lambda _: None,
 ) -> list[Mutation]:
-    """Make models wrong in every known way; engines that are not installed are left out.
+    """Plant every known fault in models; skip engines that are not installed.
 
     Args:
         targets: system folders and robot files.
         progress: called after every fault.
         only: engines; empty: all.
         workers: processes.
-        limits: of one fault.
-        choice: of the models of folders.
-        floating, model: how robot files are read, as in `read_robot`.
+        limits: limits of one fault.
+        choice: the models of folders to use.
+        floating, model: options for reading robot files, as in `read_robot`.
         warn: called with a sentence for each engine that does not agree with a sound robot file.
 
     Raises:
@@ -80,14 +80,14 @@ def mutate(
 
 @dataclass
 class _Plan:
-    """The jobs, and the rows that they bring: targets, then surveys of models, then faults.
+    """The jobs and their rows: targets, then surveys of models, then faults.
 
     Attributes:
         unsound: why engines do not agree with robot files, by file.
         sound: robot files that agree with their equations in an engine.
-        found: rows with their faults' places in the order of the surveys.
-        unknown: jobs that are still to tell how many faults there are.
-        known: faults so far.
+        found: rows with the positions of their faults in the order of the surveys.
+        unknown: number of jobs that have not yet reported their number of faults.
+        known: number of faults so far.
     """
 
     only: Sequence[str]
@@ -100,7 +100,7 @@ class _Plan:
     known: int = 0
 
     def sorted(self) -> list[Mutation]:
-        """The rows: by model and engine, in the order in which faults are told."""
+        """Return the rows by model and engine, with faults in the order of the surveys."""
         ordered = sorted(self.found, key=lambda f: (f[1].system, f[1].model, f[1].engine, f[0]))
         return [row for _, row in ordered]
 
@@ -116,7 +116,7 @@ class _Plan:
         return [*chain.from_iterable(self.unsound.values())]
 
     def robot(self, file: Path, prepare: Callable[[Path], PreparedRobot]) -> Job[PreparedRobot]:
-        """Read it, then survey it in every engine."""
+        """Read a robot file, then survey it in every engine."""
         self.unknown += 1
         return Job(task=Task(prepare, file), done=self._engines, failed=partial(_unsound, file))
 
@@ -140,7 +140,7 @@ class _Plan:
         return ()
 
     def folder(self, folder: Path) -> Job[Prepared | PreparedTree]:
-        """Prepare it, then survey its models."""
+        """Prepare a folder, then survey its models."""
         self.unknown += 1
         unsound = partial(_unsound, folder / "system.py")
         preparing = partial(prepare_folder, described=False)
@@ -160,7 +160,7 @@ class _Plan:
     def _faults(self, model: DiagnosisTask, found: Survey) -> Iterator[Job[Mutation]]:
         self.unknown -= 1
         for fault in found.faults:
-            # Sent once for each fault: without all the others.
+            # Sent once for each fault, so drop the other faults.
             task = MutationTask(model=model, survey=replace(found, faults=()), fault=fault)
             yield Job(
                 task=Task(mutated, task),
@@ -192,7 +192,7 @@ class _Plan:
         return self._row(place, died(fault, failure.reason))
 
     def _died(self, place: int, task: MutationTask, failure: Failure) -> tuple[()]:
-        """An engine that dies of a number has refused it, in its way."""
+        """Treat an engine that crashes on a number as one that refuses it."""
         return self._row(place, refused(task, failure.reason))
 
     def _pairs(self, folder: Path) -> Iterator[tuple[Sidecar, str]]:
@@ -215,6 +215,6 @@ def _unsound(file: Path, failure: Failure) -> NoReturn:
 
 
 def _installed(names: Iterable[str]) -> list[str]:
-    """Return those of the engines that are installed."""
+    """Return the engines that are installed."""
     adapters = engines()
     return [name for name in names if name in adapters and adapters[name].version() is not None]

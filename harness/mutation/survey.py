@@ -1,4 +1,4 @@
-"""What a sound model shows before it is made wrong."""
+"""Survey of a sound model before faults are planted."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 class MutationError(ValueError):
-    """A folder that is not sound to begin with; the message names file and remedy."""
+    """A model that is not sound before any fault; the message gives the file and the remedy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """How a sound model's motions depend on each literal, and what can go wrong.
+    """The effect of each literal on a sound model's motions, and the possible faults.
 
     Attributes:
-        addresses: of the bound literals, in the order of `slopes`.
+        addresses: addresses of the bound literals, in the order of `slopes`.
         slopes: change of the ends per unit of each literal, (L, N).
-        first_caught: relative fault of each literal at which it is first seen, (L,); inf: never.
-        ends, uncertainty: of the sound model, (N,).
-        faults: everything that is to be made wrong.
+        first_caught: smallest detectable relative fault of each literal, (L,); inf: undetectable.
+        ends, uncertainty: ends of the sound model and their uncertainty, (N,).
+        faults: all faults to plant.
     """
 
     addresses: tuple[str, ...]
@@ -38,10 +38,10 @@ class Survey:
 
 
 def survey(task: DiagnosisTask) -> Survey:
-    """Move every literal of the sound model a little, and look for what can be made wrong.
+    """Measure the effect of a small change of every literal, and collect the possible faults.
 
     Raises:
-        MutationError: for a model that is not sound to begin with.
+        MutationError: for a model that is not sound.
     """
     found = bindings(task.system, task.sidecar)
     with trial_model(task) as (whole, uncertainty):
@@ -66,8 +66,10 @@ def survey(task: DiagnosisTask) -> Survey:
 
 
 def _first_caught(effects: Array, uncertainty: Array) -> Array:
-    """Relative faults from which on one end leaves its uncertainty, (L,); effects: (L, N)."""
-    # What differs by no more than twice the rounding of the ends depends on nothing.
+    """Return the smallest relative faults that move an end beyond its uncertainty, (L,); effects
+    (L, N).
+    """
+    # A difference of up to twice the rounding of the ends is no effect.
     seen = np.where(effects * 1e-4 > 2 * uncertainty, effects, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(seen > 0, uncertainty / seen, np.inf)

@@ -1,4 +1,4 @@
-"""Mutations for the terminal: literals, known mistakes, and one line that sums up."""
+"""Mutation results for the terminal: literals, known mistakes, and a summary line."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ HEADS = {
     FaultVerdict.REFUSED: "refused",
     FaultVerdict.UNTESTED: "no effect",
 }
-"""Columns of the table of known mistakes: the verdicts, and what they are called there."""
+"""Columns of the table of known mistakes: verdicts and their headers."""
 
 
 def mutation_lines(rows: Sequence[Mutation], width: int = 160) -> list[str]:
-    """Return the summary, tables by model and by mistake, and what was not named.
+    """Return the summary, tables by model and by mistake, and the faults without a right cause.
 
     Args:
-        rows: of all models.
+        rows: rows of all models.
         width: columns; a table that is wider becomes a list.
     """
     lines: list[str] = []
@@ -60,7 +60,7 @@ def _model(row: Mutation) -> ModelId:
 
 
 def _literals(rows: Sequence[Mutation], width: int, columns: int) -> Iterator[str]:
-    """Yield a row for each literal, with a mark for each fault; where they fit in the columns."""
+    """Yield a row for each literal with a mark for each fault, in a table if it fits."""
     narrow = 2 + width + 15 + 10 * len(FAULTS) > columns
     if rows and not narrow:
         head = "".join(f"{label:>10}" for label in FAULTS)
@@ -81,7 +81,7 @@ def _literals(rows: Sequence[Mutation], width: int, columns: int) -> Iterator[st
 
 
 def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
-    """Yield a row for each kind of mistake: how many, with which verdict, and from which share."""
+    """Yield a row for each kind of mistake: count, verdicts, and smallest detectable share."""
     names = list(dict.fromkeys(row.name for row in rows))
     if not names:
         return
@@ -109,7 +109,9 @@ def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
 
 
 def _unnamed(rows: Sequence[Mutation]) -> Iterator[str]:
-    """What was caught under another name, and what was missed, known mistakes refused included."""
+    """Yield faults with a wrong cause and missed faults, including known mistakes that were
+    refused.
+    """
     made = [row for row in rows if row.kind is not FaultKind.NONE]
     none, known = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
     chosen = {
@@ -132,7 +134,7 @@ def _with(rows: Sequence[Mutation], verdict: FaultVerdict) -> list[Mutation]:
 
 
 def summary(rows: Sequence[Mutation]) -> str:
-    """One line: of the faults that motions can show, how many were caught, and named."""
+    """Return one line: how many of the visible faults were caught, and how many named."""
     literal, known = _of(rows, FaultKind.LITERAL), _of(rows, FaultKind.MISTAKE)
     small = [row for row in literal if row.name in SIZES]
     large = [row for row in literal if row.name not in SIZES]

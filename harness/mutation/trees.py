@@ -1,7 +1,7 @@
-"""Models of declared bodies, and robot files: their numbers made wrong, one at a time.
+"""Faults in single numbers of robot files and of models of declared bodies.
 
-What a number does to the ends of segments follows from the equations, so that only those on which
-motions depend are run. Of known mistakes none is made: these need declared energies.
+The equations give the effect of a number on the ends of segments, so only numbers that affect
+motions are run. Known mistakes are not planted: they need declared energies.
 """
 
 from __future__ import annotations
@@ -38,19 +38,20 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 SHOWN = 2.0
-"""A fault whose effect is larger than what is uncertain by so many times has to be caught."""
+"""Effect of a fault, relative to the uncertainty, above which it must be caught."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TreeFault:
-    """A number of a sound model made wrong.
+    """A sound model with one wrong number.
 
     Attributes:
         model: the sound model, at the states of a diagnosis.
-        index: of the number.
-        size: what it is called by how much it is wrong: a key of `SIZES`.
-        first_seen: share of its size at which the number is first seen; inf: never.
-        uncertainty: of the ends of the sound model's segments, relative.
+        index: index of the number.
+        size: name of the size of the fault: a key of `SIZES`.
+        first_seen: smallest detectable change of the number, as a share of its size; inf:
+            undetectable.
+        uncertainty: relative uncertainty of the ends of the sound model's segments.
     """
 
     model: RobotTask
@@ -61,16 +62,16 @@ class TreeFault:
 
     @property
     def share(self) -> float:
-        """Of the number's size, by which it is wrong."""
+        """Size of the fault as a share of the number's size."""
         return SIZES[self.size] - 1
 
 
 def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
-    """All that is to be made wrong: each number that may say something of the bodies, three times.
+    """Return all faults of a model: three for each number that may affect the bodies.
 
     Raises:
-        MutationError: for a model that is not sound to begin with.
-        RobotError, EngineError, BlownUpError: naming what could not be run.
+        MutationError: for a model that is not sound.
+        RobotError, EngineError, BlownUpError: naming the model that cannot run.
     """
     task = replace(task, samples=some_of(task.samples))
     case = run_robot(task)
@@ -96,14 +97,14 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
 
 
 def _size(one: Number) -> float:
-    """A number's own, or that of those beside it where it is as good as zero."""
+    """Return a number's size, or that of its neighbours if it is practically zero."""
     return abs(one.value) if abs(one.value) > SMALL else one.scale
 
 
 def _first(slope: Array | None, size: float, known: float) -> float:
-    """Share of a number's size from which on it is seen; inf where it has no say at all.
+    """Return the smallest detectable change as a share of a number's size; inf without any effect.
 
-    0 where no slope is known: the engine shows what it does.
+    Return 0 if the slope is unknown: then the engine has to show the effect.
     """
     if slope is None:
         return 0.0
@@ -112,7 +113,7 @@ def _first(slope: Array | None, size: float, known: float) -> float:
 
 
 def mutated_tree(fault: TreeFault) -> Mutation:
-    """Make one number of a model wrong, and see what the check says."""
+    """Plant one wrong number in a model, and judge it."""
     began = time.process_time()
     numbers = robot_numbers(fault.model.file, fault.model.settings)
     one = numbers.numerals[fault.index]
@@ -131,13 +132,13 @@ def mutated_tree(fault: TreeFault) -> Mutation:
 
 
 def died(fault: TreeFault, reason: str) -> Mutation:
-    """The row of a fault that the engine does not run."""
+    """Build the row of a fault that the engine does not run."""
     numbers = robot_numbers(fault.model.file, fault.model.settings)
     return _row(fault, numbers.numerals[fault.index].address, FaultVerdict.REFUSED, reason)
 
 
 def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mutation:
-    """The row of a fault, from the motions of the wrong model."""
+    """Build the row of a fault, from the motions of the wrong model."""
     case = run_robot(wrong)
     size = None if case.verdict is None else case.verdict.largest_discrepancy
     if case.outcome is not Outcome.DIFFERS:
@@ -156,10 +157,10 @@ def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mu
 
 
 def _is_faint(fault: TreeFault, value: float) -> bool:
-    """Return whether a fault of this size moves no segment by more than is uncertain.
+    """Return whether a fault of this size moves no segment beyond its uncertainty.
 
-    By the slope; or by the equations with that value, where the effect grows with the square of
-    the fault, as that of an axis out of the plane of all motions.
+    The slope decides, or the equations with that value if the effect is quadratic, such as that of
+    an axis out of the plane of all motions.
     """
     if fault.share < SHOWN * fault.first_seen:
         return True

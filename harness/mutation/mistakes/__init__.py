@@ -1,7 +1,7 @@
-"""The known mistakes of people who write model files, made in copies of any model.
+"""Known mistakes of people who write model files, planted in copies of any model.
 
-A family is a module: what its mistakes are called, where they apply, and which causes a diagnosis
-may name for them. One that a model has no place for makes none there.
+Each family is a module with the names of its mistakes, the places where they apply, and the causes
+that a diagnosis may name for them. A family yields nothing if a model has no place for it.
 """
 
 from physics_crosscheck.harness.mutation.mistakes.context import Subject

@@ -1,4 +1,4 @@
-"""An axis that points the other way."""
+"""Reversed joint axes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from physics_crosscheck.harness.records.cause import CauseId
 
 
 def axes(subject: Subject) -> Iterator[Mistake]:
-    """Each moving joint whose axis the file states, turned round.
+    """Yield a mistake for each moving joint whose axis the file states: the axis reversed.
 
-    A mechanism moves alike in a mirror, so that one axis turned may be as good as all the others:
-    any axis may be named that undoes it.
+    A mirrored mechanism moves alike, so that reversing one axis may be equivalent to reversing all
+    others. A diagnosis may name any axis that corrects it.
     """
     causes = frozenset(CauseId(kind="axis", subject=(z,)) for z in subject.model.coordinates)
     for name, joint in subject.joints():

@@ -1,4 +1,4 @@
-"""A mechanism that stands elsewhere: its base moved, or turned about the vertical."""
+"""Displaced bases: a mechanism moved, or rotated about the vertical."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from physics_crosscheck.harness.mutation.mistakes.context import Subject
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
 
 UP = 1.0
-"""Metres by which a base is raised; weight does the same at any height."""
+"""Height by which a base is raised, metres; gravity is the same at any height."""
 
 _QUARTER = "1.5707963267948966"
 _ORIENTED = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
 
 
 def bases(subject: Subject) -> Iterator[Mistake]:
-    """The first body that hangs on the ground, raised, and turned by a quarter."""
+    """Yield the first body attached to the ground, raised, and rotated by 90 degrees."""
     hung = _hung(subject)
     if hung is None:
         return
@@ -38,7 +38,7 @@ def bases(subject: Subject) -> Iterator[Mistake]:
 
 
 def _hung(subject: Subject) -> tuple[RawElement, str] | None:
-    """The element that places the first moving body on the ground, and the joint's name."""
+    """Return the element that places the first moving body on the ground, and the joint's name."""
     for name, joint in subject.joints():
         body = joint.parent
         if subject.suffix == ".xml":

@@ -1,4 +1,4 @@
-"""The model that mistakes are made in, and what the families ask about it."""
+"""The model in which mistakes are planted, with the properties that the families need."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Subject:
 
     Attributes:
         task: the model and its motions.
-        model, coordinates: as the engine has it.
-        found: its bindings.
+        model, coordinates: the loaded model and its coordinate map.
+        found: bindings of the model.
     """
 
     task: DiagnosisTask
@@ -39,35 +39,37 @@ class Subject:
 
     @property
     def suffix(self) -> str:
-        """The model file's ending: what its format is."""
+        """Suffix of the model file, which gives its format."""
         return self.task.sidecar.model.suffix
 
     @cached_property
     def engine(self) -> Engine:
-        """What runs it."""
+        """The engine that runs the model."""
         return engines()[self.task.engine]
 
     @cached_property
     def elements(self) -> tuple[RawElement, ...]:
-        """Elements of an XML file; none of another."""
+        """Elements of an XML file; empty for other formats."""
         return elements(self.task.sidecar.model) if self.suffix in XML else ()
 
     def numbers(self, kinds: str) -> dict[str, float]:
-        """Numbers of the model file by address, of kinds as `files.locations` takes them."""
+        """Return the numbers of the model file by address, of the kinds known to
+        `files.locations`.
+        """
         file = self.task.sidecar.model
         try:
             places = find(file, numbers(file, kinds))
         except LocationError:
-            return {}  # a format whose numbers have no addresses
+            return {}  # the numbers of this format have no addresses
         return {address: place.value for address, place in places.items()}
 
     @property
     def bound(self) -> frozenset[str]:
-        """Addresses of the literals that stand for constants."""
+        """Addresses of the literals that are bound to constants."""
         return frozenset(b.address for b in self.found)
 
     def joints(self) -> Iterator[tuple[str, RawElement]]:
-        """The joints that move, by name, with their elements."""
+        """Yield the moving joints with their names and elements."""
         for element in self.elements:
             name = element.attributes.get("name")
             inside = element.parent is not None and element.parent.tag in ("body", "robot", "model")
@@ -84,17 +86,23 @@ class Subject:
         return largest
 
     def follows(self, joint: str) -> tuple[str, ...]:
-        """The system's coordinates that move a joint, the one that moves it most first."""
+        """Return the system's coordinates that move a joint, those with the largest effect
+        first.
+        """
         row = self._slopes[self.model.coordinates.index(joint)]
         names = [c.name for c in self.task.system.coordinates]
         return tuple(names[i] for i in np.argsort(-row) if row[i] > 0)
 
     def about(self, joint: str, kind: CauseKind) -> frozenset[CauseId]:
-        """Causes in the equations' words: a term on each coordinate that moves the joint."""
+        """Return causes in the terms of the equations: one on each coordinate that moves
+        the joint.
+        """
         return frozenset(CauseId(kind=kind, subject=(name,)) for name in self.follows(joint))
 
     def size(self, joint: str, kind: CauseKind) -> float:
-        """What matters of an added inertia, damping or friction at a joint, in its own units."""
+        """Return the size of an added inertia, damping or friction that matters at a joint, in its
+        units.
+        """
         names = [c.name for c in self.task.system.coordinates]
         name = self.follows(joint)[0]
         slope = self._slopes[self.model.coordinates.index(joint), names.index(name)]
@@ -103,12 +111,12 @@ class Subject:
         return float(parameters[kind, name] / slope ** (1 if kind == "friction" else 2))
 
     def reach(self, joint: str) -> float:
-        """How far a joint moves to either side, in its own units."""
+        """Return the largest movement of a joint to either side, in its own units."""
         moved = [self.coordinates.to_engine(m.start)[0] for m in self.task.motions.values()]
         mine = np.concatenate(moved)[:, self.model.coordinates.index(joint)]
         return float(np.ptp(mine)) / 2
 
 
 def rounded(value: float) -> float:
-    """A number as a person would write it: two digits."""
+    """Round a number to two digits, as a person would write it."""
     return float(f"{value:.2g}")

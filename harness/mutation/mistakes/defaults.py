@@ -1,4 +1,4 @@
-"""What an engine does on its own, left on."""
+"""Engine defaults left switched on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 
 
 def defaults(subject: Subject) -> Iterator[Mistake]:
-    """Each that the model's settings don't ask for already."""
+    """Yield each default that the model's settings do not already request."""
     stated = subject.task.sidecar.spec(subject.task.engine).settings
     for usual in subject.engine.usual_mistakes:
         if isinstance(usual, DefaultLeftOn) and stated.get(usual.setting) != usual.value:

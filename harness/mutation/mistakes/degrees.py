@@ -1,4 +1,4 @@
-"""Degrees read as radians, or radians as degrees."""
+"""Confusion of degrees and radians."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ANGLES = r"(body|frame|joint)@(euler|axisangle|ref|springref)"
 
 
 def degrees(subject: Subject) -> Iterator[Mistake]:
-    """MJCF's `angle` forgotten or stated in vain; a URDF's angles written in degrees."""
+    """Yield a missing or a wrong `angle` of MJCF; a URDF's angles in degrees."""
     turns = {name: joint for name, joint in subject.joints() if _turns(joint.attributes)}
     causes = frozenset[CauseId]().union(*(moved_rest(subject, name) for name in turns))
     if subject.suffix == ".xml":

@@ -1,4 +1,4 @@
-"""Two constants of one unit, each with the other's value."""
+"""Exchanged values of two constants with the same unit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 
 
 def exchanges(subject: Subject) -> Iterator[Mistake]:
-    """Every such pair of which the model states both, exchanged in all of its literals."""
+    """Yield each pair of such constants in the model, exchanged in all of their literals."""
     system, sidecar = subject.task.system, subject.task.sidecar
     for one, other in combinations(system.constants, 2):
         if one.unit != other.unit or one.value == other.value:
@@ -21,7 +21,7 @@ def exchanges(subject: Subject) -> Iterator[Mistake]:
         try:
             swapped = at_constants(system, {one.name: other.value, other.name: one.value})
         except DeclarationError:
-            continue  # one is positive and the other is not
+            continue  # only one of them is positive
         changed = {b.address: b.expected for b in bindings(swapped, sidecar) if not b.exact}
         if not all(_stated(subject, c.name) for c in (one, other)):
             continue
@@ -34,7 +34,7 @@ def exchanges(subject: Subject) -> Iterator[Mistake]:
 
 
 def _stated(subject: Subject, name: str) -> bool:
-    """Whether a literal depends on a constant."""
+    """Return whether a literal depends on a constant."""
     system, sidecar = subject.task.system, subject.task.sidecar
     value = next(c.value for c in system.constants if c.name == name)
     moved = at_constants(system, {name: 1.01 * value})

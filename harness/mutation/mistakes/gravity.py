@@ -1,4 +1,4 @@
-"""Gravity of another size, left off, or along another axis."""
+"""Gravity of another size, switched off, or along another axis."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, 
 from physics_crosscheck.harness.records.cause import CauseId
 
 SIZES = (9.8, 9.80665)
-"""What people write, each where the model has something else."""
+"""Common approximations of gravity, used if the model has another value."""
 
 ACCELERATION = ("m/s^2", "m/s**2", "m*s^-2", "N/kg")
 
 
 def gravity(subject: Subject) -> Iterator[Mistake]:
-    """Changes of a gravity that the model has; of its size where the equations have one too."""
+    """Yield changes of a model's gravity; changes of its size only if the equations have gravity
+    too.
+    """
     own = subject.model.gravity
     if not any(own):
         return
@@ -42,12 +44,12 @@ def gravity(subject: Subject) -> Iterator[Mistake]:
 def _changed(
     subject: Subject, name: str, old: Sequence[float], new: Sequence[float], constants: set[str]
 ) -> Mistake:
-    """Changed where it is written, if it is written as a vector or as one number; else set."""
+    """Change gravity where the file states it as a vector or as one number, otherwise set it."""
     addresses = _written(subject, old)
     moved = [i for i in range(3) if new[i] != old[i]]
     causes = {CauseId(kind="gravity", subject=("xyz"[i],)) for i in moved}
     causes |= {CauseId(kind="constant", subject=(name,)) for name in constants}
-    # On a coordinate along it, a constant pull is all that gravity is.
+    # On a coordinate along gravity, its effect is a constant force.
     pulled = [c.name for c in subject.task.system.coordinates]
     causes |= {CauseId(kind="offset force", subject=(name,)) for name in pulled}
     if all(i in addresses for i in moved):
@@ -62,7 +64,7 @@ def _changed(
 
 
 def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
-    """Addresses of the components that the file, its sidecar or a bound number states."""
+    """Return the addresses of components in the file, its sidecar or a bound number."""
     sidecar, engine = subject.task.sidecar, subject.task.engine
     for key, settings in (
         (f"settings.{engine}.gravity", sidecar.engine_settings.get(engine, {})),
@@ -82,6 +84,6 @@ def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
 
 
 def _sign(subject: Subject, address: str, component: float) -> float:
-    """-1 where a number is the size of a component that points the other way."""
+    """Return -1 if a number is the size of a component in the negative direction."""
     values = {b.address: b.value for b in subject.found}
     return -1.0 if values.get(address, component) == -component != 0 else 1.0

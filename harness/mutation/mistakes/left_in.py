@@ -1,4 +1,4 @@
-"""What was left in a joint: friction, damping or an armature that the equations don't have."""
+"""Extra friction, damping or armature in a joint, which the equations do not have."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, 
 from physics_crosscheck.harness.records.cause import CauseKind
 
 SHARE = 0.05
-"""Of what would matter as much as the forces or inertias that the motion has."""
+"""Share of the value whose effect would equal the forces or inertias of the motion."""
 
 MJCF: tuple[tuple[str, str, CauseKind], ...] = (
     ("friction left in", "frictionloss", "friction"),
@@ -24,7 +24,7 @@ URDF: tuple[tuple[str, str, CauseKind], ...] = (
 
 
 def left_in(subject: Subject) -> Iterator[Mistake]:
-    """Each of them at each moving joint that has none."""
+    """Yield each of these effects at each moving joint without it."""
     for name, joint in subject.joints():
         owner, terms = (joint, MJCF) if subject.suffix == ".xml" else (None, URDF)
         if owner is None:
@@ -35,7 +35,7 @@ def left_in(subject: Subject) -> Iterator[Mistake]:
             if f"{owner.tag}@{attribute}" in subject.engine.ignores:
                 continue
             if float(owner.attributes.get(attribute, "0").split()[0]):
-                continue  # it is there, and is mutated if it stands for a constant
+                continue  # already present; planted as a fault if it is bound to a constant
             value = rounded(SHARE * subject.size(name, kind))
             edit = Edit(attributes=(Attribute(owner.start, attribute, repr(value)),))
             address = f"{owner.spelled(1 if owner is joint else 2)}@{attribute}"

@@ -1,4 +1,4 @@
-"""What must be stated lest the engine takes a value of its own, left out."""
+"""Omitted statements that prevent an engine default."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 
 
 def left_out(subject: Subject) -> Iterator[Mistake]:
-    """Each of them that the file states, or the settings."""
+    """Yield the omission of each such statement in the file or in the settings."""
     for usual in subject.engine.usual_mistakes:
         if isinstance(usual, LeftOut):
             yield from _left_out(subject, usual)

@@ -1,4 +1,4 @@
-"""A mistake as data: what is edited, and which causes are right."""
+"""Mistakes as data: the edits, and the causes that are right."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 
 @dataclass(frozen=True)
 class Edit:
-    """What changes in a copy of a model; picklable.
+    """The changes in a copy of a model; picklable.
 
     Attributes:
         literals: new values, by address.
-        attributes: of elements of an XML file, set, added or taken out.
-        settings: of the sidecar, for the engine at hand.
+        attributes: attributes of XML elements to set, add or remove.
+        settings: settings of the sidecar, for this engine.
     """
 
     literals: Mapping[str, float] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class Edit:
     settings: Mapping[str, object] = field(default_factory=dict)
 
     def made(self, sidecar: Sidecar, engine: str, into: Path) -> Sidecar:
-        """The sidecar of a copy in the folder `into` with the edits made.
+        """Write an edited copy of the model into the folder `into`, and return its sidecar.
 
         Raises:
             LocationError: naming file, line and remedy.
@@ -39,13 +39,13 @@ class Edit:
             copy.model.write_bytes(data)
         if self.literals:
             rewrite(copy, self.literals)
-            # Numbers of the sidecar itself may be among them.
+            # The edits may include numbers of the sidecar itself.
             copy = read_sidecar(Path(f"{copy.model}.toml"))
         return with_engine_settings(copy, engine, **self.settings) if self.settings else copy
 
 
 def literal_causes(*addresses: str) -> frozenset[CauseId]:
-    """What a diagnosis may call each of some literals: whether it is bound or not."""
+    """Return the names that a diagnosis may give to some literals, bound or not."""
     kinds: tuple[CauseKind, ...] = ("literal", "unbound literal")
     return frozenset(CauseId(kind=kind, subject=(a,)) for a in addresses for kind in kinds)
 
@@ -55,12 +55,12 @@ class Mistake:
     """One mistake in one model.
 
     Attributes:
-        name: what the user did.
+        name: action of the user.
         location: a joint, a literal or a setting.
-        edit: what makes it.
-        causes: those that a diagnosis may name for it, any of which is right.
-        told: words that the audit must find of its frames, where no motion shows it.
-        sound: whether it is none: it changes the error of a step, and not the mechanism.
+        edit: the edit that plants it.
+        causes: the right causes; a diagnosis may name any of them.
+        told: words that the audit must report on the frames if no motion shows the mistake.
+        sound: whether it only changes the error of a time step and not the mechanism.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""All families, in the order in which they are told."""
+"""All families of mistakes, in their order in reports."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ FAMILIES: tuple[Callable[[Subject], Iterator[Mistake]], ...] = (
 
 
 def known_mistakes(subject: Subject) -> tuple[Mistake, ...]:
-    """Every known mistake that this model has a place for."""
+    """Return every known mistake that fits a model."""
     return tuple(mistake for family in FAMILIES for mistake in family(subject))

@@ -1,4 +1,4 @@
-"""A spring that is relaxed elsewhere than it should be."""
+"""Springs with a wrong rest position."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, 
 from physics_crosscheck.harness.records.cause import CauseId
 
 SHARE = 0.1
-"""The offset, as a share of how far the joint moves."""
+"""Offset as a share of the joint's largest movement."""
 
 REST = re.compile(r"rest|relaxed|slack|springref|reference", re.IGNORECASE)
-"""What people call a rest length among the numbers of a Python file."""
+"""Names that suggest a rest length among the numbers of a Python file."""
 
 
 def rests(subject: Subject) -> Iterator[Mistake]:
-    """Every spring's rest position moved; a tendon's left for the engine to choose."""
+    """Yield each spring with its rest position moved; for a tendon, chosen by the engine."""
     if subject.suffix == ".xml":
         yield from _joints(subject)
         yield from _tendons(subject)
@@ -31,7 +31,7 @@ def rests(subject: Subject) -> Iterator[Mistake]:
 
 
 def _joints(subject: Subject) -> Iterator[Mistake]:
-    """A joint's springref, in degrees where the file's angles are."""
+    """Yield the springref of joints, in degrees if the file's angles are."""
     for name, joint in subject.joints():
         if float(joint.attributes.get("stiffness", "0").split()[0]) == 0:
             continue
@@ -47,7 +47,7 @@ def _joints(subject: Subject) -> Iterator[Mistake]:
 
 
 def radian(subject: Subject) -> bool:
-    """Whether an MJCF file's angles are in radians."""
+    """Return whether an MJCF file's angles are in radians."""
     compilers = [e for e in subject.elements if e.tag == "compiler"]
     return any(e.attributes.get("angle") == "radian" for e in compilers)
 
@@ -66,13 +66,13 @@ def _tendons(subject: Subject) -> Iterator[Mistake]:
         new = float(words[0]) + rounded(SHARE * max(subject.reach(name) for name in names))
         edit = Edit(attributes=(Attribute(tendon.start, "springlength", repr(new)),))
         yield Mistake("a rest offset", place, edit, causes)
-        # -1, the default: relaxed at the length that the file's pose has.
+        # -1 is the default: relaxed at the length in the file's pose.
         edit = Edit(attributes=(Attribute(tendon.start, "springlength", None),))
         yield Mistake("springlength left at -1", place, edit, causes)
 
 
 def _gazebo(subject: Subject) -> Iterator[Mistake]:
-    """Gazebo's springReference."""
+    """Yield changes of Gazebo's springReference."""
     stated = subject.numbers("springReference")
     for name, _ in subject.joints():
         address = f"gazebo[{name}]/springReference"
@@ -83,7 +83,7 @@ def _gazebo(subject: Subject) -> Iterator[Mistake]:
 
 
 def _python(subject: Subject) -> Iterator[Mistake]:
-    """Numbers that stand for no constant and are called a rest."""
+    """Yield unbound numbers whose names suggest a rest length."""
     causes = frozenset[CauseId]().union(
         *(moved_rest(subject, z) for z in subject.model.coordinates)
     )
@@ -94,7 +94,7 @@ def _python(subject: Subject) -> Iterator[Mistake]:
 
 
 def _declared(subject: Subject) -> Iterator[Mistake]:
-    """Springs that the sidecar declares."""
+    """Yield changes of the springs in the sidecar."""
     for index, spring in enumerate(subject.task.sidecar.springs):
         joints = [name for name in spring.joints if name in subject.model.coordinates]
         if spring.stiffness and joints:
@@ -105,5 +105,7 @@ def _declared(subject: Subject) -> Iterator[Mistake]:
 
 
 def moved_rest(subject: Subject, joint: str) -> frozenset[CauseId]:
-    """What a moved rest amounts to: a constant pull, or the joint read from another zero."""
+    """Return the equivalent causes of a moved rest position: a constant force, or a joint
+    offset.
+    """
     return subject.about(joint, "offset force") | {CauseId(kind="zero", subject=(joint,))}

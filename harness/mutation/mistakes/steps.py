@@ -1,4 +1,4 @@
-"""What is no mistake: another step or integrator, which changes a motion's error alone."""
+"""Harmless changes: another time step or integrator, which only changes a motion's error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
 
 
 def steps(subject: Subject) -> Iterator[Mistake]:
-    """Twice the step, and every other integrator that is as sound for the model."""
+    """Yield twice the time step, and every other integrator that suits the model."""
     step = 2 * subject.model.step
     edit = Edit(settings={"step": step})
     yield Mistake("another time step", f"step {step:g} s", edit, sound=True)
