@@ -38,7 +38,7 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 
 AUDIT_ONLY = Selection(models=None)
-"""Selects no derivation and no diagnosis."""
+"""Selection without derivation and diagnosis."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,13 @@ class ModelAudit:
     """The audit of a model in an engine.
 
     Attributes:
-        id: the model; its engine is `-` where it can't be read.
-        findings: and notes.
-        failure: why there are no findings; empty otherwise.
+        id: name of the model; its engine is `-` if it cannot be read.
+        findings: findings and notes.
+        failure: the reason for missing findings; empty otherwise.
         absent: whether the failure is that the engine is not installed.
-        left_out: statements of the file beyond its bodies.
-        is_survey: whether the file was read alone, and its numbers not compared with energies.
+        left_out: statements of the file that the equations omit.
+        is_survey: whether the file was read without its declaration, so that its numbers were not
+            compared with energies.
     """
 
     id: ModelId
@@ -106,7 +107,7 @@ class _TargetAudits(ABC):
         """Yield the jobs that prepare the target where needed, then audit its models."""
 
     def results(self) -> Iterator[ModelAudit]:
-        """Yield the audits in the order of the models; or why the target can't be prepared."""
+        """Yield the audits in the order of the models, or the reason for a failed preparation."""
         for case in self._found.cases:
             one = ModelId(system=case.system, model=case.model, engine=case.engine)
             yield ModelAudit(one, failure=case.reason)
@@ -130,7 +131,7 @@ class _RobotAudits(_TargetAudits):
             yield from target.begun(partial(self._engines, target))
 
     def _engines(self, target: RobotWork) -> tuple[()]:
-        """Take the findings of the file: those of every engine, also of one that is missing."""
+        """Take the findings of the file, which apply to every engine, also to missing ones."""
         for engine in chosen_engines(self._target, self._options.engines):
             model = target.model(engine)
             self._found.models[model.key] = model
@@ -166,6 +167,6 @@ class _FolderAudits(_TargetAudits):
                 yield from model(place, known, file, engine, ()).audit()
 
     def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
-        """Return whether a model is to be audited, in an engine or in any."""
+        """Return whether to audit a model, in an engine or in any."""
         name = file.model if isinstance(file, UnreadModel) else file.model.name
         return self._options.choice.includes_model(str(self._target), name, engine)

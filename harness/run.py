@@ -1,4 +1,4 @@
-"""The way of the data, once through: folders -> reference -> engines -> verdicts -> results.
+"""One pass of the data: folders -> reference -> engines -> verdicts -> results.
 
 system.py --prepare--> reference motions --+
                                            +--run_case--> verdicts --> results
@@ -43,12 +43,12 @@ __all__ = ["Interruption", "Options", "Progress", "Run", "Selection", "run"]
 
 @dataclass(frozen=True)
 class Run:
-    """What a run found.
+    """The result of a run.
 
     Attributes:
-        results: all that is written.
-        measured: what models do, by folder and case; empty where nothing was to be measured.
-        reads: states of what each folder's code has read, by name relative to it.
+        results: all results to write.
+        measured: measurements by folder and case; empty if none was requested.
+        reads: states of the files that each folder's code read, by name relative to it.
     """
 
     results: Results
@@ -63,14 +63,14 @@ def run(
     interruption: Interruption = Interruption(),  # noqa: B008  # frozen
     robots: Sequence[Path] = (),
 ) -> Run:
-    """Run every model of every folder in every scenario, and robots' files at chosen states.
+    """Run every model of every folder in every scenario, and robot files at sampled states.
 
-    A folder, model or case that can't be run is FAILED, with its reason; the others go on. Where it
-    is asked to stop, what is done is returned, with what is not.
+    A folder, model or case that cannot run is FAILED with its reason; the others continue. After a
+    request to stop, return the finished and the remaining cases.
 
     Raises:
-        BaselineError: for a baseline that can't be believed.
-        ClusterError: for a cluster that can't be worked with.
+        BaselineError: for an invalid baseline.
+        ClusterError: for a cluster that cannot be used.
     """
     began = time.perf_counter()
     before = None
@@ -123,7 +123,7 @@ def _changes(
     before: Accepted | None,
     options: Options,
 ) -> BaselineChanges | None:
-    """What changed since the baseline; what a choice leaves out isn't gone."""
+    """Return the changes since the baseline; cases outside of the selection are not gone."""
     found = changes_since(cases, measured, before)
     if found is None or options.choice.everything:
         return found
@@ -132,7 +132,7 @@ def _changes(
 
 
 def _sorted_cases(found: Collected, order: Mapping[str, int]) -> list[Case]:
-    """By folder as given, model file, engine, and scenario as declared."""
+    """Sort cases by folder as given, model file, engine, and scenario as declared."""
     declared = {
         (system.folder, scenario.name): i
         for system in found.systems

@@ -1,1 +1,1 @@
-"""Plans of runs: the jobs of every target, and what is reused of earlier runs."""
+"""Plans of runs: the jobs of every target, and the reused results of earlier runs."""

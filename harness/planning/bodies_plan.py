@@ -1,4 +1,4 @@
-"""The jobs of a model in a folder that declares bodies."""
+"""Jobs of a model in a folder that declares bodies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from physics_crosscheck.harness.records.survey import FileSurvey
 
 
 class BodiesModel(ModelPlan):
-    """One case at chosen states, a measurement, coverage, and a diagnosis where it differs."""
+    """One case at sampled states, a measurement, coverage, and a diagnosis if it differs."""
 
     def _jobs(self) -> Iterator[Job[Any]]:
         if reason := not_of_a_tree(self.sidecar):
@@ -48,7 +48,7 @@ class BodiesModel(ModelPlan):
         return self._do("case", done, failed, scenario=case.scenario)
 
     def _named(self) -> Iterator[Job[Any]]:
-        """The numbers of a file that are not those of the declared bodies."""
+        """Find the numbers of a file that differ from those of the declared bodies."""
         return self._do("diagnosis", self.diagnosed, self.undiagnosed)
 
     def _coverage(self) -> Iterator[Job[Any]]:

@@ -1,10 +1,9 @@
-"""What earlier runs found, by all that it depends on: a run takes it from there.
+"""Cache of results from earlier runs, by all their dependencies.
 
-A file of JSON for each piece of work, named by the hash of what it is and depends on: the contents
-of the folder, engine and versions, and the source of this package and of the engine's adapter.
-With the value is the state of all that the folder's code read or looked for, which must be the same
-still. Nothing in it is run, a file that can't be read as what it should be is as good as none, and
-each is written whole or not at all.
+Each entry is a JSON file. Its name is the hash of the task and its inputs: the contents of the
+folder, engine and versions, and the source of this package and of the engine's adapter. The entry
+also holds the states of all files that the folder's code read or looked for; they must be
+unchanged. No entry is executed. A malformed file is ignored, and each file is written atomically.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ from physics_crosscheck.harness.records.survey import Audit, FileSurvey
 from physics_crosscheck.harness.records.write import write_whole
 
 LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
-"""What digits come from, beside the engines and this package."""
+"""Libraries that affect numbers, besides the engines and this package."""
 
 DAYS = 30
-"""What nobody asked for in so many days is dropped."""
+"""Days after which an unused entry is removed."""
 
 SECONDS_A_DAY = 86_400.0
 
@@ -63,16 +62,16 @@ KINDS: Mapping[str, Any] = {
     "survey": FileSurvey,
     "measurement": Measurement,
 }
-"""Of each kind of work what comes of it."""
+"""Result type of each kind of task."""
 
 
 class Piece(Record, frozen=True, kw_only=True):
-    """A piece of work, and the hash of what it depends on.
+    """The key of a cached result: a task, and the hash of its dependencies.
 
     Attributes:
         kind: one of `KINDS`.
-        folder, model, engine, scenario: whose; empty where it has none.
-        inputs: hash of all that is known of before it is done; empty: it can't be told.
+        folder, model, engine, scenario: parts of the task's name; empty if not applicable.
+        inputs: hash of all inputs known in advance; empty if unknown.
     """
 
     kind: str
@@ -84,7 +83,7 @@ class Piece(Record, frozen=True, kw_only=True):
 
 
 class _Entry(Record, frozen=True, kw_only=True):
-    """A file: the piece, the states of what was read for it, and what came of it."""
+    """A cache file: the key, the states of the files that were read, and the value."""
 
     piece: Piece
     reads: dict[str, str]
@@ -92,13 +91,13 @@ class _Entry(Record, frozen=True, kw_only=True):
 
 
 class Cache:
-    """A folder of what was found.
+    """A folder of cached results.
 
     Args:
-        place: the folder; made where there is none.
+        place: the folder, created if missing.
 
     Attributes:
-        trouble: why nothing is kept any more, in a sentence; empty while it is.
+        trouble: a sentence on why results are no longer stored; empty while they are.
     """
 
     def __init__(self, place: Path) -> None:
@@ -110,7 +109,7 @@ class Cache:
             self._prune()
 
     def find(self, piece: Piece) -> Any | None:
-        """What came of a piece of work, if it was done and all is as it was; else None."""
+        """Return the cached value if its dependencies are unchanged, otherwise None."""
         path = self._path(piece)
         if not piece.inputs:
             return None
@@ -126,12 +125,12 @@ class Cache:
         return None
 
     def keep(self, piece: Piece, value: Any, reads: Mapping[str, str]) -> None:
-        """Keep what came of a piece of work; where it can't be, the run goes on without.
+        """Store a value; the run continues if that fails.
 
         Args:
-            piece: the work.
-            value: of its kind.
-            reads: states of what was read for it, by name relative to the folder.
+            piece: key of the value.
+            value: value of the key's kind.
+            reads: states of the files that were read, by name relative to the folder.
         """
         if self.trouble or not piece.inputs:
             return
@@ -158,7 +157,7 @@ class Cache:
             self.trouble = f"nothing more is kept in the cache: {why}"
 
     def _prune(self) -> None:
-        """Drop what is old, once a day at most."""
+        """Remove old entries, at most once a day."""
         mark, now = self._place / "pruned", time.time()
         if mark.exists() and now - mark.stat().st_mtime < SECONDS_A_DAY:
             return
@@ -174,7 +173,7 @@ def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
 
 
 def piece_of_folder(folder: Path, *, described: bool, motion: float = 0.0) -> Piece:
-    """The preparation of a folder; without `described` it has no derivation."""
+    """Return the key of a folder's preparation; without `described` it has no derivation."""
     try:
         known = f"{folder_files(folder).system} {described} {motion!r} {_surroundings()}"
     except OSError:
@@ -183,7 +182,9 @@ def piece_of_folder(folder: Path, *, described: bool, motion: float = 0.0) -> Pi
 
 
 def models_inputs(known: Mapping[ModelKey, str], motion: float = 0.0) -> dict[ModelKey, str]:
-    """The hashes of models in engines, as `harness.baseline.inputs` has them, for all runs."""
+    """Extend the hashes of models in engines from `harness.baseline.inputs` with the options of a
+    run.
+    """
     return {
         key: digest_of(f"{one} {motion!r} {_surroundings()} {_adapter(key[-1])}".encode())
         for key, one in known.items()
@@ -191,9 +192,11 @@ def models_inputs(known: Mapping[ModelKey, str], motion: float = 0.0) -> dict[Mo
 
 
 def piece_of_robot(file: Path, options: Mapping[str, object]) -> Piece:
-    """Return the preparation of a robot's file under options, with all that it names."""
+    """Return the key of a robot file's preparation, with its options and all files that it
+    names.
+    """
     try:
-        beside = file.with_name(f"{file.name}.toml").is_file()  # which is told as not read
+        beside = file.with_name(f"{file.name}.toml").is_file()  # reported as not read
         told = (part_digests(file), options, beside, VERSION, _surroundings())
         known = digest_of(msgspec.json.encode(told))
     except OSError:
@@ -202,19 +205,19 @@ def piece_of_robot(file: Path, options: Mapping[str, object]) -> Piece:
 
 
 def robot_inputs(prepared: Piece, engine: str, resolution: float) -> str:
-    """The hash of a robot's file in an engine, by that of its preparation; empty where it is."""
+    """Return the hash of a robot file in an engine, based on its preparation; "" if unknown."""
     known = prepared.inputs
     return known and digest_of(f"{known} {engine} {resolution!r} {_adapter(engine)}".encode())
 
 
 def with_snapshot(known: str, snapshot: Snapshot | None) -> str:
-    """The hash of a model that is to repeat a snapshot."""
+    """Add a snapshot that the model must repeat to its hash."""
     return known and digest_of(known.encode() + msgspec.json.encode(snapshot))
 
 
 @lru_cache(maxsize=1)
 def _surroundings() -> str:
-    """Hash of this package's source, and of the versions of what it stands on."""
+    """Return a hash of this package's source and of its libraries' versions."""
     known = [
         platform.machine(),
         sys.platform,
@@ -227,7 +230,7 @@ def _surroundings() -> str:
 
 @lru_cache(maxsize=64)
 def _adapter(name: str) -> str:
-    """Hash of the source that an engine's adapter is in; that of our own is in all."""
+    """Return a hash of an engine adapter's source; adapters of this package are hashed with it."""
     file = _engine_file(name)
     return "" if file is None or is_own(str(file)) else _source(file.parent)
 
@@ -246,20 +249,22 @@ def _source(folder: Path) -> str:
 
 
 class Told(msgspec.Struct):
-    """What came of a task, and the states of what it read, by name relative to a folder."""
+    """The value of a task, and the states of the files that it read, by name relative to a
+    folder.
+    """
 
     value: Any
     reads: dict[str, str]
 
 
 class Reading:
-    """A task's function that tells what it reads beside."""
+    """A task's function that also records the files that it reads."""
 
     def __init__(self, task: Task[Any, Any], folder: Path) -> None:
         self._function, self._folder = task.function, folder
 
     def __call__(self, argument: Any) -> Told:
-        """Do it."""
+        """Call the function."""
         with record_reads(self._folder) as reads:
             value = self._function(argument)
         return Told(value, reads.states())

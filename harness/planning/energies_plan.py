@@ -1,4 +1,4 @@
-"""The jobs of a model in a folder that declares energies."""
+"""Jobs of a model in a folder that declares energies."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class EnergiesModel(ModelPlan):
         return self._do("case", done, failed, scenario=case.scenario)
 
     def _diagnosis(self) -> Iterator[Job[Any]]:
-        """The diagnosis of a model, once its last case is in and one of them differs."""
+        """Diagnose a model after its last case if any of them differs."""
         mine = [c for c in self.work.found.cases if c.key == self.key]
         differs = any(case.outcome is Outcome.DIFFERS for case in mine)
         if not self.options.diagnosed or not differs or len(mine) < len(self.cases):

@@ -1,4 +1,4 @@
-"""What is to be done of a system folder."""
+"""Plan of a system folder."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from physics_crosscheck.harness.records.case import CaseId, ModelKey
 
 
 class FolderWork(PlaceWork[FolderFacts]):
-    """The work of a run in one folder.
+    """The plan of a run for one folder.
 
     Args:
-        folder: of the system.
-        options: of the run.
-        before: what was accepted, if anything.
-        found: what the jobs bring.
+        folder: the system folder.
+        options: options of the run.
+        before: accepted results, if any.
+        found: results of the jobs.
     """
 
     def __init__(
@@ -41,23 +41,23 @@ class FolderWork(PlaceWork[FolderFacts]):
             else None
         )
         super().__init__(folder, options, found, piece, before)
-        # As it is before anything of it is run: what changes meanwhile is another folder's.
+        # Hash the folder before running anything, so that later changes do not count.
         wanted = found.keeps or cache
         known = inputs(folder, options.resolution, options.baseline) if wanted else {}
         self._known = models_inputs(known, options.motion) if wanted else {}
 
     @property
     def stand_in(self) -> CaseId:
-        """Its `system.py`."""
+        """Placeholder case of the folder: its `system.py`."""
         return stand_in(self.place)
 
     @property
     def reads(self) -> Mapping[str, str]:
-        """States of what `system.py` has read."""
+        """States of the files that `system.py` read."""
         return self.facts.reads
 
     def _known_facts(self) -> FolderFacts | None:
-        """Those with a derivation serve as well where none is asked for."""
+        """Return the cached facts; those with a derivation also serve if none is needed."""
         known = super()._known_facts()
         if known is None and self.options.cache and not self.options.described:
             whole = piece_of_folder(self.place, described=True, motion=self.options.motion)

@@ -1,4 +1,4 @@
-"""A model file of a folder in an engine: its record, and what every kind of folder does with it."""
+"""Plan of a model file in an engine: its record, and the jobs that all kinds of folders share."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class ModelPlan(ABC):
     """The jobs of a model in an engine.
 
     Args:
-        work: of its folder.
+        work: plan of its folder.
         known: all engines.
         sidecar: the model.
-        engine: that runs it.
-        cases: those that are wanted.
+        engine: name of the engine.
+        cases: cases to run.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class ModelPlan(ABC):
         self._engines = known
 
     def jobs(self) -> Iterator[Job[Any]]:
-        """All that is to be done; of a model that can't be run it is told at once."""
+        """Yield all jobs; report a model that cannot run at once."""
         if why := hurdle(self._engines, self.engine, self.sidecar):
             for case in self.cases:
                 self.work.found.add(barred_case(case, self.folder, why))
@@ -54,20 +54,22 @@ class ModelPlan(ABC):
         yield from self._jobs()
 
     def audit(self) -> Iterator[Job[Any]]:
-        """Its audit, and nothing else of it."""
+        """Yield only the audit."""
         self.begin()
         yield from self._audit()
 
     @abstractmethod
     def _jobs(self) -> Iterator[Job[Any]]:
-        """Of a model that can be run."""
+        """Yield the jobs of a model that can run."""
 
     @abstractmethod
     def _audit(self) -> Iterator[Job[Any]]:
-        """What is read of its file without a motion."""
+        """Yield the jobs that read the file without a motion."""
 
     def begin(self) -> None:
-        """It is run: its file and its sidecar, as they are; nothing is found of it yet."""
+        """Add the model to the results with the texts of its file and its sidecar, without
+        findings.
+        """
         file = self.sidecar.model
         self.work.found.models[self.key] = Model(
             system=self.work.facts.record.name,
@@ -81,21 +83,21 @@ class ModelPlan(ABC):
     def _do(
         self, kind: str, done: Done, failed: Failed, *, scenario: str = ""
     ) -> Iterator[Job[Any]]:
-        """Do a kind of work of it, unless its value is known."""
+        """Yield the job of one kind of task, unless its value is cached."""
         return self.work.do(kind, self.key, done, failed, sidecar=self.sidecar, scenario=scenario)
 
     def diagnosed(self, value: Diagnosis) -> Jobs:
-        """A diagnosis goes to the model's record."""
+        """Add a diagnosis to the model's record."""
         self.work.found.amend(self.key, diagnosis=value)
         return ()
 
     def undiagnosed(self, failure: Failure) -> Jobs:
-        """Why there is none, likewise."""
+        """Add the reason for a missing diagnosis to the model's record."""
         return self.diagnosed(Diagnosis(failure=failure.reason))
 
 
 def text_of(path: Path) -> str:
-    """A file's text; of one that has gone meanwhile none, and its cases say so."""
+    """Return a file's text; empty if the file is gone, which its cases report."""
     try:
         return read_regular(path).decode("utf-8", errors="replace")
     except OSError:

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
 
 RESOLVED = (1e-13, 1e-2)
-"""Resolutions that double precision can serve."""
+"""Range of resolutions that double precision can serve."""
 
 
 def check_text(value: object, name: str, *, path: bool = False) -> None:
@@ -49,7 +49,7 @@ def check_number(
 
     Raises:
         TypeError: for anything but a number, or a whole number if `whole`.
-        ValueError: for a number out of bounds.
+        ValueError: for a number out of range.
     """
     kind = f"{'a whole number' if whole else 'a number'}{unit and ' of '}{unit}"
     expected = f"{name} must be {kind}"
@@ -65,7 +65,7 @@ def check_resolution(value: object) -> float:
     """Return a resolution.
 
     Raises:
-        TypeError, ValueError: for one that double precision can't serve.
+        TypeError, ValueError: for a resolution that double precision cannot serve.
     """
     return check_number(value, "resolution", *RESOLVED)
 
@@ -74,7 +74,7 @@ def check_limits(seconds: object, memory: object, options: str) -> Limits:
     """Return the limits of a task.
 
     Args:
-        seconds: of the processor.
+        seconds: processor seconds.
         memory: GiB.
         options: prefix of both names in messages.
 
@@ -150,10 +150,10 @@ class Options:
 
     @property
     def described(self) -> bool:
-        """Whether linearizations and the derivation for a report are computed."""
+        """Linearizations and the derivation for a report are computed."""
         return self.selection is None or self.selection.described
 
     @property
     def diagnosed(self) -> bool:
-        """Whether models that differ are diagnosed."""
+        """Models that differ are diagnosed."""
         return self.selection is None or self.selection.diagnose

@@ -1,6 +1,7 @@
-"""The jobs of a run's system folders, what follows from each, and what they bring together.
+"""Jobs of a run's system folders, their follow-up jobs, and their combined results.
 
-A folder brings the jobs of its models; a model's last case brings its diagnosis, if one differs.
+A folder yields the jobs of its models. The last case of a model yields its diagnosis, if a case
+differs.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ from physics_crosscheck.harness.records.case import CaseId
 
 
 class Plan:
-    """What is to be done for a run; values go to `found`.
+    """The plan of a run; values go to `found`.
 
     Args:
-        options: of the run.
-        before: what was accepted, if anything.
-        found: what the jobs bring.
+        options: options of the run.
+        before: accepted results, if any.
+        found: results of the jobs.
     """
 
     def __init__(self, options: Options, before: Accepted | None, found: Collected) -> None:
@@ -49,7 +50,7 @@ class Plan:
         yield from work.begun(partial(self._models, work))
 
     def _models(self, work: FolderWork) -> Iterator[Job[Any]]:
-        """Every model of a folder in every engine; those that can't be run are told at once."""
+        """Yield the jobs of every model in every engine; report those that cannot run at once."""
         self._found.systems.append(work.facts.record)
         name, folder = work.facts.record.name, str(work.place)
         files = list(model_files(work.place))
@@ -75,7 +76,9 @@ class Plan:
             yield from model(work, self._engines, sidecar, engine, cases).jobs()
 
     def _wanted(self, work: FolderWork, sidecar: Sidecar, engine: str) -> list[CaseId]:
-        """The cases of a model in an engine that are wanted, as scenarios are declared."""
+        """Return the requested cases of a model in an engine, in the order of the declared
+        scenarios.
+        """
         record = work.facts.record
         cases = [
             CaseId(system=record.name, model=sidecar.model.name, scenario=one.name, engine=engine)
@@ -85,7 +88,7 @@ class Plan:
         return [case for case in cases if choice.includes(str(work.place), case)]
 
     def _chosen(self, folder: str, sidecar: Sidecar) -> list[str]:
-        """The engines in which a model is to be run."""
+        """Return the engines in which a model must run."""
         selection = self._options.selection
         return [
             engine

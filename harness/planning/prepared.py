@@ -1,4 +1,4 @@
-"""A prepared folder or robot file, and the arguments of the tasks that start from it.
+"""Prepared folders and robot files, and the arguments of the tasks that use them.
 
 Workers resolve a task by its name in `planning.tasks`, so that planning imports no equations.
 """
@@ -25,7 +25,7 @@ class FolderFacts(Record, frozen=True, kw_only=True):
 
     Attributes:
         record: the system's entry in the results.
-        bodies: whether it declares bodies, and not energies.
+        bodies: whether it declares bodies instead of energies.
         reads: states of the files that `system.py` reads, by name relative to the folder.
     """
 
@@ -39,8 +39,8 @@ class RobotFacts(Record, frozen=True, kw_only=True):
 
     Attributes:
         record: the robot's entry in the results.
-        left_out: statements of the file beyond the equations.
-        findings: inertias that no body can have.
+        left_out: statements of the file that the equations omit.
+        findings: non-physical inertias.
     """
 
     record: System
@@ -50,7 +50,7 @@ class RobotFacts(Record, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Preparation:
-    """The facts of a folder or a file, and its solved equations, which its tasks start from."""
+    """The facts of a folder or a file, and its solved equations, which its tasks use."""
 
     facts: FolderFacts | RobotFacts
     solved: object
@@ -58,11 +58,11 @@ class Preparation:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelTask:
-    """Arguments of a task of one model in one engine; `sidecar` is None for a file alone.
+    """Arguments of a task of one model in one engine; a standalone file has no `sidecar`.
 
     Attributes:
-        scenario: of a case or a measurement.
-        snapshot: the accepted one that a measurement repeats.
+        scenario: scenario of a case or a measurement.
+        snapshot: accepted snapshot that a measurement repeats.
     """
 
     engine: str
@@ -74,12 +74,12 @@ class ModelTask:
 
 @dataclass(frozen=True)
 class NamedFunction:
-    """A function by its dotted path, imported where it is called: in a worker."""
+    """A function named by its dotted path, and imported when it is called in a worker."""
 
     path: str
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
-        """Call it."""
+        """Import and call the function."""
         return resolve_name(self.path)(*arguments, **options)
 
     @property
@@ -88,5 +88,5 @@ class NamedFunction:
 
 
 def task_function(kind: str, **options: object) -> Callable[[Any], Any]:
-    """Return the function of `planning.tasks` that does a kind of work, with options bound."""
+    """Return the function of `planning.tasks` for a kind of task, with options bound."""
     return partial(NamedFunction(f"{TASKS}.{kind}"), **options)

@@ -1,4 +1,4 @@
-"""What the jobs of a run bring together; and what of it is kept, should the run be ended."""
+"""Combined results of a run's jobs, and their journal for resuming the run."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from physics_crosscheck.harness.records.system import System
 Jobs = Iterable[Job[Any]]
 
 Progress = Callable[[int, int, Case | None], None]
-"""Called with (cases done, cases known, the case just done or None)."""
+"""Called with (cases done, known cases, the case just done or None)."""
 
 
 @dataclass(frozen=True)
 class Interruption:
-    """How a run may be ended, and gone on with: `stop` asks, `journal` keeps what is done."""
+    """Control of a run: `stop` requests its end, `journal` stores results for resuming it."""
 
     stop: Stop | None = None
     journal: Journal | None = None
 
 
 class _Found(TypedDict, total=False):
-    """Fields of a model's record that a job brings."""
+    """Fields of a model's record that a job provides."""
 
     linearizations: tuple[EngineLinearization, ...]
     linearization_failure: str
@@ -48,16 +48,16 @@ class _Found(TypedDict, total=False):
 
 
 class Collected:
-    """What the jobs of a run have brought so far, in the order in which they ended.
+    """The results of a run's jobs so far, in the order of their completion.
 
     Attributes:
-        systems: prepared.
-        models: those that are run.
-        cases: done, or not to be run.
-        measured: what models do, or why it is not known, by folder and case.
-        left: what is still to be done: cases, and folders as their `system.py`, by folder.
-        cached: how many cases were had from earlier runs.
-        reads: states of what each place's code has read, by name relative to it.
+        systems: prepared systems.
+        models: models that run.
+        cases: cases that are done, or cannot run.
+        measured: measurements, or the reasons for their absence, by folder and case.
+        left: remaining cases by folder; a folder counts as its `system.py`.
+        cached: number of cases from earlier runs.
+        reads: states of the files that each target's code read, by name relative to it.
     """
 
     def __init__(self, progress: Progress, journal: Journal | None = None) -> None:
@@ -72,38 +72,38 @@ class Collected:
 
     @property
     def keeps(self) -> bool:
-        """Whether anything is kept, should the run be ended."""
+        """True if results are stored for resuming the run."""
         return self._journal is not None
 
     def expect(self, folder: str, cases: Iterable[CaseId]) -> None:
-        """These are known of; or a folder is, by its `system.py`, until its cases are."""
+        """Add expected cases; the placeholder of a folder stands for them until they are known."""
         self.left.pop((folder, stand_in(Path(folder))), None)
         self.left |= dict.fromkeys((folder, case) for case in cases)
 
     def add(self, case: Case) -> None:
-        """A case is done."""
+        """Add a finished case."""
         self.left.pop((case.folder, case.id), None)
         self.cases.append(case)
         self._progress(len(self.cases), len(self.cases) + len(self.left), case)
 
     def known(self, work: Work) -> Any | None:
-        """What came of a piece of work, if the journal has it."""
+        """Return a value from the journal, if it has one."""
         return None if self._journal is None else self._journal.kept.get(work)
 
     def keep(self, work: Work, value: Any) -> None:
-        """What came of a piece of work goes to the journal, if there is one."""
+        """Store a value in the journal, if there is one."""
         if self._journal is not None:
             self._journal.keep(work, value)
 
     def forget(self, folder: str) -> None:
-        """Nothing more is to come of a folder."""
+        """Remove the remaining cases of a folder."""
         self.left = {one: None for one in self.left if one[0] != folder}
 
     def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
-        """Put what was found of a model into its record."""
+        """Add results to the record of a model."""
         self.models[key] = replace(self.models[key], **fields)
 
 
 def stand_in(folder: Path) -> CaseId:
-    """What stands for all cases of a folder while they are not known."""
+    """Return the placeholder for all cases of a folder while they are unknown."""
     return CaseId(system=folder.name, model="system.py", scenario="-", engine="-")

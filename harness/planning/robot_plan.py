@@ -1,4 +1,4 @@
-"""The jobs of robots' files: each is read and solved once, and run in every engine for it."""
+"""Jobs of robot files: each is read and solved once, and run in every engine."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 
 MJCF = ".xml"
-"""The ending of files that their engine's own parser reads, more leniently than XML allows."""
+"""Suffix of files that their engine's own parser reads, less strictly than XML."""
 
 GIVE_XML = "write well-formed XML"
 
 
 class RobotWork(PlaceWork[RobotFacts]):
-    """The work of a run on one file.
+    """The plan of a run for one robot file.
 
     Args:
         file: the model file.
-        options: of the run.
-        before: what was accepted, if anything.
-        found: what the jobs bring.
+        options: options of the run.
+        before: accepted results, if any.
+        found: results of the jobs.
     """
 
     def __init__(
@@ -54,12 +54,12 @@ class RobotWork(PlaceWork[RobotFacts]):
 
     @property
     def stand_in(self) -> CaseId:
-        """The file."""
+        """Placeholder case of the file."""
         return _stand_in(self.place)
 
     @property
     def reads(self) -> Mapping[str, str]:
-        """None: what a file names is in its hash."""
+        """Empty: the hash of the file covers all files that it names."""
         return {}
 
     def case_id(self, engine: str) -> CaseId:
@@ -71,7 +71,7 @@ class RobotWork(PlaceWork[RobotFacts]):
         )
 
     def model(self, engine: str) -> Model:
-        """Return the record of the file in an engine, with what reading it has found."""
+        """Return the record of the file in an engine, with the findings from reading it."""
         return Model(
             system=self.facts.record.name,
             model=self.place.name,
@@ -87,18 +87,20 @@ class RobotWork(PlaceWork[RobotFacts]):
         return Task(task_function("robot", **self._robot), self.place)
 
     def _inputs(self, key: ModelKey) -> str:
-        assert self._piece is not None  # nothing is asked for without a cache or a journal
+        assert self._piece is not None  # only needed with a cache or a journal
         return robot_inputs(self._piece, key[-1], self.options.resolution)
 
 
 class RobotPlan:
-    """What is to be done for robots' files; values go to `found`."""
+    """The plan of a run for robot files; values go to `found`."""
 
     def __init__(self, options: Options, before: Accepted | None, found: Collected) -> None:
         self._options, self._before, self._found = options, before, found
 
     def readable(self, files: Sequence[Path]) -> list[Path]:
-        """Files that may be XML; the others FAILED, before a worker process is started for them."""
+        """Return the files that may be XML; the others fail before a worker process starts for
+        them.
+        """
         found = []
         for file in files:
             self._found.expect(str(file), [_stand_in(file)])
@@ -116,7 +118,7 @@ class RobotPlan:
         yield from work.begun(partial(self._engines, work))
 
     def _engines(self, work: RobotWork) -> Iterator[Job[Any]]:
-        """The file in every engine that reads its format, or in those that are wanted."""
+        """Yield the jobs of a file in every requested engine, or in all that read its format."""
         file, facts = work.place, work.facts
         self._found.systems.append(facts.record)
         adapters = engines()
@@ -138,7 +140,7 @@ class RobotPlan:
             yield from self._coverage(work, begun)
 
     def _wanted(self, file: Path) -> list[str]:
-        """Return the engines in which a file is to be run."""
+        """Return the engines in which a file must run."""
         selection = self._options.selection
         if selection is None or selection.models is None:
             return chosen_engines(file, self._options.engines)
@@ -146,7 +148,7 @@ class RobotPlan:
         return [name for name in names if selection.includes((str(file), file.name, name))]
 
     def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
-        """A case; one that differs is diagnosed, and what it does measured if wanted."""
+        """Run a case, diagnose it if it differs, and measure it if requested."""
 
         def done(value: Case) -> Iterator[Job[Any]]:
             self._found.add(value)
@@ -172,7 +174,7 @@ class RobotPlan:
         return work.do("diagnosis", key, done, failed)
 
     def _coverage(self, work: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
-        """The numbers of a file, counted once for all engines."""
+        """Count the tested numbers of a file, once for all engines."""
 
         def done(value: Coverage) -> Jobs:
             for key in keys:

@@ -1,7 +1,6 @@
-"""What is to be done of a place: had from earlier runs where nothing it depends on is another.
+"""Plan of a target, which reuses results of earlier runs with unchanged dependencies.
 
-A folder or a file is prepared before anything of it is run, and not at all where all of it is
-known.
+A folder or a file is prepared before its cases run, and not at all if all its results are known.
 """
 
 from __future__ import annotations
@@ -31,18 +30,18 @@ Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
 
 Facts = TypeVar("Facts")
-"""What is known of a place once it is prepared, without its equations; a record."""
+"""Facts about a prepared target without its equations; a record."""
 
 
 class PlaceWork(ABC, Generic[Facts]):
-    """The work of a run in a folder, or on a robot's file.
+    """The plan of a run for a folder or a robot file.
 
     Args:
         place: the folder or the file.
-        options: of the run.
-        found: what the jobs bring.
-        piece: its preparation, by what it depends on; None: nothing is had from earlier runs.
-        before: what was accepted, if anything; cases of it are measured where no selection says so.
+        options: options of the run.
+        found: results of the jobs.
+        piece: cache key of its preparation; None: reuse nothing.
+        before: accepted results, if any; their cases are measured unless a selection decides.
 
     Attributes:
         place, options, found: as given.
@@ -64,34 +63,36 @@ class PlaceWork(ABC, Generic[Facts]):
 
     @property
     def facts(self) -> Facts:
-        """Of the place, once it is prepared or known."""
+        """Facts about the target, once it is prepared or known."""
         assert self._facts is not None
         return self._facts
 
     @property
     @abstractmethod
     def stand_in(self) -> CaseId:
-        """What stands for all its cases while they are not known."""
+        """Placeholder for all its cases while they are unknown."""
 
     @property
     @abstractmethod
     def reads(self) -> Mapping[str, str]:
-        """States of what its code has read, by name relative to it; once that is known."""
+        """States of the files that its code read, by name relative to the target, once known."""
 
     @abstractmethod
     def _preparing(self) -> Task[Any, Any]:
-        """What prepares it."""
+        """Return the task that prepares the target."""
 
     @abstractmethod
     def _inputs(self, key: ModelKey) -> str:
-        """Hash of what a model in an engine depends on; empty: it can't be told."""
+        """Return a hash of the dependencies of a model in an engine; "" if unknown."""
 
     def _inputs_of_journal(self, key: ModelKey) -> str:
-        """Hash of the same with what its code has read, which a journal does not keep beside."""
+        """Return the same hash with the files that the code read, which a journal does not
+        store.
+        """
         return self._inputs(key)
 
     def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
-        """A piece of work as the run's journal has it; None where it has not."""
+        """Return the journal's key of a task; None without a journal."""
         if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
             return None
         known = self._inputs_of_journal(key)
@@ -103,14 +104,14 @@ class PlaceWork(ABC, Generic[Facts]):
         return work if known else None
 
     def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
-        """The jobs of its models, after its preparation where that is needed."""
+        """Yield the jobs of its models, after its preparation if needed."""
         known = self._known_facts()
         if known is None:
             yield self._preparation(models)
             return
         self._know(known)
         self._waiting = []
-        yield from models()  # what is to be run waits
+        yield from models()  # jobs of the models wait
         if self._waiting:
             yield self._preparation(self._resumed)
 
@@ -119,7 +120,7 @@ class PlaceWork(ABC, Generic[Facts]):
         self.found.reads[str(self.place)] = self.reads
 
     def _known_facts(self) -> Facts | None:
-        """What earlier runs knew of the place, where they did."""
+        """Return the facts from earlier runs, if any."""
         return self._had(self._piece)
 
     def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
@@ -152,15 +153,15 @@ class PlaceWork(ABC, Generic[Facts]):
         scenario: str = "",
         snapshot: Snapshot | None = None,
     ) -> Iterator[Job[Any]]:
-        """A piece of work of a model, unless it is known what comes of it.
+        """Yield the job of a model's task, unless its value is cached.
 
         Args:
-            kind: of `planning.cache.KINDS`, and so the function of `planning.tasks`.
-            key: of the model.
-            done, failed: what follows, as of a job.
-            sidecar: of a folder's model.
-            scenario: of a case or a measurement.
-            snapshot: what a measurement is to repeat.
+            kind: key of `planning.cache.KINDS`, and name of the function in `planning.tasks`.
+            key: key of the model.
+            done, failed: follow-up jobs, as in `Job`.
+            sidecar: sidecar of a folder's model.
+            scenario: scenario of a case or a measurement.
+            snapshot: snapshot that a measurement repeats.
         """
         work = self._work(kind, key, scenario)
         if work is not None and (value := self._sound(self.found.known(work))) is not None:
@@ -182,7 +183,7 @@ class PlaceWork(ABC, Generic[Facts]):
 
         def job() -> Job[Any]:
             task = Task(task_function(kind, task=arguments), self._solved)
-            # Of a model that is code is not known before what it reads.
+            # The files that a model in code reads are not known in advance.
             if piece is not None and Path(piece.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument)
 
@@ -206,13 +207,13 @@ class PlaceWork(ABC, Generic[Facts]):
         return self._sound(self._cache.find(piece))
 
     def _sound(self, value: Any | None) -> Any | None:
-        """What was kept; a case that contradicts its own numbers is as good as none."""
+        """Return a stored value; ignore a case that contradicts its own numbers."""
         if isinstance(value, Case) and value.contradiction(self.options.resolution):
             return None
         return value
 
     def _keep(self, piece: Piece | None, value: Any, reads: Mapping[str, str]) -> None:
-        """For later runs, with what was read for it beside what `system.py` reads."""
+        """Store a value, with the files that it read in addition to those of `system.py`."""
         if piece is not None and self._cache is not None:
             self._cache.keep(piece, value, merged(self.reads, reads))
 
@@ -233,16 +234,16 @@ class PlaceWork(ABC, Generic[Facts]):
         )
 
     def snapshot(self, case: CaseId) -> Snapshot | None:
-        """The one that was accepted of a case, or is to be repeated."""
+        """Return the accepted snapshot of a case, or the one to repeat."""
         known = self.options.selection or self._before
         return None if known is None else known.snapshot(str(self.place), case)
 
     def is_measured(self, case: CaseId) -> bool:
-        """Whether what a case's model does is wanted."""
+        """Return whether a case must be measured."""
         return self.options.selection is not None or self.snapshot(case) is not None
 
     def measure(self, case: CaseId, sidecar: Sidecar | None = None) -> Jobs:
-        """Measure what a case's model does, where a snapshot was accepted, or may be."""
+        """Measure a case, if a snapshot was accepted, or may be."""
         if not self.is_measured(case):
             return ()
         folder = str(self.place)

@@ -1,7 +1,7 @@
-"""The work of a run: one function for each kind of `planning.cache.KINDS`, called in a worker.
+"""Tasks of a run: one function for each kind of `planning.cache.KINDS`, called in a worker.
 
-A kind is the function's name. A model's functions take what its folder's or file's preparation
-solved, and a `ModelTask`.
+The kind is the function's name. Functions of a model take the prepared folder or file, and a
+`ModelTask`.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def folder(place: Path, *, described: bool, motion: float = 0.0) -> Preparation:
     """Derive and solve the equations of a system folder.
 
     Raises:
-        DeclarationError, ReferenceError: naming the mistake and its place.
+        DeclarationError, ReferenceError: naming the error and its place.
     """
     solved = prepare_folder(place, described=described, motion=motion)
     facts = FolderFacts(
@@ -64,10 +64,10 @@ def folder(place: Path, *, described: bool, motion: float = 0.0) -> Preparation:
 
 
 def robot(place: Path, *, floating: bool, model: str, motion: float = 0.0) -> Preparation:
-    """Read a robot's file, and solve its equations.
+    """Read a robot file, and solve its equations.
 
     Raises:
-        FileError, ReferenceError: naming the mistake and its place.
+        FileError, ReferenceError: naming the error and its place.
     """
     solved = prepare_robot(place, floating=floating, model=model, motion=motion)
     facts = RobotFacts(record=solved.record, left_out=solved.left_out, findings=solved.findings)
@@ -96,7 +96,7 @@ def measurement(solved: Solved, task: ModelTask) -> Measurement:
 
 
 def diagnosis(solved: Solved, task: ModelTask) -> Diagnosis:
-    """Name the numbers that explain a discrepancy."""
+    """Find the numbers that explain a discrepancy."""
     if isinstance(solved, Prepared):
         return diagnose_model(diagnosis_task(solved, _sidecar(task), task.engine))
     own = isinstance(solved, PreparedRobot)
@@ -104,9 +104,10 @@ def diagnosis(solved: Solved, task: ModelTask) -> Diagnosis:
 
 
 def coverage(solved: Solved, task: ModelTask) -> Coverage:
-    """Count the numbers of the file that motions depend on.
+    """Count the numbers of the file that affect motions.
 
-    Apart from the audit, since an engine that fails on a changed number must not lose its findings.
+    This is separate from the audit, so that an engine that fails on a changed number does not lose
+    the audit's findings.
     """
     if isinstance(solved, Prepared):
         return count_numbers(_audit_task(solved, task))
@@ -126,12 +127,12 @@ def audit(solved: Prepared, task: ModelTask) -> Audit:
 
 
 def survey(solved: PreparedTree, task: ModelTask) -> FileSurvey:
-    """Read the model file alone, and list its inertias that no body can have."""
+    """Read the model file without its declaration, and list non-physical inertias."""
     return survey_file(_sidecar(task))
 
 
 def _sidecar(task: ModelTask) -> Sidecar:
-    assert task.sidecar is not None  # a folder's models have one
+    assert task.sidecar is not None  # models of a folder have a sidecar
     return task.sidecar
 
 
