@@ -1,1 +1,1 @@
-"""The job graph, worker processes, limits, and records of what code reads."""
+"""The job graph, worker processes, limits, and records of the files that code reads."""

@@ -1,4 +1,4 @@
-"""Where tasks are done, by what was asked for: on this machine, or on a cluster."""
+"""Choice of the executor: this machine or a cluster."""
 
 from __future__ import annotations
 
@@ -20,25 +20,26 @@ def executor(
     engines: Sequence[str] = (),
     sure: bool = False,
 ) -> Executor:
-    """Who does the tasks; to be used as a context manager.
+    """Return the executor of tasks, which is a context manager.
 
     Args:
-        jobs: how many at once; 0: one a processor, here or of the cluster.
-        limits: of each task.
-        scheduler: address of a dask cluster's; empty: processes of this machine.
-        files: what tasks read, as it is named here; asked for where a cluster gets copies of it.
-        engines: whose versions must be the same there; none: those of all that are installed here.
-        sure: whether tasks are sure to come: what takes its time is begun at once.
+        jobs: number of parallel tasks; 0: one for each processor, here or of the cluster.
+        limits: limits of each task.
+        scheduler: address of a dask cluster's scheduler; empty: processes of this machine.
+        files: returns the local paths of the files that tasks read; called if a cluster needs
+            copies.
+        engines: engines whose versions must be the same on the cluster; empty: all installed here.
+        sure: whether tasks are certain, so that slow preparations start at once.
 
     Raises:
-        ClusterError: for a cluster that can't be worked with; says what to do.
+        ClusterError: for a cluster that cannot be used; gives the remedy.
     """
     if not scheduler:
         workers = Workers(jobs or os.cpu_count() or 1, limits)
         if sure:
             workers.begin()
         return workers
-    # Imported where it is asked for alone: it is an extra, and takes a second.
+    # Import late: dask is an extra, and takes a second.
     from physics_crosscheck.harness.jobs.cluster import Cluster
 
     return Cluster(scheduler, jobs=jobs, limits=limits, files=tuple(files()), engines=engines)

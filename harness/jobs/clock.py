@@ -1,4 +1,4 @@
-"""How much processor a process has had."""
+"""Processor time of a process."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import subprocess
 from pathlib import Path
 
 STARVED = 0.005
-"""A process that wants the processor gets this share of it on the busiest machine."""
+"""Smallest share of the processor that a busy process gets, even on the busiest machine."""
 
 
 def processor_seconds(pid: int) -> float:
-    """Of all its threads so far; 0 where it can't be known."""
+    """Return the processor time of all its threads so far, seconds; 0 if unknown."""
     with contextlib.suppress(OSError, IndexError, ValueError):
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
@@ -29,5 +29,5 @@ def processor_seconds(pid: int) -> float:
 
 
 def is_waiting(used: float, elapsed: float) -> bool:
-    """Whether a process that used so much in a time does not want more: it sleeps, or is stuck."""
+    """Return whether a process used so little processor time that it must be sleeping or stuck."""
     return used < STARVED * elapsed

@@ -1,8 +1,8 @@
 """Tasks on an existing cluster of dask.distributed.
 
-A task is sent as bytes to whichever worker dask picks, and done there by a process of its own: see
-`harness.jobs.remote_workers`. A worker that is new to the run says so, gets the files, and the task
-is asked for again. A task whose worker is lost goes to another: that is dask's affair.
+A task is sent as bytes to a worker that dask selects, and runs there in a separate process: see
+`harness.jobs.remote_workers`. A worker that does not know the run reports this, gets the files, and
+the task is sent again. dask sends a task to another worker if its worker is lost.
 """
 
 from __future__ import annotations
@@ -39,22 +39,24 @@ except ImportError as error:
     ) from None
 
 ANSWER = 10.0
-"""Seconds in which a scheduler has to answer."""
+"""Timeout for an answer of the scheduler, seconds."""
 
 LOOK = 2.0
-"""Seconds between two looks at which workers there are."""
+"""Interval between two updates of the list of workers, seconds."""
 
 AHEAD = 4
-"""Tasks in flight for each thread of the cluster at most; at half of these, others are sent."""
+"""Maximum number of submitted tasks per thread of the cluster; below half of it, more are sent."""
 
 FEWEST = 4
-"""Tasks in flight where there are hardly any threads yet."""
+"""Number of submitted tasks while there are almost no threads."""
 
 MESSAGE = 2**22
-"""Bytes of tasks in one message after which the next is begun; dask warns of 10 MB."""
+"""Size of the tasks in one message, bytes, above which the next one starts; dask warns at 10 MB."""
 
 _TRIES = 5
-"""Times that a task may meet workers that don't know the run: they come and go."""
+"""Number of times that a task may reach workers that do not know the run, since workers come and
+go.
+"""
 
 _NO_FILE, _NO_MODULE = os.strerror(errno.ENOENT), "No module named"
 _PATH = re.compile(r"[^\s'\":;,()]+")
@@ -70,7 +72,9 @@ _STRANGE = (
 
 
 _Sent = tuple[Pending[Any], bytes, int]
-"""A task in flight, as it is packed, and how often it has met a worker that is new to the run."""
+"""A submitted task with its payload, and how often it reached a worker that did not know
+the run.
+"""
 
 
 @dataclass(frozen=True)
@@ -81,17 +85,17 @@ class _Stranger:
 
 
 class Cluster(Executor):
-    """Workers of a cluster; use it as a context manager.
+    """The workers of a cluster; use it as a context manager.
 
     Args:
-        address: of its scheduler.
-        jobs: tasks in flight at most; 0: some for each thread that the cluster has.
-        limits: of each task.
-        files: files and folders that tasks read, as they are named here.
-        engines: whose versions must be the same there; none: all that are installed here.
+        address: address of the scheduler.
+        jobs: maximum number of submitted tasks; 0: some for each thread of the cluster.
+        limits: limits of each task.
+        files: local paths of the files and folders that tasks read.
+        engines: engines whose versions must be the same on the cluster; empty: all installed here.
 
     Raises:
-        ClusterError: where nobody answers, or what is installed there is other than here.
+        ClusterError: if the scheduler does not answer, or the installed versions differ.
     """
 
     def __init__(
@@ -128,10 +132,10 @@ class Cluster(Executor):
             raise
 
     def turn(self) -> list[Pending[Any]]:
-        """Send tasks, wait a moment for something to happen, and return those that ended.
+        """Send tasks, wait briefly for an event, and return the tasks that ended.
 
         Raises:
-            ClusterError: where the scheduler is lost, or a new worker does not fit.
+            ClusterError: if the scheduler is lost, or a new worker has other versions.
         """
         ended = self._send()
         if ended:
@@ -144,19 +148,19 @@ class Cluster(Executor):
         return self._take(futures)
 
     def close(self) -> None:
-        """Take back what is in flight, end what is being done, and leave the cluster."""
+        """Cancel the submitted tasks, end the running ones, and disconnect from the cluster."""
         with contextlib.suppress(Exception):
             if self._flying:
                 self._client.cancel(list(self._flying), force=True)
         self._flying.clear()
         with contextlib.suppress(Exception):
-            if self._client.status == "running":  # else it would wait for a scheduler that is gone
+            if self._client.status == "running":  # closing waits for a scheduler that is gone
                 self._client.run(_sent("leave"), self._run, on_error="ignore")
         with contextlib.suppress(Exception):
             self._client.close(timeout=ANSWER)
 
     def _check(self, client: Any) -> None:
-        """Refuse other versions of what client and workers talk with, Python first."""
+        """Reject other versions of the communication libraries, Python first."""
         found = client.get_versions()
         here = _talking(found["client"])
         others = {"its scheduler": found["scheduler"], **found["workers"]}
@@ -183,13 +187,13 @@ class Cluster(Executor):
         )
 
     def _receive(self, workers: Sequence[str] | None = None) -> None:
-        """Send the run to workers; None: to all that there are."""
+        """Send the run to workers; None: to all."""
         answers = self._client.run(_sent("receive"), self._told, workers=workers, on_error="return")
         for worker, answer in answers.items():
             if isinstance(answer, ImportError):
                 raise self._without(worker, answer)
             if isinstance(answer, OSError) and workers is not None:
-                continue  # it is gone: its tasks go elsewhere
+                continue  # the worker is gone; its tasks go elsewhere
             if isinstance(answer, BaseException):
                 said = f"{type(answer).__name__}: {answer}"
                 raise ClusterError(
@@ -199,7 +203,7 @@ class Cluster(Executor):
                 raise self._other(worker, answer)
 
     def _room(self) -> int:
-        """Tasks that may be in flight."""
+        """Return the maximum number of submitted tasks."""
         if self._jobs:
             return self._jobs
         if time.monotonic() - self._looked > LOOK:
@@ -213,7 +217,7 @@ class Cluster(Executor):
         return max(FEWEST, AHEAD * self._threads)
 
     def _send(self) -> list[Pending[Any]]:
-        """Send waiting tasks where there is room; returns those that can't be sent."""
+        """Send waiting tasks while there is room; return those that cannot be sent."""
         lost: list[Pending[Any]] = []
         room = self._room() if self._waiting else 0
         if len(self._flying) > room // 2:
@@ -231,7 +235,9 @@ class Cluster(Executor):
         return lost
 
     def _fly(self, sent: Sequence[_Sent]) -> None:
-        """Send tasks, many at once: each message costs the scheduler as much as some tasks."""
+        """Send many tasks at once, because each message costs the scheduler as much as several
+        tasks.
+        """
         message: list[_Sent] = []
         size = 0
         for one in sent:
@@ -253,7 +259,9 @@ class Cluster(Executor):
             future.add_done_callback(self._ended.put)
 
     def _take(self, futures: Sequence[Any]) -> list[Pending[Any]]:
-        """The tasks of futures that are done, ended; those sent to strangers are sent again."""
+        """End and return the tasks of finished futures; resend those whose worker did not know the
+        run.
+        """
         ended, strangers = [], dict[str, None]()
         again = []
         for future, reply in self._replies(futures):
@@ -271,8 +279,11 @@ class Cluster(Executor):
         return ended
 
     def _replies(self, futures: Sequence[Any]) -> list[tuple[Any, Callable[[], Any]]]:
-        """Futures that are done, each with what has its reply or raises; fetched all at once."""
-        with contextlib.suppress(Exception):  # of any of them, to be told one by one
+        """Return the finished futures, each with a function that returns or raises its reply.
+
+        All replies are fetched at once.
+        """
+        with contextlib.suppress(Exception):  # the error of each future is reported separately
             fetched = self._client.gather(list(futures))
             return [
                 (one, partial(_same, reply)) for one, reply in zip(futures, fetched, strict=True)
@@ -280,7 +291,7 @@ class Cluster(Executor):
         return [(one, one.result) for one in futures]
 
     def _value(self, reply_of: Callable[[], Any]) -> Any:
-        """The value of a task, or a `Failure`; or which worker is new to the run."""
+        """Return the value or the `Failure` of a task, or the worker that does not know the run."""
         try:
             address, reply = reply_of()
         except distributed.CancelledError:
@@ -303,7 +314,7 @@ class Cluster(Executor):
 
 
 def _hinted(failure: Failure) -> Failure:
-    """A failure for want of a file that is here, with why it was not there."""
+    """Explain a missing file that exists on this machine but not on the worker."""
     lacks = _NO_FILE in failure.reason and any(map(os.path.exists, _PATH.findall(failure.reason)))
     if not lacks and _NO_MODULE not in failure.reason:
         return failure
@@ -311,7 +322,9 @@ def _hinted(failure: Failure) -> Failure:
 
 
 def _name(function: object) -> str:
-    """What the dashboard calls a task: dask takes what stands before the last `-` for its kind."""
+    """Return the task's name for the dashboard; dask takes the part before the last `-` as its
+    kind.
+    """
     return str(getattr(getattr(function, "func", function), "__name__", "task"))
 
 
@@ -327,17 +340,17 @@ def _luggage(files: Sequence[Path]) -> bytes:
 
 
 def _connected(address: str) -> Any:
-    """A client of the scheduler.
+    """Connect a client to the scheduler.
 
     Raises:
-        ClusterError: where nobody answers.
+        ClusterError: if it does not answer.
     """
-    # What it says of lost connections is told in our own words, or mended by dask itself.
+    # We report lost connections ourselves, or dask recovers from them.
     for name in ("distributed", "distributed.client", "distributed.core"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # other versions are told below
+            warnings.simplefilter("ignore")  # other versions are reported below
             return distributed.Client(
                 address, timeout=ANSWER, set_as_default=False, name="physics-crosscheck"
             )
@@ -350,7 +363,7 @@ def _connected(address: str) -> Any:
 
 
 def _talking(found: Any) -> dict[str, str]:
-    """Versions that have to be the same for anything to be understood."""
+    """Return the versions that must be equal for communication."""
     if not isinstance(found, dict):
         return {"dask.distributed": f"of an unknown version ({found})"}
     host, packages = found["host"], found["packages"]
@@ -361,10 +374,10 @@ def _talking(found: Any) -> dict[str, str]:
 
 
 def _sent(name: str) -> Callable[..., Any]:
-    """A function of `harness.jobs.remote_workers`, to be called in a worker.
+    """Return a function of `harness.jobs.remote_workers` for calls in a worker.
 
-    These are sent as code, not by their names: the scheduler reads them too and need not have this
-    package, and in a worker the names are to be bound to our packages before they are looked up.
+    It is sent as code, not by name. The scheduler reads it too and need not have this package, and
+    a worker must bind the names to our packages before it looks them up.
     """
 
     def receive(told: bytes, dask_worker: Any = None) -> Any:

@@ -1,13 +1,13 @@
-"""Variables of the environment that worker processes start with: threads and memory.
+"""Environment variables for worker processes: threads and memory.
 
-Matrices are small here, and there is a worker a core. BLAS starts a thread for each core as it is
-imported, and they spin between calls: that took a tenth of a run's processor time, and a third of
-an unchanged gate's. dask.distributed sets the first three of these for its workers.
+Matrices are small here, and each core has a worker. BLAS starts a thread for each core when it is
+imported, and these spin between calls. They took a tenth of a run's processor time, and a third of
+an unchanged gate's. dask.distributed sets the first three of these variables for its workers.
 
-An engine may allocate 12 MB with each model that it compiles. glibc raises the size from which it
-maps memory as larger blocks are freed, puts such blocks on its heap then, and reserves 12 MB more
-each time: 24 GB for the 1299 models of one count, of which 0.4 GB are used. With a size that stays,
-0.4 GB are reserved.
+An engine may allocate 12 MB with each model that it compiles. When larger blocks are freed, glibc
+raises the size from which it maps memory. It then puts such blocks on its heap, and reserves 12 MB
+more each time: 24 GB for the 1299 models of one count, of which 0.4 GB are used. With a constant
+size, it reserves 0.4 GB.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ COUNTS = (
     "MKL_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""Variables of the environment that are read as numpy and scipy are imported."""
+"""Environment variables that numpy and scipy read on import."""
 
 MAPPED_FROM = "MALLOC_MMAP_THRESHOLD_"
-"""A variable of the environment that glibc reads as a process starts."""
+"""Environment variable that glibc reads when a process starts."""
 
 DEFAULTS = {**dict.fromkeys(COUNTS, "1"), MAPPED_FROM: str(2**20)}
-"""What workers start with where a user has set nothing else."""
+"""Values for worker processes, unless the user sets others."""
 
 
 def claim_defaults() -> None:
-    """Set the defaults for this process and what it starts; what a user has set stands.
+    """Set the default values for this process and its child processes; values of the user stay.
 
-    Of memory they hold for what it starts alone.
+    The memory setting only affects the child processes.
     """
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
@@ -42,7 +42,7 @@ def claim_defaults() -> None:
 
 @contextlib.contextmanager
 def workers_defaults() -> Iterator[None]:
-    """Start processes with the defaults meanwhile; what a user has set stands."""
+    """Set the default values while starting processes; values of the user stay."""
     ours = [name for name in DEFAULTS if name not in os.environ]
     claim_defaults()
     try:

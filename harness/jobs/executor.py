@@ -1,6 +1,6 @@
-"""Who does tasks: worker processes of this machine, or those of a cluster.
+"""Executors of tasks: worker processes of this machine, or those of a cluster.
 
-`harness.jobs.chosen` starts the one that is meant; whoever plans jobs knows no more of it.
+`harness.jobs.chosen` starts the requested one; plans of jobs do not depend on the choice.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import Any, Generic, Self, TypeVar, cast
 from physics_crosscheck.harness.jobs.failure import Failure
 
 MOMENT = 0.2
-"""Seconds between two looks at the clock."""
+"""Interval between two checks of the clock, seconds."""
 
 Argument = TypeVar("Argument")
 Value = TypeVar("Value")
 
 
 class ClusterError(ValueError):
-    """A cluster that can't be worked with; the message says why, and what to do."""
+    """A cluster that cannot be used; the message gives the reason and the remedy."""
 
 
 @dataclass(eq=False)
@@ -31,7 +31,7 @@ class Pending(Generic[Value]):
 
     Attributes:
         function, argument: the task.
-        value: what came of it, once it has `ended`.
+        value: its result, once it has `ended`.
     """
 
     function: Callable[[Any], Value]
@@ -40,12 +40,14 @@ class Pending(Generic[Value]):
     ended: bool = False
 
     def end(self, value: Value | Failure) -> None:
-        """It has a value, or none for a reason."""
+        """Set the value, or the failure."""
         self.value, self.ended = value, True
 
 
 class Executor(ABC):
-    """Does tasks, each apart from all others and within limits; use it as a context manager."""
+    """Executor of tasks, each isolated from the others and within limits; use it as a context
+    manager.
+    """
 
     def __init__(self) -> None:
         self._waiting: deque[Pending[Any]] = deque()
@@ -53,9 +55,9 @@ class Executor(ABC):
     def submit(
         self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
     ) -> Pending[Value]:
-        """Ask for a task; it is begun when there is room, while one of these is asked.
+        """Submit a task, which starts when there is room, during calls of `turn` or `outcome`.
 
-        One that comes `first` is begun before all that wait.
+        A task with `first` starts before all waiting ones.
         """
         pending: Pending[Value] = Pending(function, argument)
         if first:
@@ -66,17 +68,17 @@ class Executor(ABC):
 
     @abstractmethod
     def turn(self) -> list[Pending[Any]]:
-        """Hand out tasks, wait a moment for something to happen, and return those that ended."""
+        """Start tasks, wait briefly for an event, and return the tasks that ended."""
 
     def outcome(self, pending: Pending[Value]) -> Value | Failure:
-        """The value of a task, or a `Failure` that says what became of it; waits for it."""
+        """Wait for a task, and return its value or its `Failure`."""
         while not pending.ended:
             self.turn()
-        return cast(Value | Failure, pending.value)  # None is a value too, once it ended
+        return cast(Value | Failure, pending.value)  # None is a valid value too
 
     @abstractmethod
     def close(self) -> None:
-        """End everything, with what is being done."""
+        """End all tasks, including the running ones."""
 
     def __enter__(self) -> Self:
         return self

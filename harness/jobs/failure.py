@@ -1,4 +1,4 @@
-"""Why a task has no value."""
+"""Failures of tasks."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.visible import visible
 
 LONGEST = 600
-"""Characters of a reason: whoever raised it may have said a megabyte, which nobody reads."""
+"""Maximum number of characters in a reason; an error message may be a megabyte long."""
 
 _END = 150
-"""Of them at its end, where the remedy stands."""
+"""Number of these characters from the end, which contains the remedy."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a task has no value: one sentence, and what was printed meanwhile.
+    """The reason for a task's missing value: one sentence, and its printed output.
 
     Attributes:
-        reason: in one line, of a length that a person reads; what can't be shown is escaped.
-        usage: whether what was asked makes no sense, rather than something having gone wrong.
-        locations: where that is in the user's files, as far as it is known.
-        kind: of the failure, as a case reports it; empty where no rule names it.
+        reason: one line of limited length; unprintable characters are escaped.
+        usage: whether the request itself is invalid, as opposed to an error during the task.
+        locations: places in the user's files, if known.
+        kind: kind of the failure for the case's record; empty if no rule names it.
     """
 
     reason: str
@@ -38,27 +38,27 @@ class Failure:
         object.__setattr__(self, "reason", _sentence(self.reason))
 
     def about(self, file: Path) -> str:
-        """The reason, with the file that it is about where it does not name it itself."""
+        """Return the reason, with the name of the file unless it contains it."""
         return self.reason if file.name in self.reason else f"{visible(str(file))}: {self.reason}"
 
 
 def failure_of(error: BaseException, reason: str = "") -> Failure:
-    """Return the failure of an error, with the lines that the error knows.
+    """Return the failure of an error, with the source lines that the error provides.
 
     Args:
-        error: of ours, or any other.
-        reason: in words; those of the error where none are given.
+        error: any error.
+        reason: text of the reason; empty: the text of the error.
     """
     files = [error, *getattr(error, "obstacles", ())]
     found = [(getattr(one, "file", None), getattr(one, "line", None)) for one in files]
     locations = tuple(SourceLine(file=str(file), line=line or None) for file, line in found if file)
-    kind: CaseKind = getattr(error, "kind", "")  # an engine outside this package may have its own
+    kind: CaseKind = getattr(error, "kind", "")  # other engines may define kinds
     kind = kind if kind in get_args(CaseKind) else ""
     return Failure(reason or str(error), "", locations=locations, kind=kind)
 
 
 def _sentence(text: str) -> str:
-    """A text as a reason is told."""
+    """Format a text as a reason."""
     if len(text) > LONGEST:
         text = f"{text[: LONGEST - _END - 5]} ... {text[-_END:]}"
     lines = (line.strip() for line in text.replace("\t", " ").splitlines())

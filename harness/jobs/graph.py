@@ -1,4 +1,4 @@
-"""One job graph: jobs for the workers, each of which brings the jobs that follow from it."""
+"""Job graph: jobs for the workers, each of which returns its follow-up jobs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from physics_crosscheck.harness.jobs.stop import Stop
 
 @dataclass(frozen=True)
 class Task(Generic[Argument, Value]):
-    """A function of a module, and what it is called with, in a worker process."""
+    """A function of a module and its argument, to be called in a worker process."""
 
     function: Callable[[Argument], Value]
     argument: Argument
@@ -21,12 +21,12 @@ class Task(Generic[Argument, Value]):
 
 @dataclass(frozen=True, kw_only=True)
 class Job(Generic[Value]):
-    """A task, and what follows from it.
+    """A task with its follow-up jobs.
 
     Attributes:
-        task: what a worker does.
-        done: called with its value, in this process; returns the jobs that follow.
-        failed: called with why there is none; returns the jobs that follow.
+        task: the task for a worker.
+        done: called with its value in this process; returns the follow-up jobs.
+        failed: called with its failure; returns the follow-up jobs.
     """
 
     task: Task[Any, Value]
@@ -35,12 +35,11 @@ class Job(Generic[Value]):
 
 
 def work(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = None) -> None:
-    """Do all jobs, and those that they bring; returns when none is left, or when asked to stop.
+    """Run all jobs and their follow-up jobs; return when all are done, or after a request to stop.
 
-    What a job brings is done before the jobs that wait: so that there is something to show from the
-    first one on, and what it found need not be kept until all are begun.
-    `done` and `failed` are called one at a time. What they raise is a mistake of the plan, not of a
-    task: it ends the work.
+    Follow-up jobs run before the waiting jobs. So results appear early, and intermediate results
+    need not be kept until all jobs have started. `done` and `failed` are called one at a time.
+    Their exceptions are errors of the plan, not of a task, and end the run.
     """
     waiting: dict[Pending[Any], Job[Any]] = {}
 

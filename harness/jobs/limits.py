@@ -1,43 +1,44 @@
-"""What a task may use up before it is stopped."""
+"""Limits of a task's time and memory."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 SECONDS = 120.0
-"""Processor seconds that a task may take unless told otherwise."""
+"""Default limit of a task's processor time, seconds."""
 
 FAULT_SECONDS = 600.0
-"""Those that one planted fault may take: many pairs of causes may be tried."""
+"""Limit for one planted fault, seconds: the diagnosis may try many pairs of causes."""
 
 MEMORY = 4.0
-"""GiB that a worker may hold unless told otherwise."""
+"""Default limit of a worker's memory, GiB."""
 
 PATIENCE = 10.0
-"""A task that sleeps or waits for itself uses no processor: it has so many times its limit."""
+"""Limit of the elapsed time as a multiple of the processor time: a task that sleeps or waits for
+itself uses no processor.
+"""
 
 
 LEAST_SECONDS = 1e-3
-"""Processor seconds below which no task ends."""
+"""Smallest valid limit of processor time, seconds; no task ends sooner."""
 
 LEAST_MEMORY = 0.5
-"""GiB in which Python and an engine find room."""
+"""Smallest valid limit of memory, GiB; Python and an engine need as much."""
 
 MOST = 1e6
-"""Seconds or GiB that no limit reaches."""
+"""Largest valid limit, seconds or GiB."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a task may use up.
+    """Limits of a task.
 
-    Processor seconds are those of the task itself, of all its threads: what else the machine is
-    busy with takes nothing from them.
+    Processor time counts all threads of the task itself; other load of the machine does not count.
 
     Attributes:
-        seconds: of the processor.
+        seconds: processor seconds.
         memory: GiB.
-        options: what a person raises them with, before their names: `--`.
+        options: prefix of the options that raise them: `--`.
     """
 
     seconds: float = SECONDS
@@ -46,17 +47,17 @@ class Limits:
 
     @property
     def wall(self) -> float:
-        """Seconds by the clock, after which a task is taken for one that waits for ever."""
+        """Elapsed time, seconds, after which a task counts as waiting forever."""
         return PATIENCE * self.seconds
 
     @property
     def spent(self) -> str:
-        """What is said of a task that used its time up."""
+        """Message for a task that exceeded its processor time."""
         return f"it used up its limit of {self.seconds:g} processor seconds; {self._raise('limit')}"
 
     @property
     def waited(self) -> str:
-        """What is said of one that has not ended by the clock, and used hardly any processor."""
+        """Message for a task that exceeded the elapsed time with almost no processor time."""
         return (
             f"stopped after {self.wall:g} s by the clock, {PATIENCE:g} times its "
             f"limit of {self.seconds:g} processor seconds: it sleeps or waits; "
@@ -65,7 +66,7 @@ class Limits:
 
     @property
     def full(self) -> str:
-        """What is said of one that asked for more memory."""
+        """Message for a task that exceeded its memory."""
         return (
             f"it needs more than its limit of {self.memory:g} GiB of memory; "
             f"{self._raise('memory')}"

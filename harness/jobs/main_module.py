@@ -1,4 +1,4 @@
-"""Worker processes that don't import the program that started them."""
+"""Worker processes that do not import the program that started them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def without_main() -> Iterator[None]:
-    """Processes started meanwhile are not told of `__main__`.
+    """Hide `__main__` from processes that start meanwhile.
 
-    multiprocessing would import it in each: pytest for nothing, a script without a guard for `if
-    __name__ == "__main__"` to run itself again, and one from stdin not at all.
+    multiprocessing would import it in each process. That wastes time for pytest, runs a script
+    again that has no `if __name__ == "__main__"` guard, and fails for a script from stdin.
     """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")

@@ -1,9 +1,9 @@
-"""Tasks and values on their way to another machine, and files with them.
+"""Serialized tasks and values for other machines, with their files.
 
-A worker there has copies of a run's files below a folder of its own, its root, each at the path
-that it has here: `/home/me/arm/system.py` is `ROOT/home/me/arm/system.py`. Its working folder is
-the copy of ours. So relative paths mean the same there as here, and an absolute one differs by the
-root alone: it gets that as it is unpacked there, and loses it as a value is packed, in texts too.
+A remote worker has copies of a run's files below its own folder, the root, each at its local path:
+`/home/me/arm/system.py` is `ROOT/home/me/arm/system.py`. Its working folder is the copy of ours. So
+relative paths are the same on both machines, and absolute paths differ by the root. Unpacking adds
+the root, and packing a value removes it, also in texts.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ _FASTEST = 1
 _TEXT, _PATH = "tp"
 
 MOST_SENT = 2**28
-"""Bytes of files that one run may send."""
+"""Maximum size of the files that one run may send, bytes."""
 
 
 class ParcelError(RuntimeError):
-    """What can't be packed; the message says why."""
+    """An object that cannot be serialized; the message gives the reason."""
 
 
 class _Packer(pickle.Pickler):
-    """Pickles with some paths as they are named here.
+    """Pickler that marks local paths.
 
     Args:
-        file: to write to.
-        root: that they lose; empty: they have none.
-        places: folders and files below which an absolute path is one of them; where there is a
-            root, all are.
+        file: output file.
+        root: root to remove from paths; empty: none.
+        places: folders and files below which an absolute path is local; with a root, all paths are
+            local.
     """
 
     def __init__(self, file: io.BytesIO, root: str, places: frozenset[str]) -> None:
@@ -42,7 +42,7 @@ class _Packer(pickle.Pickler):
         self._root, self._places = root, places
 
     def persistent_id(self, value: Any) -> str | None:
-        """A path, or a text with some, in place of an object: what it is, and its text."""
+        """Return the type and the text of a local path, or of a text that contains one."""
         kind = type(value)
         if kind is str:
             mark, text = _TEXT, value
@@ -62,11 +62,11 @@ class _Packer(pickle.Pickler):
 
 
 class _Unpacker(pickle.Unpickler):
-    """Unpickles, with some paths as they are named there.
+    """Unpickler that completes the marked paths.
 
     Args:
-        file: to read.
-        root: that they get.
+        file: input file.
+        root: root to add to paths.
     """
 
     def __init__(self, file: io.BytesIO, root: str) -> None:
@@ -74,16 +74,16 @@ class _Unpacker(pickle.Unpickler):
         self._root = root
 
     def persistent_load(self, named: str) -> object:
-        """What such a path means where it is unpacked."""
+        """Return a marked path as it is named on this machine."""
         text = self._root + named[1:]
         return Path(text) if named[0] == _PATH else text
 
 
 def packed(value: object, *, root: str = "", places: frozenset[str] = frozenset()) -> bytes:
-    """A value as it is sent; where there is a root, each text and path loses it.
+    """Serialize a value; if there is a root, remove it from each text and path.
 
     Raises:
-        Exception: whatever pickling it raises.
+        Exception: any error of pickle.
     """
     file = io.BytesIO()
     _Packer(file, root, places).dump(value)
@@ -91,19 +91,19 @@ def packed(value: object, *, root: str = "", places: frozenset[str] = frozenset(
 
 
 def unpacked(data: bytes, root: str = "") -> Any:
-    """The value; the paths that were sent get the root before them."""
+    """Return the value, with the root added to the marked paths."""
     return _Unpacker(io.BytesIO(data), root).load()
 
 
 def done(sent: tuple[bytes, str]) -> bytes:
-    """Do a task that was sent, and pack its value: what a process on a cluster's machine does.
+    """Run a serialized task, and serialize its value, in a process on a machine of the cluster.
 
     Args:
-        sent: the task, a function and its argument; and the root of the copies.
+        sent: the task, which is a function and its argument, and the root of the copies.
 
     Raises:
-        ParcelError: for a task that can't be read, or a value that can't be sent.
-        Exception: whatever the task raises.
+        ParcelError: for an unreadable task, or a value that cannot be serialized.
+        Exception: any error of the task.
     """
     data, root = sent
     try:
@@ -118,11 +118,11 @@ def done(sent: tuple[bytes, str]) -> bytes:
 
 
 def luggage(files: Iterable[Path]) -> bytes:
-    """Copies of files and of all in folders, as they are sent.
+    """Serialize copies of files, and of all files in folders.
 
     Raises:
-        OSError: for one that can't be read.
-        ParcelError: where they are too many bytes.
+        OSError: for an unreadable file.
+        ParcelError: if they exceed the maximum size.
     """
     packet, size = io.BytesIO(), 0
     with tarfile.open(fileobj=packet, mode="w:gz", compresslevel=_FASTEST) as tar:
@@ -142,7 +142,7 @@ def luggage(files: Iterable[Path]) -> bytes:
 
 
 def _within(path: Path) -> Iterable[Path]:
-    """A file, or those of a folder; not what programs keep there hidden, nor bytecode."""
+    """Return a file, or the files in a folder except hidden files and bytecode."""
     if not path.is_dir():
         return [path]
     found = []
@@ -153,10 +153,10 @@ def _within(path: Path) -> Iterable[Path]:
 
 
 def unload(packet: bytes, root: Path) -> None:
-    """Put the copies below a root.
+    """Extract the copies below a root.
 
     Raises:
-        OSError: where there is no room.
+        OSError: if the disk is full.
     """
     with tarfile.open(fileobj=io.BytesIO(packet), mode="r:gz") as tar:
         tar.extractall(root, filter="data")

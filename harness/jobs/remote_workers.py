@@ -1,8 +1,8 @@
-"""A run's post in a cluster's worker: does its tasks in processes of its own, within its limits.
+"""Remote worker pools: a dask worker runs a run's tasks in separate processes, within their limits.
 
-A dask worker calls `receive`, `do` and `leave`. It does no task itself: one that crashes would end
-it, and a thread can't be stopped. Its own process is a child of its nanny's that may have none by
-multiprocessing's rule for daemons; since nothing here relies on that, the rule is put aside.
+A dask worker calls `receive`, `do` and `leave`. It runs no task itself: a crash would end it, and a
+thread cannot be stopped. The dask worker is a daemon child of its nanny, and multiprocessing does
+not allow daemons to have children. Nothing here relies on that rule, so it is switched off.
 """
 
 from __future__ import annotations
@@ -37,22 +37,24 @@ from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.paths import PACKAGE, SOURCES
 
 IDLE = 60.0
-"""Seconds without a task after which a post's processes end; the next task starts others."""
+"""Seconds without a task after which the processes of a pool end; the next task starts new ones."""
 
 _MANY = 10_000
-"""Processes: dask itself asks for no more tasks at once than its worker has threads."""
+"""Upper limit for the number of processes; dask requests only as many tasks as its worker has
+threads.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """How a run's tasks are done.
+    """The configuration of a run on remote workers.
 
     Attributes:
-        run: its name.
-        limits: of each.
-        cwd: the working folder of the program that asks for them, there.
-        versions: what is installed there.
-        engines: whose versions count; empty: those of all that are installed there.
+        run: name of the run.
+        limits: limits of each task.
+        cwd: working folder of the program that started the run.
+        versions: versions installed on that machine.
+        engines: engines whose versions count; empty: all that are installed there.
     """
 
     run: str
@@ -63,10 +65,10 @@ class Terms:
 
 
 def installed(only: tuple[str, ...] = ()) -> dict[str, str]:
-    """Versions that outcomes depend on; engines that are not installed are left out.
+    """Return the versions that affect results; skip engines that are not installed.
 
     Args:
-        only: of these engines; empty: of all.
+        only: engines to include; empty: all.
     """
     known = {"python": ".".join(platform.python_version_tuple()[:2])}
     for name in ("physics-crosscheck", "numpy", "scipy", "sympy", "msgspec"):
@@ -82,7 +84,7 @@ def installed(only: tuple[str, ...] = ()) -> dict[str, str]:
 
 @functools.cache
 def _sources() -> str:
-    """A hash of our own code: two checkouts may have one version."""
+    """Return a hash of this package's source, since two checkouts may have the same version."""
     whole = hashlib.sha256()
     for folder in SOURCES:
         for file in sorted(folder.rglob("*.py")):
@@ -94,7 +96,7 @@ def _sources() -> str:
 
 
 def _misfit(terms: Terms) -> str:
-    """What is other here than there, in words; empty where nothing is."""
+    """Describe the differences between this machine's versions and the run's; "" if they agree."""
     here = installed(terms.engines)
     return ", ".join(
         f"{name} {here.get(name, 'not installed')} (here {version})"
@@ -108,11 +110,11 @@ _lock = threading.Lock()
 
 
 class Post:
-    """The copies of what a run reads, and processes that do its tasks.
+    """The processes for a run's tasks on one machine, with copies of its files.
 
     Args:
-        root: folder of the copies.
-        terms: of the run.
+        root: folder for the copies.
+        terms: configuration of the run.
     """
 
     def __init__(self, root: Path, terms: Terms) -> None:
@@ -125,7 +127,9 @@ class Post:
         self._thread.start()
 
     def do(self, data: bytes) -> bytes | Failure | None:
-        """Do a task that was packed; its value, packed, or why it has none; None: it is closed."""
+        """Run a serialized task; return its serialized value, its failure, or None if the pool is
+        closed.
+        """
         future: Future[object] = Future()
         with self._asking:
             if self._closed:
@@ -136,7 +140,7 @@ class Post:
         return self._told(value) if isinstance(value, Failure) else cast(bytes | None, value)
 
     def close(self) -> None:
-        """End its processes, with what they are doing, and remove the copies."""
+        """End the processes, including running tasks, and remove the copies."""
         with self._asking:
             if not self._closed:
                 self._closed = True
@@ -146,7 +150,9 @@ class Post:
         shutil.rmtree(self._root, ignore_errors=True)
 
     def _told(self, failure: Failure) -> Failure:
-        """A failure with the paths that its files have where the run is."""
+        """Return a failure with the paths that its files have on the machine that started
+        the run.
+        """
         reason, stdout = (text.replace(self._root, "") for text in (failure.reason, failure.stdout))
         locations = tuple(
             msgspec.structs.replace(one, file=one.file.replace(self._root, ""))
@@ -155,7 +161,7 @@ class Post:
         return replace(failure, reason=reason, stdout=stdout, locations=locations)
 
     def _manage(self) -> None:
-        """Hand tasks to processes until the run leaves: multiprocessing is used by this thread."""
+        """Start tasks until the run leaves; only this thread uses multiprocessing."""
         flying: dict[Pending[Any], Future[object]] = {}
         while not self._closed:
             asked = self._next(IDLE)
@@ -179,7 +185,7 @@ class Post:
         return Workers(_MANY, self._terms.limits, cwd=cwd, wake=self._woken, alone=True)
 
     def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
-        """The next task that is asked for, if one is in a time and the run has not left."""
+        """Return the next task, if one arrives in time and the run has not left."""
         with contextlib.suppress(queue.Empty):
             return self._asked.get(block=seconds > 0, timeout=seconds)
         return None
@@ -190,7 +196,7 @@ class Post:
         flying: dict[Pending[Any], Future[object]],
         asked: tuple[bytes, Future[object]] | None,
     ) -> None:
-        """Do this task and those that come, until none has for a while."""
+        """Run this task and the following ones, until none arrives for a while."""
         while True:
             while asked is not None:
                 data, future = asked
@@ -211,14 +217,14 @@ class Post:
 
 
 def receive(told: bytes, beside: str) -> str:
-    """Take a run; a second time changes nothing.
+    """Accept a run; a repeated call has no effect.
 
     Args:
-        told: its terms, and copies of its files, pickled.
-        beside: a folder for temporary files.
+        told: pickled configuration and copies of the files.
+        beside: folder for temporary files.
 
     Returns:
-        What is other here than there, in words; empty where nothing is, and the run is taken.
+        The differences between the versions; empty if they agree, and the run is accepted.
     """
     terms, packet = cast(tuple[Terms, bytes], pickle.loads(told))
     if other := _misfit(terms):
@@ -228,22 +234,22 @@ def receive(told: bytes, beside: str) -> str:
             root = Path(tempfile.mkdtemp(prefix="crosscheck-", dir=beside)).resolve()
             payload.unload(packet, root)
             (root / terms.cwd.lstrip(os.sep)).mkdir(parents=True, exist_ok=True)
-            # By multiprocessing's own rule: of a process that it did start, not the one it is.
+            # multiprocessing's rule is about processes that it starts, not the present one.
             multiprocessing.current_process().daemon = False
             _posts[terms.run] = Post(root, terms)
-            # Before multiprocessing waits for children, as it does where a process ends.
+            # Run before multiprocessing waits for children, which it does when a process ends.
             Finalize(None, leave, args=(terms.run,), exitpriority=10)
     return ""
 
 
 def do(run: str, data: bytes) -> bytes | Failure | None:
-    """Do a task of a run; None where this worker does not know the run."""
+    """Run a task; return None if this worker does not know the run."""
     post = _posts.get(run)
     return None if post is None else post.do(data)
 
 
 def leave(run: str) -> None:
-    """A run has ended."""
+    """End a run."""
     with _lock:
         post = _posts.pop(run, None)
     if post is not None:

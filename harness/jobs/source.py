@@ -1,4 +1,4 @@
-"""Which line of a user's file was being run: of a traceback, or of what a process left behind."""
+"""Lines of user files that were running: from a traceback, or from the trace of a dead process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ _LIBRARIES = ("stdlib", "platstdlib", "purelib", "platlib")
 
 
 def package_folders() -> frozenset[str]:
-    """Where packages are installed, those folders included that a `.pth` adds to an environment."""
+    """Return the folders of installed packages, including those that a `.pth` adds to an
+    environment.
+    """
     names = ("site-packages", "dist-packages")
     return frozenset(path for path in sys.path if Path(path).name in names)
 
@@ -23,14 +25,15 @@ _THEIRS = tuple({sysconfig.get_path(name) for name in _LIBRARIES} | package_fold
 _NOT_USERS = (*_THEIRS, "<")
 
 _FRAME = re.compile(r'^  File "(.*)", line (\d+) in ', re.MULTILINE)
-"""A frame as faulthandler writes it, the innermost first."""
+"""Frame in the format of faulthandler, innermost first."""
 
 
 def user_line(frames: Iterable[tuple[str, int | None]]) -> str:
-    """`file:line` of the innermost frame that is neither ours nor a library's; "" without one.
+    """Return `file:line` of the innermost frame outside of this package and all libraries; "" if
+    none.
 
     Args:
-        frames: file and line, the innermost first.
+        frames: file and line of each frame, innermost first.
     """
     for file, line in frames:
         if not (is_own(file) or file.startswith(_NOT_USERS)):
@@ -39,7 +42,7 @@ def user_line(frames: Iterable[tuple[str, int | None]]) -> str:
 
 
 def line_of_death(trace: Path) -> str:
-    """The same of what faulthandler wrote before a process ended."""
+    """Return the same for the trace that faulthandler wrote before a process ended."""
     try:
         text = trace.read_text(encoding="utf-8", errors="replace")
     except OSError:

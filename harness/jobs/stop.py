@@ -1,4 +1,4 @@
-"""Being asked to stop: by Ctrl-C, or by a signal that ends programs."""
+"""Requests to stop: Ctrl-C, or a signal that terminates programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIGNALS = tuple(
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal that ends the program came; what is open is closed on the way out."""
+    """A signal that terminates the program; resources are closed while it propagates."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -23,10 +23,10 @@ class Stopped(KeyboardInterrupt):
 
 
 class Stop:
-    """Whether someone asked for an end.
+    """The state of a request to stop.
 
     Attributes:
-        number: of the signal; 0 before one came.
+        number: number of the signal; 0 without a request.
     """
 
     def __init__(self) -> None:
@@ -34,18 +34,18 @@ class Stop:
 
     @property
     def asked(self) -> bool:
-        """Whether one came."""
+        """True after a signal arrived."""
         return self.number != 0
 
     @property
     def name(self) -> str:
-        """Of the signal."""
+        """Name of the signal."""
         return signal.Signals(self.number).name
 
 
 @contextlib.contextmanager
 def raising() -> Iterator[None]:
-    """Meanwhile each of the signals raises `Stopped`, so that nothing stays behind."""
+    """Raise `Stopped` in the context for each of the signals, so that cleanup runs."""
 
     def stopped(number: int, _: FrameType | None) -> NoReturn:
         raise Stopped(number)
@@ -56,7 +56,7 @@ def raising() -> Iterator[None]:
 
 @contextlib.contextmanager
 def asking() -> Iterator[Stop]:
-    """Meanwhile the first of the signals asks to stop; a second one is as it was before."""
+    """Treat the first signal in the context as a request to stop; a second one acts as usual."""
     stop = Stop()
 
     def asked(number: int, _: FrameType | None) -> None:
@@ -69,9 +69,9 @@ def asking() -> Iterator[Stop]:
 
 @contextlib.contextmanager
 def _handled(handler: Any) -> Iterator[Any]:
-    """Meanwhile a handler has the signals that are not ignored; yields what ends that."""
+    """Install a handler for all signals that are not ignored; yield a function that removes it."""
     before = {}
-    if threading.current_thread() is threading.main_thread():  # no other may
+    if threading.current_thread() is threading.main_thread():  # Python allows it in no other thread
         taken = [n for n in SIGNALS if signal.getsignal(n) not in (signal.SIG_IGN, None)]
         before = {number: signal.signal(number, handler) for number in taken}
 

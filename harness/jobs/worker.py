@@ -1,7 +1,7 @@
-"""A worker process from within: one task after the other, each with its limits.
+"""The inside of a worker process: one task after the other, each with its limits.
 
-What a task prints, C code included, goes to a file of the worker's. So does, to another, where in
-the Python files it was when it died: `Workers` tells of it from there.
+The output of a task, including that of C code, goes to the worker's log file. The Python stack of a
+crash goes to another file, which `Workers` reads.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from physics_crosscheck.harness.jobs.source import user_line
 from physics_crosscheck.harness.jobs.stop import SIGNALS
 
 MOST_WRITTEN = 2**28
-"""Bytes of one file that a worker may write: a task that prints for ever fills no disk."""
+"""Maximum size of a file that a worker writes, bytes; endless output cannot fill the disk."""
 
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 try:
     import resource
-except ImportError:  # not there on Windows, which has none of these limits
+except ImportError:  # Windows has none of these limits
     _LIMITED = False
 else:
     _LIMITED = True
@@ -43,14 +43,14 @@ else:
 
 @dataclass(frozen=True, kw_only=True)
 class Station:
-    """Where a worker works.
+    """The configuration of a worker.
 
     Attributes:
-        cwd: the working folder of the program that started it.
-        scratch: folder for temporary files; it is removed with the last worker.
-        log: file for what is printed.
-        trace: file for where it died.
-        limits: of each task.
+        cwd: working folder of the program that started it.
+        scratch: folder for temporary files, removed with the last worker.
+        log: file for printed output.
+        trace: file for the stack of a crash.
+        limits: limits of each task.
     """
 
     cwd: str
@@ -61,12 +61,12 @@ class Station:
 
 
 def serve(tasks: Connection, station: Station) -> NoReturn:
-    """Do tasks until no more come: the main function of a worker process."""
+    """Run tasks until no more arrive: the main function of a worker process."""
     with contextlib.suppress(OSError):
-        os.setpgid(0, 0)  # whatever a task starts ends with it; Ctrl-C is the program's, not ours
+        os.setpgid(0, 0)  # child processes of a task end with it; only the program handles Ctrl-C
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # held by what started us
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # blocked by the parent process
     threading.Thread(target=_end_with_the_program, args=[station.scratch], daemon=True).start()
     with contextlib.suppress(OSError):
         os.chdir(station.cwd)
@@ -84,15 +84,15 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
             continue
         value, full = _done(function, argument, station)
         if os.getpid() != found.process:
-            os._exit(0)  # a task forked, and this is the other one of the two: it has no answer
+            os._exit(0)  # a forked copy of a task has no answer
         found.restore(station)
-        # Where memory ran out, what it holds is not given back: the next task has another worker.
+        # After an out-of-memory error memory is not released, so the next task gets another worker.
         _answer(tasks, value, last=full)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Surroundings:
-    """What a worker's tasks share, which one of them may have changed for those after it."""
+    """The process state that a worker's tasks share; a task may change it."""
 
     process: int
     path: tuple[str, ...]
@@ -100,13 +100,13 @@ class _Surroundings:
 
     @staticmethod
     def now() -> _Surroundings:
-        """As they are."""
+        """Return the present state."""
         return _Surroundings(
             process=os.getpid(), path=tuple(sys.path), environment=dict(os.environ)
         )
 
     def restore(self, station: Station) -> None:
-        """As they were."""
+        """Restore the state."""
         sys.path[:] = self.path
         if os.environ != self.environment:
             os.environ.clear()
@@ -118,7 +118,7 @@ class _Surroundings:
 
 
 def _end_with_the_program(scratch: Path) -> None:
-    """Leave nothing behind where the program that started us is gone, killed perhaps."""
+    """Clean up if the program that started the worker has ended, for example was killed."""
     program = multiprocessing.parent_process()
     if program is not None:
         program.join()
@@ -127,7 +127,7 @@ def _end_with_the_program(scratch: Path) -> None:
 
 
 def _redirect(station: Station) -> None:
-    """Send everything that is printed to the log, and last words to the trace."""
+    """Redirect all output to the log, and the stack of a crash to the trace."""
     sys.stdout.flush()
     sys.stderr.flush()
     _redirect_streams(station)
@@ -139,7 +139,7 @@ def _redirect(station: Station) -> None:
     leave = os._exit
 
     def told(status: int) -> NoReturn:
-        """`os._exit`, which else says nothing of who called it."""
+        """Record the caller before `os._exit`, which leaves no trace."""
         faulthandler.dump_traceback(trace, all_threads=False)
         leave(status)
 
@@ -150,12 +150,12 @@ def _redirect_streams(station: Station) -> None:
     log = os.open(station.log, _APPEND)
     os.dup2(log, 1)
     os.dup2(log, 2)
-    if log > 2:  # where one was closed, it is that itself
+    if log > 2:  # a closed descriptor may already have this number
         os.close(log)
 
 
 def _limit(limits: Limits) -> None:
-    """What holds for the whole life of a worker; the system looks after it."""
+    """Set the limits for the whole life of a worker, which the operating system enforces."""
     if not _LIMITED:
         return
     data = int(limits.memory * 2**30) + _held()
@@ -171,7 +171,9 @@ def _limit(limits: Limits) -> None:
 
 
 def _held() -> int:
-    """Bytes that a worker has before its first task: a library has some for every processor."""
+    """Return the memory of a worker before its first task, bytes; libraries reserve some per
+    processor.
+    """
     try:
         return int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     except (OSError, IndexError, ValueError):
@@ -181,10 +183,10 @@ def _held() -> int:
 def _done(
     function: Callable[[Any], Any], argument: object, station: Station
 ) -> tuple[object, bool]:
-    """The value of a task, or a `Failure`; and whether memory ran out.
+    """Return the value or the `Failure` of a task, and whether memory ran out.
 
-    What it raises comes back as a sentence: an exception may be one that can't be sent, and a
-    `sys.exit` in someone's model file would end the process.
+    Convert every exception to a sentence: some exceptions cannot be pickled, and a `sys.exit` in a
+    model file would end the process.
     """
     for file in (station.log, station.trace):
         with contextlib.suppress(OSError):
@@ -202,27 +204,27 @@ def _done(
 
 
 def _count_down(seconds: float) -> None:
-    """End this process by a signal, C code or not, when it has used so much processor; 0: never."""
+    """End this process by a signal after some processor time, even in C code; 0: never."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def _failure(error: BaseException, limits: Limits) -> Failure:
-    """What was raised, in a sentence."""
+    """Convert an exception to a failure."""
     shortage = _shortage(error)
     if shortage is not None:
         return Failure(_at(shortage, limits.full), "", kind="memory limit")
-    # Our own errors, of these kinds, carry a sentence; anything else is told with its own kind.
+    # Our own errors carry a sentence; other exceptions are reported with their type.
     ours = type(error).__module__.startswith("physics_crosscheck.")
     if ours and isinstance(error, ValueError | RuntimeError):
         return failure_of(error, _words(error))
-    # What is no Exception is meant to pass through whoever runs the file: say which file it was.
+    # Other BaseExceptions would normally end the program: name the file that raised them.
     said = _said(error)
     return Failure(said if isinstance(error, Exception) else _at(error, said), "")
 
 
 def _shortage(error: BaseException) -> MemoryError | None:
-    """That memory ran out, be it that something else was raised for it."""
+    """Return the memory error behind an exception, even if another one was raised for it."""
     seen: set[int] = set()
     cause: BaseException | None = error
     while cause is not None and id(cause) not in seen:
@@ -234,7 +236,7 @@ def _shortage(error: BaseException) -> MemoryError | None:
 
 
 def _at(error: BaseException, sentence: str) -> str:
-    """A sentence with the line of a user's file that was being run, if any."""
+    """Add the line of the user's file that was running, if any, to a sentence."""
     frames = [(f.filename, f.lineno) for f in traceback.extract_tb(error.__traceback__)]
     line = user_line(reversed(frames))
     return f"{line}: {sentence}" if line else sentence
@@ -253,7 +255,7 @@ def _words(error: BaseException) -> str:
 
 
 def _answer(tasks: Connection, value: object, *, last: bool) -> None:
-    """Send a value, and whether it is the last; one that can't be sent is a failure saying so."""
+    """Send a value, and whether it is the last; send a failure if it cannot be pickled."""
     try:
         data = ForkingPickler.dumps((value, last))
     except BaseException as error:
@@ -261,5 +263,5 @@ def _answer(tasks: Connection, value: object, *, last: bool) -> None:
         data = ForkingPickler.dumps((lost, last))
     try:
         tasks.send_bytes(data)
-    except OSError:  # nobody listens any more
+    except OSError:  # the program no longer reads
         os._exit(1)

@@ -1,9 +1,9 @@
 """Worker processes: one task at a time each, with limits, and replaceable.
 
-A worker that crashes, hangs or blows up is replaced; the tasks beside it and after it go on (a
-`ProcessPoolExecutor` would lose every pending task to one segfault). There are no threads here, no
-locks and no queues between processes: a worker has a pipe, and what is at its end is either a value
-or the end of the process. So no death leaves anything locked, one with exit code 0 included.
+A worker that crashes, hangs or exceeds its memory is replaced; other tasks continue. A
+`ProcessPoolExecutor` would lose every pending task to one segfault. There are no threads, locks or
+queues between processes. A worker has a pipe, which delivers a value or the end of the process. So
+no death leaves a lock behind, not even one with exit code 0.
 """
 
 from __future__ import annotations
@@ -43,35 +43,35 @@ __all__ = ["Failure", "Limits", "Pending", "Workers"]
 MOST_PRINTED = 4000
 
 _TRIES = 5
-"""Times that a worker is tried to be started: a task may end the process that starts them."""
+"""Number of attempts to start a worker, since a task may end the process that starts them."""
 
-# Last what sympy imports only as it adds and simplifies.
+# The last ones are modules that sympy imports only when it adds and simplifies.
 PRELOADED = (
     "physics_crosscheck.harness.checks.case", "physics_crosscheck.harness.checks.multibody",
     "physics_crosscheck.harness.checks.audit", "physics_crosscheck.harness.diagnosis.coverage",
     "physics_crosscheck.harness.diagnosis.task", "scipy.integrate", "scipy.linalg",
     "sympy.tensor.tensor", "sympy.physics.units",
 )  # fmt: skip
-"""What is imported once, for all worker processes."""
+"""Modules that are imported once for all worker processes."""
 
 _UNKNOWN = 255
-"""Exit code that multiprocessing gives where the process that would have told it is gone."""
+"""Exit code from multiprocessing if the process that should report it is gone."""
 
 _UNAFFECTED = "other cases are not affected"
 
 _Ended = tuple[str, CaseKind]
-"""Why a task was ended, in a sentence, and the kind of that."""
+"""Sentence and kind of the reason for ending a task."""
 
 _NO_MEMORY = ("bad_alloc", "Could not allocate memory", "Cannot allocate memory", "out of memory")
-"""What C and C++ print before they end the process for want of memory."""
+"""Messages of C and C++ before a process ends for lack of memory."""
 
 
 @dataclass(eq=False)
 class _Worker:
-    """A process, and the task that it has, since when.
+    """A process with its task and the start time of the task.
 
     Attributes:
-        orphaned: whether the process that started it is gone: its pipe alone tells of its end.
+        orphaned: whether the process that started it is gone, so that only its pipe shows its end.
     """
 
     process: BaseProcess
@@ -83,15 +83,15 @@ class _Worker:
     orphaned: bool = False
 
     def begin(self, pending: Pending[Any]) -> None:
-        """It gets a task now."""
+        """Start a task now."""
         self.pending, self.since = pending, time.monotonic()
         self.used = processor_seconds(self.process.pid or 0)
 
     def overdue(self) -> _Ended | None:
         """Return why its task must end; None while it may continue.
 
-        By the clock, and not for want of the processor; or it has had twice its share of that: it
-        does not hear the signal that ends such tasks.
+        The elapsed time counts only if the task is not waiting for the processor. Twice its
+        processor time ends it too, since it then ignores the signal that ends such tasks.
         """
         elapsed, limits = time.monotonic() - self.since, self.station.limits
         if self.pending is None or elapsed <= min(2 * limits.seconds, limits.wall):
@@ -104,7 +104,9 @@ class _Worker:
         return None
 
     def lives_on(self) -> bool:
-        """Whether it lives though its end was told: the process that started it has ended."""
+        """Return whether it runs although its end was reported: the process that started it has
+        ended.
+        """
         if self.process.exitcode != _UNKNOWN:
             return False
         with contextlib.suppress(OSError, AttributeError):
@@ -112,7 +114,7 @@ class _Worker:
         return False
 
     def printed(self) -> str:
-        """The end of what the task printed."""
+        """Return the end of the task's printed output."""
         try:
             with self.station.log.open("rb") as log:
                 log.seek(max(0, self.station.log.stat().st_size - 4 * MOST_PRINTED))
@@ -122,7 +124,7 @@ class _Worker:
         return text.strip()[-MOST_PRINTED:]
 
     def kill(self) -> None:
-        """End it, and whatever it started."""
+        """End it, with all its child processes."""
         self.tasks.close()
         with contextlib.suppress(OSError, AttributeError):
             os.killpg(self.process.pid or 0, signal.SIGKILL)
@@ -130,24 +132,24 @@ class _Worker:
         self.process.join()
 
     def let_go(self) -> None:
-        """Wait a little for one that has nothing to do: without a pipe, it ends by itself."""
+        """Wait briefly for an idle worker, which ends by itself without a pipe."""
         self.process.join(1.0)
         self.kill()
 
 
 _IMPORTED_IN = os.getpid()
-"""The process that imported this module; one forked from it has another number."""
+"""Process that imported this module; a forked process has another number."""
 
 
 class Workers(Executor):
-    """Worker processes of this machine; use them as a context manager.
+    """The worker processes of this machine; use it as a context manager.
 
     Args:
-        jobs: how many at most.
-        limits: of each task.
-        cwd: their working folder; None: this process's.
-        wake: a pipe that ends the moment which `turn` waits; whoever reads it is another's affair.
-        alone: whether they are not told of the program's main module.
+        jobs: maximum number of workers.
+        limits: limits of each task.
+        cwd: working folder; None: that of this process.
+        wake: a pipe whose data interrupts the wait of `turn`; another part reads it.
+        alone: whether to hide the program's main module from them.
     """
 
     def __init__(
@@ -166,26 +168,26 @@ class Workers(Executor):
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._crew: list[_Worker] = []
         self._started = 0
-        # At the latest when Python ends: before multiprocessing waits for the processes.
+        # At the latest when Python ends, before multiprocessing waits for the processes.
         self._end = weakref.finalize(self, _dismiss, self._crew, self._scratch)
 
     def begin(self) -> None:
-        """Start what workers are started from, which imports while this process does."""
+        """Start the server process, which imports modules while this process continues."""
         if self._context.get_start_method() == "forkserver":
-            from multiprocessing import forkserver  # which can't be imported where there is none
+            from multiprocessing import forkserver  # missing where there is no fork server
 
             with _as_servers_start():
                 forkserver.ensure_running()
 
     def turn(self) -> list[Pending[Any]]:
-        """Hand out tasks, wait a moment for something to happen, and return those that ended."""
+        """Start tasks, wait briefly for an event, and return the tasks that ended."""
         ended = list(self._hand_out())
         if not ended:
             ended = list(self._take())
         return ended
 
     def _hand_out(self) -> Iterator[Pending[Any]]:
-        """Give waiting tasks to workers that have none; yields those that can't be sent."""
+        """Give waiting tasks to idle workers; yield those that cannot be sent."""
         while self._waiting:
             worker = next((one for one in self._crew if one.pending is None), None)
             if worker is None:
@@ -200,7 +202,7 @@ class Workers(Executor):
                 yield pending
                 continue
             worker.begin(pending)
-            with contextlib.suppress(OSError):  # it is gone, which is seen below
+            with contextlib.suppress(OSError):  # the worker is gone; detected below
                 worker.tasks.send_bytes(data)
 
     def _new(self) -> _Worker:
@@ -222,7 +224,7 @@ class Workers(Executor):
         return worker
 
     def _take(self) -> Iterator[Pending[Any]]:
-        """Wait a moment; yields the tasks that ended, in the order of the workers."""
+        """Wait briefly; yield the tasks that ended, in the order of the workers."""
         ends: list[Connection | int] = [one.tasks for one in self._crew]
         ends += [one.process.sentinel for one in self._crew if not one.orphaned]
         ends += [] if self._wake is None else [self._wake]
@@ -241,11 +243,11 @@ class Workers(Executor):
                 yield pending
 
     def _receive(self, worker: _Worker) -> None:
-        """Take a value from a worker, or its death."""
+        """Receive a value from a worker, or detect its end."""
         try:
             data = worker.tasks.recv_bytes()
         except (EOFError, OSError):
-            worker.process.join(1.0)  # for its exit code; what lives on without a pipe is killed
+            worker.process.join(1.0)  # for its exit code; kill it if it lives on
             self._bury(worker)
             return
         pending, worker.pending = worker.pending, None
@@ -262,7 +264,7 @@ class Workers(Executor):
             self._bury(worker)
 
     def _bury(self, worker: _Worker, why: _Ended | None = None) -> None:
-        """Remove a worker that died, or is to; its task, if it has one, failed."""
+        """Remove a worker that died or must end; its task, if any, fails."""
         self._crew.remove(worker)
         worker.kill()
         if worker.pending is not None:
@@ -273,12 +275,12 @@ class Workers(Executor):
             file.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """End all workers, with what they are doing."""
+        """End all workers, including running tasks."""
         self._end()
 
 
 def _dismiss(crew: list[_Worker], scratch: Path) -> None:
-    """End workers, and remove what they left."""
+    """End workers, and remove their files."""
     for worker in crew:
         worker.tasks.close()
     for worker in crew:
@@ -291,10 +293,10 @@ def _dismiss(crew: list[_Worker], scratch: Path) -> None:
 
 
 def _context() -> Any:
-    """How processes are started: from a server that has imported what every task needs.
+    """Return how processes start: from a server that has imported the modules of every task.
 
-    It is started with the first of them: where all is known, nothing has to be imported. A process
-    that was forked can't use the server of the one that it came from, and starts each by itself.
+    The server starts with the first process, so nothing is imported if all results are cached. A
+    forked process cannot use the server of its parent, and starts each worker directly.
     """
     if os.getpid() != _IMPORTED_IN:
         return multiprocessing.get_context("spawn")
@@ -306,17 +308,17 @@ def _context() -> Any:
 
 
 def _start(process: BaseProcess) -> None:
-    """Start a worker; where the server is gone, killed by a task perhaps, by another one.
+    """Start a worker; start another server if a task killed the present one.
 
     Raises:
-        OSError: where that is of no use.
+        OSError: if that fails too.
     """
     for _ in range(_TRIES):
         try:
             with _as_servers_start():
                 process.start()
         except (EOFError, ConnectionError):
-            time.sleep(MOMENT)  # it is about to end, which is to be seen
+            time.sleep(MOMENT)  # let its end become visible
         else:
             return
     raise OSError("no worker process can be started: the process that starts them ends each time")
@@ -324,14 +326,13 @@ def _start(process: BaseProcess) -> None:
 
 @contextlib.contextmanager
 def _as_servers_start() -> Iterator[None]:
-    """Meanwhile a server may be started, which hears no signal and takes no module of a user's.
+    """Allow the start of a server that ignores signals and imports no modules of the user.
 
-    What is beside it, multiprocessing's tracker of resources, comes first: as it starts, it lets
-    signals through again.
+    multiprocessing's resource tracker starts first, since its start unblocks the signals again.
     """
     if "forkserver" in multiprocessing.get_all_start_methods():
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that it had to be started again
+            warnings.simplefilter("ignore")  # ignore that it had to be started again
             resource_tracker.ensure_running()
     with _safe_path(), workers_defaults(), _signals_held():
         yield
@@ -339,10 +340,10 @@ def _as_servers_start() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _safe_path() -> Iterator[None]:
-    """Processes started meanwhile don't look for modules in the working folder first.
+    """Remove the working folder from the module path of processes that start meanwhile.
 
-    A user's `types.py` there, or a file called like an engine, would be taken for the real one. Not
-    where this is the folder that our own packages are in.
+    A user's `types.py` there, or a file named like an engine, would replace the real module. Keep
+    the folder if it contains our own packages.
     """
     if Path.cwd() == IMPORT_ROOT or "PYTHONSAFEPATH" in os.environ:
         yield
@@ -356,7 +357,7 @@ def _safe_path() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _signals_held() -> Iterator[None]:
-    """Processes started meanwhile don't hear what ends programs: they end when this one does."""
+    """Block terminating signals in processes that start meanwhile: they end with this process."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -368,7 +369,7 @@ def _signals_held() -> Iterator[None]:
 
 
 def _cause_of_death(worker: _Worker) -> _Ended:
-    """Return why a worker died, and the kind of that: a limit, or what ended it."""
+    """Return why a worker died, and the kind of the reason: a limit, or another cause."""
     code, limits = worker.process.exitcode, worker.station.limits
     if hasattr(signal, "SIGPROF") and code == -signal.SIGPROF:
         return limits.spent, "time limit"
@@ -381,7 +382,7 @@ def _cause_of_death(worker: _Worker) -> _Ended:
 
 
 def _at(worker: _Worker, sentence: str) -> str:
-    """A sentence with the line of a user's file that was being run, where that is known."""
+    """Add the line of the user's file that was running, if known, to a sentence."""
     line = line_of_death(worker.station.trace)
     return f"{line}: {sentence}" if line else sentence
 
