@@ -88,10 +88,13 @@ def audits(
         floating=floating,
         model=model,
     )
-    planned = [(_FolderAudits if one.is_dir() else _RobotAudits)(one, options) for one in targets]
+    planned = [
+        (_FolderAudits if model_id.is_dir() else _RobotAudits)(model_id, options)
+        for model_id in targets
+    ]
     with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
-        work(chain.from_iterable(one.jobs() for one in planned), workers)
-    return tuple(chain.from_iterable(one.results() for one in planned))
+        work(chain.from_iterable(model_id.jobs() for model_id in planned), workers)
+    return tuple(chain.from_iterable(model_id.results() for model_id in planned))
 
 
 class _TargetAudits(ABC):
@@ -109,8 +112,8 @@ class _TargetAudits(ABC):
     def results(self) -> Iterator[ModelAudit]:
         """Yield the audits in the order of the models, or the reason for a failed preparation."""
         for case in self._found.cases:
-            one = ModelId(system=case.system, model=case.model, engine=case.engine)
-            yield ModelAudit(one, failure=case.reason)
+            model_id = ModelId(system=case.system, model=case.model, engine=case.engine)
+            yield ModelAudit(model_id, failure=case.reason)
         for audit in self._audits:
             record = self._found.models.get((str(self._target), audit.id.model, audit.id.engine))
             if record is None:
@@ -145,7 +148,7 @@ class _FolderAudits(_TargetAudits):
         yield from place.begun(partial(self._models, place))
 
     def _models(self, place: FolderWork) -> Iterator[Job[Any]]:
-        system, known = place.facts.record.name, registered()
+        system, adapters = place.facts.record.name, registered()
         model = BodiesModel if place.facts.bodies else EnergiesModel
         for file in model_files(self._target):
             if not self._wants(file):
@@ -155,16 +158,16 @@ class _FolderAudits(_TargetAudits):
                 self._audits.append(ModelAudit(unread, failure=file.reason))
                 continue
             for engine in chosen_engines(file, self._options.engines):
-                one = ModelId(system=system, model=file.model.name, engine=engine)
+                model_id = ModelId(system=system, model=file.model.name, engine=engine)
                 if not self._wants(file, engine):
                     continue
-                if why := hurdle(known, engine, file):
+                if why := hurdle(adapters, engine, file):
                     absent = why.outcome is Outcome.ABSENT
-                    self._audits.append(ModelAudit(one, failure=why.reason, absent=absent))
+                    self._audits.append(ModelAudit(model_id, failure=why.reason, absent=absent))
                     continue
                 # Its findings go to its record.
-                self._audits.append(ModelAudit(one, is_survey=place.facts.bodies))
-                yield from model(place, known, file, engine, ()).audit()
+                self._audits.append(ModelAudit(model_id, is_survey=place.facts.bodies))
+                yield from model(place, adapters, file, engine, ()).audit()
 
     def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
         """Return whether to audit a model, in an engine or in any."""

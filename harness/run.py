@@ -83,10 +83,10 @@ def run(
             RobotOptions(floating=options.floating, model=options.model),
         )
     stop = interruption.stop or Stop()
-    found = Collected(progress, interruption.journal)
-    plan = Plan(options, before, found)
-    alone = RobotPlan(options, before, found)
-    readable = alone.readable(robots)
+    builder = Collected(progress, interruption.journal)
+    plan = Plan(options, before, builder)
+    robot_plan = RobotPlan(options, before, builder)
+    readable = robot_plan.readable(robots)
     with executor(
         jobs=options.jobs,
         limits=options.limits,
@@ -95,26 +95,26 @@ def run(
         engines=options.engines,
         sure=options.cache is None and bool(folders or readable or not robots),
     ) as workers:
-        planned = [*map(plan.folder, folders), *map(alone.file, readable)]
+        planned = [*map(plan.folder, folders), *map(robot_plan.file, readable)]
         work(chain.from_iterable(planned), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
-    cases = mark_known(_sorted_cases(found, order), found.measured, before)
-    models = mark_models(found.models.values(), before)
+    cases = mark_known(_sorted_cases(builder, order), builder.measured, before)
+    models = mark_models(builder.models.values(), before)
     results = Results(
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         versions=versions(),
         resolution=options.resolution,
         seconds=time.perf_counter() - began,
-        systems=tuple(sorted(found.systems, key=lambda s: order[s.folder])),
+        systems=tuple(sorted(builder.systems, key=lambda s: order[s.folder])),
         models=tuple(sorted(models, key=lambda m: (order[m.folder], m.model, m.engine))),
         cases=cases,
-        baseline=None if stop.asked else _changes(cases, found.measured, before, options),
+        baseline=None if stop.asked else _changes(cases, builder.measured, before, options),
         stopped=stop.name if stop.asked else "",
-        not_run=tuple(case for _, case in found.left),
-        cached=found.cached,
+        not_run=tuple(case for _, case in builder.left),
+        cached=builder.cached,
     )
-    return Run(results, found.measured, found.reads)
+    return Run(results, builder.measured, builder.reads)
 
 
 def _changes(
@@ -124,18 +124,18 @@ def _changes(
     options: Options,
 ) -> BaselineChanges | None:
     """Return the changes since the baseline; cases outside of the selection are not gone."""
-    found = changes_since(cases, measured, before)
-    if found is None or options.choice.everything:
-        return found
-    kept = tuple(change for change in found.changes if change.kind != "missing")
-    return replace(found, changes=kept)
+    builder = changes_since(cases, measured, before)
+    if builder is None or options.choice.everything:
+        return builder
+    kept = tuple(change for change in builder.changes if change.kind != "missing")
+    return replace(builder, changes=kept)
 
 
-def _sorted_cases(found: Collected, order: Mapping[str, int]) -> list[Case]:
+def _sorted_cases(builder: Collected, order: Mapping[str, int]) -> list[Case]:
     """Sort cases by folder as given, model file, engine, and scenario as declared."""
     declared = {
         (system.folder, scenario.name): i
-        for system in found.systems
+        for system in builder.systems
         for i, scenario in enumerate(system.scenarios)
     }
 
@@ -143,4 +143,4 @@ def _sorted_cases(found: Collected, order: Mapping[str, int]) -> list[Case]:
         place = declared.get((case.folder, case.scenario), 0)
         return order[case.folder], case.model, case.engine, place
 
-    return sorted(found.cases, key=key)
+    return sorted(builder.cases, key=key)

@@ -12,9 +12,11 @@ from physics_crosscheck.harness.records.model import Model
 
 def unaccepted(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:
     """Return the findings about a model that were not accepted."""
-    known = () if audit is None else audit.findings
+    accepted = () if audit is None else audit.findings
     return tuple(
-        one for one in model.findings if not any(_same(_plain(one, model), a) for a in known)
+        finding
+        for finding in model.findings
+        if not any(_same(_plain(finding, model), a) for a in accepted)
     )
 
 
@@ -29,7 +31,7 @@ def accepted_audit(
         before: the accepted findings.
         reason: reason for accepting them.
     """
-    findings = tuple(_plain(one, model) for one in model.findings)
+    findings = tuple(_plain(finding, model) for finding in model.findings)
     if not findings:
         return None
     if (
@@ -43,25 +45,25 @@ def accepted_audit(
     )
 
 
-def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
+def _plain(finding: AuditFinding, model: Model) -> AcceptedFinding:
     """Convert a finding for the baseline, without the path of its folder on this machine."""
     folder = Path(model.folder)
     folder = folder.parent if folder.name == model.model else folder
     base = "" if folder == Path() else f"{folder}/"
     return AcceptedFinding(
-        kind=one.kind,
-        subject=tuple(part.replace(base, "") for part in one.subject),
-        message=one.message.replace(base, ""),
-        expected=one.expected,
-        found=one.found,
+        kind=finding.kind,
+        subject=tuple(part.replace(base, "") for part in finding.subject),
+        message=finding.message.replace(base, ""),
+        expected=finding.expected,
+        found=finding.found,
     )
 
 
-def _same(one: AcceptedFinding, other: AcceptedFinding) -> bool:
+def _same(finding: AcceptedFinding, other: AcceptedFinding) -> bool:
     """Return whether two findings are equal; numbers of a literal must be exactly equal."""
-    tolerance = 0.0 if one.kind == "literal" else SAME
+    tolerance = 0.0 if finding.kind == "literal" else SAME
     return (
-        (one.kind, one.subject) == (other.kind, other.subject)
-        and is_near(one.expected, other.expected, tolerance)
-        and is_near(one.found, other.found, tolerance)
+        (finding.kind, finding.subject) == (other.kind, other.subject)
+        and is_near(finding.expected, other.expected, tolerance)
+        and is_near(finding.found, other.found, tolerance)
     )

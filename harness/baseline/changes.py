@@ -213,15 +213,15 @@ def _scenario_part(was: Snapshot, now: Snapshot) -> Part:
     """Return how the present snapshot's scenario differs from the accepted one."""
     if was == now:
         return Part()
-    told = []
+    changes = []
     if was.duration != now.duration:
-        told.append(f"duration {was.duration:g} s -> {now.duration:g} s")
+        changes.append(f"duration {was.duration:g} s -> {now.duration:g} s")
     changed = zip(was.inputs, now.inputs, strict=False)
-    told += [f"input {old} -> {new}" for old, new in changed if old != new]
+    changes += [f"input {old} -> {new}" for old, new in changed if old != new]
     if was.components != now.components:
-        told.append(f"components {', '.join(was.components)} -> {', '.join(now.components)}")
-    told = told or ["its initial state, or a motion of the system's other scenarios"]
-    message = f"the scenario changed: {'; '.join(told)}"
+        changes.append(f"components {', '.join(was.components)} -> {', '.join(now.components)}")
+    changes = changes or ["its initial state, or a motion of the system's other scenarios"]
+    message = f"the scenario changed: {'; '.join(changes)}"
     return Part(kinds=("scenario",), messages=(message,), worse=True)
 
 

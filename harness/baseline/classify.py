@@ -62,7 +62,7 @@ def classify(
     case: Case,
     measured: Measurement | Failure | None,
     scan: FolderFiles,
-    one: SystemBaseline | None,
+    accepted: SystemBaseline | None,
     versions: Mapping[str, str | None],
     resolution: float,
     stale: bool = False,
@@ -74,13 +74,13 @@ def classify(
         case: record of the case.
         measured: measurement of its model, or the reason for its absence.
         scan: the files of the run.
-        one: the baseline of the system.
+        accepted: the baseline of the system.
         versions: of the engines.
         resolution: of the run.
         stale: whether the files have changed since they were hashed.
     """
     id_ = CaseId(system=system, model=case.model, scenario=case.scenario, engine=case.engine)
-    entry = one.cases.get(id_) if one else None
+    entry = accepted.cases.get(id_) if accepted else None
     model = next((m for m in scan.models if m.model == case.model), None)
     if isinstance(measured, Measurement):
         files = with_reads(model, measured.reads)
@@ -99,7 +99,7 @@ def classify(
         )
     motion = measured if isinstance(measured, Measurement) else None
     now = entry_of(id_, case, motion, dependencies(files, case.engine, versions, resolution))
-    if entry is None or one is None:
+    if entry is None or accepted is None:
         return Change(
             id=id_,
             status=Status.NEW,
@@ -109,13 +109,13 @@ def classify(
             now=now,
             files=files,
         )
-    found = compare(entry, now, one.snapshot(id_), motion)
+    difference = compare(entry, now, accepted.snapshot(id_), motion)
     return Change(
         id=id_,
-        status=found.status,
-        kinds=found.kinds,
-        messages=(*found.messages, *found.causes),
-        size=found.size,
+        status=difference.status,
+        kinds=difference.kinds,
+        messages=(*difference.messages, *difference.causes),
+        size=difference.size,
         case=case,
         measured=motion,
         entry=entry,

@@ -31,11 +31,11 @@ def cost_part(then: AcceptedCase, now: AcceptedCase, settled: bool) -> Part:
     """Report the cost of a time step; it is judged only if the limit has not changed
     (`settled`).
     """
-    found = _method(then, now)
-    found = _orders(then, now, _error(then, now, found, settled))
-    worse, better = (found.worse, found.better) if settled else (False, False)
-    kinds = ("numbers",) if found.messages else ()
-    return Part(kinds=kinds, messages=found.messages, worse=worse, better=better and not worse)
+    part = _method(then, now)
+    part = _orders(then, now, _error(then, now, part, settled))
+    worse, better = (part.worse, part.better) if settled else (False, False)
+    kinds = ("numbers",) if part.messages else ()
+    return Part(kinds=kinds, messages=part.messages, worse=worse, better=better and not worse)
 
 
 def _method(then: AcceptedCase, now: AcceptedCase) -> Part:
@@ -47,24 +47,24 @@ def _method(then: AcceptedCase, now: AcceptedCase) -> Part:
     return Part(messages=tuple(messages))
 
 
-def _error(then: AcceptedCase, now: AcceptedCase, found: Part, settled: bool) -> Part:
+def _error(then: AcceptedCase, now: AcceptedCase, part: Part, settled: bool) -> Part:
     """Add changes of the global error at the file's own time step."""
     a, b = then.global_error, now.global_error
     if a is None or b is None:
         if a == b:
-            return found
+            return part
         finite = "the error at dt is finite now" if a is None else "the error at dt is not finite"
-        return Part(messages=(*found.messages, finite), worse=b is None, better=a is None)
+        return Part(messages=(*part.messages, finite), worse=b is None, better=a is None)
     tolerance = max(GLOBAL, min(1.0, a)) * a + 1e-12
-    if abs(b - a) <= tolerance or not (settled or found.messages):
-        return found
+    if abs(b - a) <= tolerance or not (settled or part.messages):
+        return part
     message = f"error at dt {_percent(a)} -> {_percent(b)}"
-    return Part(messages=(*found.messages, message), worse=b > a, better=b < a)
+    return Part(messages=(*part.messages, message), worse=b > a, better=b < a)
 
 
-def _orders(then: AcceptedCase, now: AcceptedCase, found: Part) -> Part:
+def _orders(then: AcceptedCase, now: AcceptedCase, part: Part) -> Part:
     """Add changes of the convergence orders."""
-    messages, worse, better = list(found.messages), found.worse, found.better
+    messages, worse, better = list(part.messages), part.worse, part.better
     pairs = (
         ("claimed order", then.claimed_order, now.claimed_order),
         ("order on the segments", then.order, now.order),
@@ -89,14 +89,14 @@ def _percent(value: float) -> str:
 
 def constants_moved(was: Mapping[str, Identified], now: Mapping[str, Identified]) -> list[str]:
     """Describe the constants identified from the motion whose values changed."""
-    told = []
+    moved = []
     for name in (name for name in now if name in was):
         old, new = was[name], now[name]
         errors = old.standard_error + new.standard_error
         if abs(new.value - old.value) > 3 * errors + 1e-12 * abs(old.value):
             share = max(new.standard_error, 1e-300) / max(abs(new.value), 1e-300)
             digits = min(max(2 - math.floor(math.log10(share)), 3), 10)
-            told.append(
+            moved.append(
                 f"the motion implies {name} {old.value:.{digits}g} -> {new.value:.{digits}g}"
             )
-    return told
+    return moved

@@ -96,21 +96,23 @@ class _Folder(msgspec.Struct):
     declared: Declared
 
 
-def file_text(one: SystemBaseline) -> str:
+def file_text(baseline: SystemBaseline) -> str:
     """Return the text of a system's baseline file; omit snapshots that no case needs."""
-    needed = sorted({entry.snapshot for entry in one.cases.values()} - {""})
+    needed = sorted({entry.snapshot for entry in baseline.cases.values()} - {""})
     cases = [
-        f"    {_table(sealed(_as_read(one.cases[case])), '    ')}" for case in sorted(one.cases)
+        f"    {_table(sealed(_as_read(baseline.cases[case])), '    ')}"
+        for case in sorted(baseline.cases)
     ]
     audits = [
-        f"    {_table(sealed(_as_read(one.audits[model])), '    ')}" for model in sorted(one.audits)
+        f"    {_table(sealed(_as_read(baseline.audits[model])), '    ')}"
+        for model in sorted(baseline.audits)
     ]
     accepted = f'  "audits": {_block("[", audits, "]")},\n' if audits else ""
-    snapshots = [f"    {_line(key)}: {_table(one.snapshots[key], '    ')}" for key in needed]
+    snapshots = [f"    {_line(key)}: {_table(baseline.snapshots[key], '    ')}" for key in needed]
     return (
         "{\n"
         f'  "format": {FORMAT},\n'
-        f'  "declared": {_table(sealed(_as_read(one.declared)), "  ")},\n'
+        f'  "declared": {_table(sealed(_as_read(baseline.declared)), "  ")},\n'
         f'  "cases": {_block("[", cases, "]")},\n'
         f"{accepted}"
         f'  "snapshots": {_block("{", snapshots, "}")}\n'
@@ -184,15 +186,15 @@ def _check_format(data: bytes) -> None:
     """
     again = "remove it and run `crosscheck accept --reason TEXT`"
     try:
-        found = _decoded(data, _Head).format
+        version = _decoded(data, _Head).format
     except _ShapeError:
         _decoded(data, object)  # report text that is not JSON as such
-        found = None
-    if isinstance(found, int) and found < FORMAT:
+        version = None
+    if isinstance(version, int) and version < FORMAT:
         raise FileError(
-            f"baseline has format {found} of an earlier crosscheck, expected {FORMAT}; {again}"
+            f"baseline has format {version} of an earlier crosscheck, expected {FORMAT}; {again}"
         )
-    if found != FORMAT:
+    if version != FORMAT:
         raise FileError(
             f"not a baseline of format {FORMAT}; use the version of crosscheck that "
             f"wrote it, or {again}"
@@ -216,7 +218,7 @@ def _decoded(data: bytes, wanted: type[T]) -> T:
 def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     cases: dict[CaseId, AcceptedCase] = {}
     for entry in file.cases:
-        _believe(entry, str(entry.id), system, known=entry.id in cases)
+        _believe(entry, str(entry.id), system, is_known=entry.id in cases)
         if not (entry.model and entry.scenario and entry.engine):
             raise FileError(f"{entry.id}: does not name a model, scenario and engine; {_RESTORE}")
         snapshot = file.snapshots.get(entry.snapshot)
@@ -233,50 +235,50 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     return cases
 
 
-def _believe(one: A, called: str, system: str, *, known: bool) -> None:
+def _believe(record: A, called: str, system: str, *, is_known: bool) -> None:
     """Reject a record with a broken seal, of another system, or with a duplicate key."""
-    if sealed(one) != one:
+    if sealed(record) != record:
         raise FileError(f"{called}: {_NOT_BELIEVED}")
-    if one.system != system:
+    if record.system != system:
         raise FileError(f"{called}: belongs to a different system; {_RESTORE}")
-    if known:
+    if is_known:
         raise FileError(f"{called}: appears twice; {_RESTORE}")
 
 
 def _audits(file: BaselineFile, system: str) -> dict[ModelId, AcceptedAudit]:
     audits: dict[ModelId, AcceptedAudit] = {}
     for audit in file.audits:
-        _believe(audit, f"the audit of {audit.id}", system, known=audit.id in audits)
+        _believe(audit, f"the audit of {audit.id}", system, is_known=audit.id in audits)
         audits[audit.id] = audit
     return audits
 
 
-def _is_whole(one: Snapshot) -> bool:
+def _is_whole(snapshot: Snapshot) -> bool:
     """Return whether a snapshot's tables are consistent, and its numbers valid."""
-    count, width = len(one.t), len(one.components)
-    inputs = {len(row) for nodes in one.input_nodes for row in nodes}
+    count, width = len(snapshot.t), len(snapshot.components)
+    inputs = {len(row) for nodes in snapshot.input_nodes for row in nodes}
     return (
         count > 0
-        and {len(one.length), len(one.input_nodes)} == {count}
-        and _is_table(one.start, count, width)
-        and _is_table(one.end, count, width)
-        and len(one.scale) == width
-        and inputs <= {len(one.inputs)}
-        and all(one.input_nodes)
-        and all(value > 0 for value in _positive(one))
+        and {len(snapshot.length), len(snapshot.input_nodes)} == {count}
+        and _is_table(snapshot.start, count, width)
+        and _is_table(snapshot.end, count, width)
+        and len(snapshot.scale) == width
+        and inputs <= {len(snapshot.inputs)}
+        and all(snapshot.input_nodes)
+        and all(value > 0 for value in _positive(snapshot))
     )
 
 
-def _positive(one: Snapshot) -> Iterator[float]:
-    yield from one.length
-    yield from one.scale
+def _positive(snapshot: Snapshot) -> Iterator[float]:
+    yield from snapshot.length
+    yield from snapshot.scale
 
 
-def _fits(entry: AcceptedCase, one: Snapshot) -> bool:
+def _fits(entry: AcceptedCase, snapshot: Snapshot) -> bool:
     """Return whether an entry's ends match the segments and the scenario of a snapshot."""
-    size = len(one.t), len(one.components)
+    size = len(snapshot.t), len(snapshot.components)
     tables = (entry.end, entry.end_uncertainty)
-    return one.scenario == entry.scenario and all(_is_table(table, *size) for table in tables)
+    return snapshot.scenario == entry.scenario and all(_is_table(table, *size) for table in tables)
 
 
 def _is_table(rows: Sequence[Sequence[object]], count: int, width: int) -> bool:

@@ -113,9 +113,9 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
     Raises:
         OSError: for an unreadable file, since it cannot count as unchanged.
     """
-    sidecars, broken, own = {}, [], {"system.py"}
+    sidecars, broken, model_names = {}, [], {"system.py"}
     for path in sorted(folder.glob("*.toml")):
-        own |= {path.name, path.with_suffix("").name}
+        model_names |= {path.name, path.with_suffix("").name}
         try:
             sidecars[path.with_suffix("").name] = read_sidecar(path)
         except SidecarError as error:
@@ -128,9 +128,11 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
         for name in models
         if name not in sidecars and folder / name not in within
     ]
-    beside = {name: digest(folder / name) for name in _inside(folder, apart) if name not in own}
+    others = {
+        name: digest(folder / name) for name in _inside(folder, apart) if name not in model_names
+    }
     system = digest(folder / "system.py")
-    found = []
+    model_files = []
     for name, sidecar in zip(sidecars, drop_absent_models(sidecars.values()), strict=True):
         copies = (name, f"{name}.toml", "system.py")
         hashes = {copy: digest(folder / copy) for copy in copies}
@@ -139,14 +141,16 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
             where = Path(os.path.relpath(path, folder)).as_posix()
             if where not in hashes:
                 named[where] = digest(path)
-        rest = {other: beside[other] for other in beside if other not in named}
+        rest = {other: others[other] for other in others if other not in named}
         if rest:
             named[BESIDE] = _together(rest)
-        own_and_beside = frozenset((*copies, *named, *beside))
+        own_and_beside = frozenset((*copies, *named, *others))
         hashes |= named
-        found.append(ModelFiles(folder, name, sidecar.engines, hashes, copies, own_and_beside))
-    declared = _together({"system.py": system, **beside})
-    return FolderFiles(folder, declared, tuple(found), tuple(broken))
+        model_files.append(
+            ModelFiles(folder, name, sidecar.engines, hashes, copies, own_and_beside)
+        )
+    declared = _together({"system.py": system, **others})
+    return FolderFiles(folder, declared, tuple(model_files), tuple(broken))
 
 
 def robot_file(file: Path, engines: tuple[str, ...], robot: RobotOptions) -> FolderFiles:

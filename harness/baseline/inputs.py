@@ -33,39 +33,39 @@ def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey
         scan = folder_files(folder, apart)
     except OSError:
         return {}
-    known = versions()
+    engine_versions = versions()
     return {
         (str(folder), one.model, engine): _hash(
-            dependencies(one.hashes, engine, known, resolution), known
+            dependencies(one.hashes, engine, engine_versions, resolution), engine_versions
         )
         for one in scan.models
         for engine in one.engines
     }
 
 
-def with_reads_of_system(known: str, key: ModelKey, reads: Mapping[str, str]) -> str:
+def with_reads_of_system(model_hash: str, key: ModelKey, reads: Mapping[str, str]) -> str:
     """Add the files that `system.py` read or looked for to the hash of a model; "" if unknown.
 
     Args:
-        known: hash of the model.
+        model_hash: hash of the model.
         key: key of the model. A model that is code may read any file while it runs.
         reads: states of the files that were read, by name relative to the folder.
     """
-    if not known or Path(key[1]).suffix == ".py" or UNREADABLE in reads.values():
+    if not model_hash or Path(key[1]).suffix == ".py" or UNREADABLE in reads.values():
         return ""
-    return digest_of(msgspec.json.encode([known, reads], order="sorted"))
+    return digest_of(msgspec.json.encode([model_hash, reads], order="sorted"))
 
 
-def _hash(depends: Dependencies, known: Mapping[str, str | None]) -> str:
-    ours = known["physics-crosscheck"], known["python"], np.__version__
+def _hash(depends: Dependencies, engine_versions: Mapping[str, str | None]) -> str:
+    ours = engine_versions["physics-crosscheck"], engine_versions["python"], np.__version__
     return digest_of(msgspec.json.encode([dataclasses.asdict(depends), ours], order="sorted"))
 
 
 def versions() -> dict[str, str | None]:
     """Return the versions of this package, Python and each engine."""
     try:
-        own = importlib.metadata.version("physics-crosscheck")
+        version = importlib.metadata.version("physics-crosscheck")
     except importlib.metadata.PackageNotFoundError:
-        own = "not installed"
-    known = {name: engine.version() for name, engine in engines().items()}
-    return {"physics-crosscheck": own, "python": platform.python_version(), **known}
+        version = "not installed"
+    engine_versions = {name: engine.version() for name, engine in engines().items()}
+    return {"physics-crosscheck": version, "python": platform.python_version(), **engine_versions}

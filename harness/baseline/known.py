@@ -113,25 +113,25 @@ def accepted(
     if place is None or not systems:
         return None
     versions = {name: engine.version() for name, engine in engines().items()}
-    found: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
+    folders: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
     snapshots: dict[CaseId, Snapshot] = {}
     for target in targets:
         options = robot_options(target, floating=robot.floating, model=robot.model)
         try:
-            scan, one = scan_target(target, place, systems, only, options)
+            scan, accepted_system = scan_target(target, place, systems, only, options)
         except OSError:
             continue  # not comparable with the baseline; the run reports the unreadable file
-        if one is not None and one.robot != scan.robot:
-            one = None  # other options make it a different robot
-        found[str(target)] = scan, one
-        if one is not None:
-            for case in _to_measure(scan, one, versions, resolution):
-                if (snapshot := one.snapshot(case)) is not None:
+        if accepted_system is not None and accepted_system.robot != scan.robot:
+            accepted_system = None  # other options make it a different robot
+        folders[str(target)] = scan, accepted_system
+        if accepted_system is not None:
+            for case in _to_measure(scan, accepted_system, versions, resolution):
+                if (snapshot := accepted_system.snapshot(case)) is not None:
                     snapshots[case] = snapshot
     return Accepted(
         place=place,
         systems=systems,
-        folders=found,
+        folders=folders,
         versions=versions,
         resolution=resolution,
         engines=only,
@@ -142,7 +142,7 @@ def accepted(
 
 def _to_measure(
     scan: FolderFiles,
-    one: SystemBaseline,
+    system_baseline: SystemBaseline,
     versions: Mapping[str, str | None],
     resolution: float,
 ) -> Iterator[CaseId]:
@@ -151,33 +151,33 @@ def _to_measure(
         (model.model, engine)
         for model in scan.models
         for engine in model.engines
-        if stale(scan, model, engine, one, versions, resolution)
+        if stale(scan, model, engine, system_baseline, versions, resolution)
     }
-    for case in one.cases:
-        if case in one.known_differences or (case.model, case.engine) in changed:
+    for case in system_baseline.cases:
+        if case in system_baseline.known_differences or (case.model, case.engine) in changed:
             yield case
 
 
 def mark_known(
-    cases: Sequence[Case], measured: Measured, found: Accepted | None
+    cases: Sequence[Case], measured: Measured, baseline: Accepted | None
 ) -> tuple[Case, ...]:
     """Mark each known difference with the reason of its acceptance.
 
     An accepted case that changed since gets a reason that describes the change.
     """
-    if found is None:
+    if baseline is None:
         return tuple(cases)
-    return tuple(_marked(case, measured.get((case.folder, case.id)), found) for case in cases)
+    return tuple(_marked(case, measured.get((case.folder, case.id)), baseline) for case in cases)
 
 
-def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted) -> Case:
-    one = found.system_of(case.folder, case.system)
-    entry = one.known_differences.get(found.id_of(case)) if one else None
-    if one is None or entry is None or measured is None:
+def _marked(case: Case, measured: Measurement | Failure | None, baseline: Accepted) -> Case:
+    accepted_system = baseline.system_of(case.folder, case.system)
+    entry = accepted_system.known_differences.get(baseline.id_of(case)) if accepted_system else None
+    if accepted_system is None or entry is None or measured is None:
         return case
     if case.outcome is Outcome.AGREES or not case.outcome.is_run:
         return case
-    changed = _why_changed(case, measured, entry, one.snapshot(entry.id))
+    changed = _why_changed(case, measured, entry, accepted_system.snapshot(entry.id))
     if not changed:
         return msgspec.structs.replace(case, accepted=entry.reason)
     note = f"a difference was accepted here ({entry.reason}), but {changed}"
@@ -199,7 +199,11 @@ def _why_changed(
 
 def mark_models(models: Iterable[Model], baseline: Accepted | None) -> tuple[Model, ...]:
     """Mark the models whose findings were all accepted with the reason of the acceptance."""
-    return tuple(models) if baseline is None else tuple(_model(one, baseline) for one in models)
+    return (
+        tuple(models)
+        if baseline is None
+        else tuple(_model(accepted_system, baseline) for accepted_system in models)
+    )
 
 
 def _model(model: Model, baseline: Accepted) -> Model:
@@ -213,62 +217,70 @@ def _model(model: Model, baseline: Accepted) -> Model:
 
 
 def changes_since(
-    cases: Sequence[Case], measured: Measured, found: Accepted | None
+    cases: Sequence[Case], measured: Measured, baseline: Accepted | None
 ) -> BaselineChanges | None:
     """Return the changes since the baseline, worst first; None without a baseline."""
-    if found is None:
+    if baseline is None:
         return None
-    changes = [change for case in cases if (change := _change(case, measured, found))]
+    changes = [change for case in cases if (change := _change(case, measured, baseline))]
     changes += [
         _told(case, "missing", "accepted, but the case no longer exists")
-        for case in _missing(cases, found)
+        for case in _missing(cases, baseline)
     ]
     changes.sort(key=lambda change: _ORDER.index(change.kind))
-    return BaselineChanges(name=found.place.as_posix(), changes=tuple(changes))
+    return BaselineChanges(name=baseline.place.as_posix(), changes=tuple(changes))
 
 
-def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
+def _missing(cases: Sequence[Case], baseline: Accepted) -> Iterator[CaseId]:
     """Yield accepted cases that no longer exist in the folders, unless a failure explains it."""
-    seen = {found.id_of(case) for case in cases}
-    barred = {one for case in cases for one in _stands_for(case, found)}
-    for _, one in found.folders.values():
-        for case in one.cases if one is not None else ():
-            if found.meant(case.engine) and case not in seen and case not in barred:
+    seen = {baseline.id_of(case) for case in cases}
+    barred = {accepted_system for case in cases for accepted_system in _stands_for(case, baseline)}
+    for _, accepted_system in baseline.folders.values():
+        for case in accepted_system.cases if accepted_system is not None else ():
+            if baseline.meant(case.engine) and case not in seen and case not in barred:
                 yield case
 
 
-def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
+def _stands_for(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
     """Return the accepted cases that a failure covers: those of an unreadable model or folder.
 
     A folder is identified by its path, because the name of its system is unknown after a failure.
     """
-    known = found.folders.get(case.folder)
-    one = found.systems.get(case.system) if known is None else known[1]
-    if case.scenario != "-" or one is None:
+    folder_state = baseline.folders.get(case.folder)
+    accepted_system = baseline.systems.get(case.system) if folder_state is None else folder_state[1]
+    if case.scenario != "-" or accepted_system is None:
         return ()
-    whole = case.model == "system.py" or one.robot is not None
+    whole = case.model == "system.py" or accepted_system.robot is not None
     return tuple(
         accepted
-        for accepted in one.cases
-        if (whole or accepted.model == case.model) and found.meant(accepted.engine)
+        for accepted in accepted_system.cases
+        if (whole or accepted.model == case.model) and baseline.meant(accepted.engine)
     )
 
 
-def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange | None:
+def _change(case: Case, measured: Measured, baseline: Accepted) -> BaselineChange | None:
     """Return the change of one case; None if it is as accepted."""
-    if barred := _stands_for(case, found):
+    if barred := _stands_for(case, baseline):
         message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"
         return _told(case.id, "regression", message)
-    one = found.system_of(case.folder, case.system)
-    if one is None or found.id_of(case) not in one.cases:
+    accepted_system = baseline.system_of(case.folder, case.system)
+    if accepted_system is None or baseline.id_of(case) not in accepted_system.cases:
         return _told(case.id, "new", unaccepted(case))
     this = measured.get((case.folder, case.id))
     if this is None and case.outcome.is_run:
         return None
-    scan = found.folders[case.folder][0] if case.folder in found.folders else None
+    scan = baseline.folders[case.folder][0] if case.folder in baseline.folders else None
     if scan is None:
         return _told(case.id, "regression", "its folder has an unreadable file")
-    change = classify(one.system, case, this, scan, one, found.versions, found.resolution)
+    change = classify(
+        accepted_system.system,
+        case,
+        this,
+        scan,
+        accepted_system,
+        baseline.versions,
+        baseline.resolution,
+    )
     if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
         return None
     return _told(case.id, _kind(case, change), "; ".join(change.messages))

@@ -93,15 +93,15 @@ def measure(task: MeasureTask) -> Measurement:
     """
     folder = task.sidecar.model.parent
     with record_reads(folder) as reads:
-        found = _measured(task)
-    return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
+        measurement = _measured(task)
+    return msgspec.structs.replace(measurement, reads=merged(task.reads, reads.states()))
 
 
 def _measured(task: MeasureTask) -> Measurement:
     model, coordinates = load(task.system, task.sidecar, task.engine)
-    own = snapshot_of(task.system, task.scenario, task.motion, task.scale, task.components)
+    present = snapshot_of(task.system, task.scenario, task.motion, task.scale, task.components)
     accepted, on_accepted = task.accepted, None
-    if accepted is not None and comparable(own, accepted):
+    if accepted is not None and comparable(present, accepted):
         segments = segments_of(accepted)
         end, uncertainty = ends(model, coordinates, segments)
         on_accepted = OnAccepted(
@@ -109,13 +109,13 @@ def _measured(task: MeasureTask) -> Measurement:
             uncertainty=rows(uncertainty.tolist()),
             equations=rows(_flow(task.variants, task.variants.nominal[None], segments)[0].tolist()),
         )
-        if is_accepted(own, accepted, on_accepted):
-            own = accepted
-    if own is not accepted:
-        segments = segments_of(own)
+        if is_accepted(present, accepted, on_accepted):
+            present = accepted
+    if present is not accepted:
+        segments = segments_of(present)
         end, uncertainty = ends(model, coordinates, segments)
     return Measurement(
-        snapshot=own,
+        snapshot=present,
         end=rows(end.tolist()),
         uncertainty=rows(uncertainty.tolist()),
         constants=identify(task.variants, segments, end, uncertainty),
@@ -123,26 +123,26 @@ def _measured(task: MeasureTask) -> Measurement:
     )
 
 
-def is_accepted(own: Snapshot, accepted: Snapshot, now: OnAccepted) -> bool:
+def is_accepted(present: Snapshot, accepted: Snapshot, now: OnAccepted) -> bool:
     """Return whether the accepted snapshot still fits: the same motion, and the same equations.
 
     Otherwise a change of the equations too small to change the motion would be reported in every
     later run, since the old ends would remain the reference.
     """
-    return same_motion(own, accepted) and not of_equations(accepted, now)
+    return same_motion(present, accepted) and not of_equations(accepted, now)
 
 
-def comparable(own: Snapshot, accepted: Snapshot) -> bool:
+def comparable(present: Snapshot, accepted: Snapshot) -> bool:
     """Return whether two snapshots have equal numbers of components and inputs, and similar
     times.
     """
-    inputs = {len(row) for one in (own, accepted) for nodes in one.input_nodes for row in nodes}
-    timed = {time is None for one in (own, accepted) for time in one.t}
-    return len(own.components) == len(accepted.components) and len(inputs) == len(timed) == 1
+    inputs = {len(row) for one in (present, accepted) for nodes in one.input_nodes for row in nodes}
+    timed = {time is None for one in (present, accepted) for time in one.t}
+    return len(present.components) == len(accepted.components) and len(inputs) == len(timed) == 1
 
 
 def identify(
-    variants: Variants, one: PickedSegments, end: Array, uncertainty: Array
+    variants: Variants, segments: PickedSegments, end: Array, uncertainty: Array
 ) -> dict[str, Identified]:
     """Return the constants of the equations that explain the ends of the segments, by name.
 
@@ -150,18 +150,18 @@ def identify(
     omitted. All are omitted if constants do not explain the motion, which then has another cause.
     """
     chosen = [i for i, p in enumerate(variants.parameters) if p.kind == "constant"]
-    known = np.isfinite(uncertainty) & np.isfinite(end)
-    if not chosen or not known.any():
+    is_known = np.isfinite(uncertainty) & np.isfinite(end)
+    if not chosen or not is_known.any():
         return {}
     sizes = variants.sizes[chosen]
-    target = (end / one.scale)[known]
-    weight = np.maximum((uncertainty / one.scale)[known], 1e-16)
+    target = (end / segments.scale)[is_known]
+    weight = np.maximum((uncertainty / segments.scale)[is_known], 1e-16)
     shift = np.zeros(len(chosen))
 
     def ends_at(shifts: Array) -> Array:
         points = np.tile(variants.nominal, (len(shifts), 1))
         points[:, chosen] += shifts * sizes
-        return (_flow(variants, points, one) / one.scale)[:, known]
+        return (_flow(variants, points, segments) / segments.scale)[:, is_known]
 
     try:
         slopes = (ends_at(NUDGE * np.eye(len(chosen))) - ends_at(-NUDGE * np.eye(len(chosen)))) / (
@@ -171,17 +171,17 @@ def identify(
         held = values > TIED * max(float(values[0]), 1e-300)
         free = directions[~held]
         inverse = np.linalg.pinv(slopes.T, rcond=TIED)
-        left = first = target - ends_at(shift[None])[0]
+        residual = first = target - ends_at(shift[None])[0]
         for _ in range(ITERATIONS):
-            step = inverse @ left
+            step = inverse @ residual
             after = target - ends_at((shift + step)[None])[0]
-            if not np.isfinite(after).all() or np.linalg.norm(after) >= np.linalg.norm(left):
+            if not np.isfinite(after).all() or np.linalg.norm(after) >= np.linalg.norm(residual):
                 break
-            shift, left = shift + step, after
+            shift, residual = shift + step, after
     except (ReferenceError, np.linalg.LinAlgError):
         return {}
-    explained = np.linalg.norm(left) <= NAMED * np.linalg.norm(first)
-    if not explained and bool(np.any(np.abs(left) > weight)):
+    explained = np.linalg.norm(residual) <= NAMED * np.linalg.norm(first)
+    if not explained and bool(np.any(np.abs(residual) > weight)):
         return {}
     errors = np.sqrt((inverse**2) @ weight**2)
     return {
@@ -194,16 +194,16 @@ def identify(
     }
 
 
-def _flow(variants: Variants, points: Array, one: PickedSegments) -> Array:
+def _flow(variants: Variants, points: Array, segments: PickedSegments) -> Array:
     """Return the ends by the equations at parameter points: (P, parameters) -> (P, K, 2n)."""
-    found = np.empty((len(points), *one.end.shape))
-    for length in np.unique(one.length):
-        chosen = one.length == length
-        found[:, chosen] = variants.flows(
+    ends = np.empty((len(points), *segments.end.shape))
+    for length in np.unique(segments.length):
+        chosen = segments.length == length
+        ends[:, chosen] = variants.flows(
             points,
-            one.t[chosen],
-            one.start[chosen],
+            segments.t[chosen],
+            segments.start[chosen],
             float(length),
-            inputs_of(one, chosen, len(points)),
+            inputs_of(segments, chosen, len(points)),
         )
-    return found
+    return ends

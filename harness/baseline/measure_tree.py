@@ -53,29 +53,29 @@ def measure_tree(task: MeasureTreeTask) -> Measurement:
     if folder == task.task.file:
         return _measured(task)  # a standalone file is hashed with all files that it names
     with record_reads(folder) as reads:
-        found = _measured(task)
-    return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
+        measurement = _measured(task)
+    return msgspec.structs.replace(measurement, reads=merged(task.reads, reads.states()))
 
 
 def _measured(task: MeasureTreeTask) -> Measurement:
     check = task.task
     model = load_robot(check)
     coordinates = check.followers.map(order_of(check, model), check.names)
-    own = _snapshot(check)
+    present = _snapshot(check)
     accepted, on_accepted = task.accepted, None
-    if accepted is not None and comparable(own, accepted):
+    if accepted is not None and comparable(present, accepted):
         end, uncertainty = ends(model, coordinates, segments_of(accepted))
         on_accepted = OnAccepted(
             end=rows(end.tolist()),
             uncertainty=rows(uncertainty.tolist()),
             equations=rows(_equations(task.system, accepted).tolist()),
         )
-        if is_accepted(own, accepted, on_accepted):
-            own = accepted
-    if own is not accepted:
-        end, uncertainty = ends(model, coordinates, segments_of(own))
+        if is_accepted(present, accepted, on_accepted):
+            present = accepted
+    if present is not accepted:
+        end, uncertainty = ends(model, coordinates, segments_of(present))
     return Measurement(
-        snapshot=own,
+        snapshot=present,
         end=rows(end.tolist()),
         uncertainty=rows(uncertainty.tolist()),
         constants={},
@@ -109,6 +109,6 @@ def _table(values: Array) -> tuple[tuple[float, ...], ...]:
 
 def _equations(system: TreeSystem, accepted: Snapshot) -> Array:
     """Return the ends of the accepted segments by the present equations, (K, 2n)."""
-    one = segments_of(accepted)
-    forces = np.concatenate(one.inputs)
-    return ends_of(TreeEquations(system), one.start, forces, float(one.length[0]))
+    segments = segments_of(accepted)
+    forces = np.concatenate(segments.inputs)
+    return ends_of(TreeEquations(system), segments.start, forces, float(segments.length[0]))

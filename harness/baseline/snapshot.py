@@ -59,18 +59,18 @@ class PickedSegments:
     scale: Array
 
 
-def segments_of(one: Snapshot) -> PickedSegments:
+def segments_of(snapshot: Snapshot) -> PickedSegments:
     """Convert the segments of a snapshot to arrays."""
     return PickedSegments(
-        scenario=one.scenario,
-        fastest=one.fastest,
-        varying=one.varying,
-        t=np.array(one.t, dtype=float),  # None becomes nan
-        length=np.array(one.length),
-        start=np.array(one.start),
-        inputs=tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in one.input_nodes),
-        end=np.array(one.end),
-        scale=np.array(one.scale),
+        scenario=snapshot.scenario,
+        fastest=snapshot.fastest,
+        varying=snapshot.varying,
+        t=np.array(snapshot.t, dtype=float),  # None becomes nan
+        length=np.array(snapshot.length),
+        start=np.array(snapshot.start),
+        inputs=tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in snapshot.input_nodes),
+        end=np.array(snapshot.end),
+        scale=np.array(snapshot.scale),
     )
 
 
@@ -104,11 +104,11 @@ def _table(values: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in values.tolist())
 
 
-def same_motion(one: Snapshot, other: Snapshot) -> bool:
+def same_motion(first: Snapshot, second: Snapshot) -> bool:
     """Return whether two snapshots hold the same segments of the same motion."""
-    if (one.components, one.varying) != (other.components, other.varying):
+    if (first.components, first.varying) != (second.components, second.varying):
         return False
-    a, b = segments_of(one), segments_of(other)
+    a, b = segments_of(first), segments_of(second)
     if a.start.shape != b.start.shape or len(a.inputs) != len(b.inputs):
         return False
     pairs: list[tuple[Array, Array, Array | float]] = [
@@ -128,40 +128,40 @@ def same_motion(one: Snapshot, other: Snapshot) -> bool:
     )
 
 
-def ends(model: Model, coordinates: CoordinateMap, one: PickedSegments) -> tuple[Array, Array]:
+def ends(model: Model, coordinates: CoordinateMap, segments: PickedSegments) -> tuple[Array, Array]:
     """Return the ends of the segments in an engine as h -> 0, with their uncertainty, (K, 2n) each.
 
     Raises:
         BlownUpError: if the engine returns values that are not finite.
     """
-    limit = extrapolate(model, coordinates, _batch(one)).limit
+    limit = extrapolate(model, coordinates, _batch(segments)).limit
     return limit.value, limit.uncertainty
 
 
-def _batch(one: PickedSegments) -> Batch:
+def _batch(segments: PickedSegments) -> Batch:
     def inputs(rows: Rows, steps: int) -> Array:
-        at = np.arange(steps) / steps
-        return np.stack([_interpolate(one.inputs[row], at) for row in rows])
+        fractions = np.arange(steps) / steps
+        return np.stack([_interpolate(segments.inputs[row], fractions) for row in rows])
 
     return Batch(
-        states=one.start,
-        lengths=one.length,
+        states=segments.start,
+        lengths=segments.length,
         inputs=inputs,
-        varying=one.varying,
-        scale=one.scale,
-        ends=one.end,
-        times=None if np.isnan(one.t).any() else one.t,
-        name=one.scenario,
+        varying=segments.varying,
+        scale=segments.scale,
+        ends=segments.end,
+        times=None if np.isnan(segments.t).any() else segments.t,
+        name=segments.scenario,
     )
 
 
-def inputs_of(one: PickedSegments, chosen: Array, copies: int) -> Callable[[Array], Array]:
+def inputs_of(segments: PickedSegments, chosen: Array, copies: int) -> Callable[[Array], Array]:
     """Return u at flat times of `copies` runs over the chosen segments, as the reference
     expects.
     """
-    t = np.tile(one.t[chosen], copies)
-    length = np.tile(one.length[chosen], copies)
-    nodes = [one.inputs[i] for i in np.flatnonzero(chosen)] * copies
+    t = np.tile(segments.t[chosen], copies)
+    length = np.tile(segments.length[chosen], copies)
+    nodes = [segments.inputs[i] for i in np.flatnonzero(chosen)] * copies
 
     def at(times: Array) -> Array:
         shaped = times.reshape(len(t), -1)
@@ -193,20 +193,20 @@ def _points(count: int) -> Array:
     return points
 
 
-def _interpolate(nodes: Array, at: Array) -> Array:
+def _interpolate(nodes: Array, places: Array) -> Array:
     """Interpolate between nodes at places in [0, 1], (len(at), inputs)."""
     if len(nodes) == 1:
-        return np.repeat(nodes, len(at), axis=0)
-    values: Array = _matrix(len(nodes), tuple(at.tolist())) @ nodes
+        return np.repeat(nodes, len(places), axis=0)
+    values: Array = _matrix(len(nodes), tuple(places.tolist())) @ nodes
     return values
 
 
 @lru_cache(maxsize=512)
-def _matrix(count: int, at: tuple[float, ...]) -> Array:
+def _matrix(count: int, places: tuple[float, ...]) -> Array:
     """Return a barycentric interpolation matrix (Berrut and Trefethen 2004, eq. 4.2 and 5.3)."""
     k = np.arange(count)
     weights = np.where(k % 2 == 0, 1.0, -1.0) * np.sin(np.pi * (k + 0.5) / count)
-    gaps = np.array(at)[:, None] - _points(count)
+    gaps = np.array(places)[:, None] - _points(count)
     exact = np.abs(gaps) < 1e-15
     factors = weights / np.where(exact, 1.0, gaps)
     hit = exact.any(axis=1)

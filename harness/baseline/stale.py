@@ -87,16 +87,16 @@ def match(
     unique.
     """
     here = location(target, place)
-    for one in baseline.values():
-        if one.declared.folder == here:
-            return one
+    for candidate in baseline.values():
+        if candidate.declared.folder == here:
+            return candidate
     if not target.is_dir():
         moved = baseline.get(robot_name(target, place))
         return None if moved is None or moved.robot is None else moved
     named = [
-        one
-        for one in baseline.values()
-        if one.robot is None and one.declared.folder.rpartition("/")[2] == target.name
+        candidate
+        for candidate in baseline.values()
+        if candidate.robot is None and candidate.declared.folder.rpartition("/")[2] == target.name
     ]
     return named[0] if len(named) == 1 else None
 
@@ -105,20 +105,22 @@ def stale(
     scan: FolderFiles,
     model: ModelFiles,
     engine: str,
-    one: SystemBaseline | None,
+    accepted: SystemBaseline | None,
     versions: Mapping[str, str | None],
     resolution: float,
 ) -> bool:
     """Return whether any dependency of a model's cases in an engine changed."""
-    if one is None or one.robot != scan.robot:
+    if accepted is None or accepted.robot != scan.robot:
         return True
-    if one.declared.declared != scan.system or not one.declared.scenarios:
+    if accepted.declared.declared != scan.system or not accepted.declared.scenarios:
         return True
     ids = (
-        CaseId(system=one.system, model=model.model, scenario=scenario, engine=engine)
-        for scenario in one.declared.scenarios
+        CaseId(system=accepted.system, model=model.model, scenario=scenario, engine=engine)
+        for scenario in accepted.declared.scenarios
     )
-    return not all(_as_accepted(one.cases.get(case), model, versions, resolution) for case in ids)
+    return not all(
+        _as_accepted(accepted.cases.get(case), model, versions, resolution) for case in ids
+    )
 
 
 def _as_accepted(

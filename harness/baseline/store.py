@@ -97,29 +97,33 @@ def write_baseline(
         OSError: from the file system; nothing has changed then.
     """
     wanted: dict[Path, bytes | None] = {}
-    for one in systems:
-        wanted |= _wanted_texts(folder, one, texts)
+    for system_baseline in systems:
+        wanted |= _wanted_texts(folder, system_baseline, texts)
     # Rename the entries last: their hashes identify the texts that belong to them.
-    for one in systems:
-        wanted[folder / f"{one.system}.json"] = file_text(one).encode() if one.cases else None
+    for system_baseline in systems:
+        wanted[folder / f"{system_baseline.system}.json"] = (
+            file_text(system_baseline).encode() if system_baseline.cases else None
+        )
     changed = {path: data for path, data in wanted.items() if _bytes(path) != data}
     _replace(changed)
     return list(changed)
 
 
 def _wanted_texts(
-    folder: Path, one: SystemBaseline, texts: Mapping[tuple[str, str], bytes]
+    folder: Path, system_baseline: SystemBaseline, texts: Mapping[tuple[str, str], bytes]
 ) -> dict[Path, bytes | None]:
     """Return the new content of a system's accepted texts; None to remove one."""
-    kept = _texts_of(one)
+    kept = _texts_of(system_baseline)
     wanted: dict[Path, bytes | None] = {
         path: None
-        for path in sorted((folder / one.system).glob(f"*{ACCEPTED}"))
+        for path in sorted((folder / system_baseline.system).glob(f"*{ACCEPTED}"))
         if path.name.removesuffix(ACCEPTED) not in kept
     }
     for name in sorted(kept):
-        if (one.system, name) in texts:
-            wanted[folder / one.system / (name + ACCEPTED)] = texts[one.system, name]
+        if (system_baseline.system, name) in texts:
+            wanted[folder / system_baseline.system / (name + ACCEPTED)] = texts[
+                system_baseline.system, name
+            ]
     return wanted
 
 
@@ -140,9 +144,9 @@ def _replace(changed: Mapping[Path, bytes | None]) -> None:
             os.unlink(temporary)
 
 
-def _texts_of(one: SystemBaseline) -> set[str]:
+def _texts_of(system_baseline: SystemBaseline) -> set[str]:
     """Return the files whose accepted text is kept: models, their sidecars and the declaration."""
-    models = {case.model for case in one.cases}
+    models = {case.model for case in system_baseline.cases}
     return {"system.py", *models, *(f"{model}.toml" for model in models)} if models else set()
 
 

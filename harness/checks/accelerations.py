@@ -13,7 +13,7 @@ from physics_crosscheck.harness.results.status import counted
 
 def with_dynamics(
     verdict: Verdict,
-    found: AccelerationComparison | None,
+    comparison: AccelerationComparison | None,
     names: tuple[str, ...],
     resolution: float,
 ) -> Verdict:
@@ -25,37 +25,39 @@ def with_dynamics(
 
     Args:
         verdict: the verdict on motions.
-        found: the comparison of accelerations; None if the engine exposes none.
+        comparison: the comparison of accelerations; None if the engine exposes none.
         names: names of the engine's coordinates, nz.
         resolution: relative discrepancy to resolve.
     """
-    if found is None or verdict.outcome is Outcome.DIFFERS:
+    if comparison is None or verdict.outcome is Outcome.DIFFERS:
         return verdict
-    outcome = found.judgement.outcome
+    outcome = comparison.judgement.outcome
     if outcome is Outcome.DIFFERS:
         return _decided(
-            verdict, found, names, resolution, _apart(found, names, resolution, verdict)
+            verdict, comparison, names, resolution, _apart(comparison, names, resolution, verdict)
         )
     stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
-    if not (stiff and outcome is Outcome.AGREES and found.complete):
+    if not (stiff and outcome is Outcome.AGREES and comparison.complete):
         return verdict
-    known = max(found.judgement.largest_discrepancy, found.judgement.largest_uncertainty)
-    held = " with soft equalities held exactly" if found.holds_equalities else ""
-    told = (
-        f"its accelerations{held}, at {counted(found.states, 'state')}, match the "
-        f"equations to {known:.1e} of the largest; its motions: {verdict.reason}"
+    resolved = max(
+        comparison.judgement.largest_discrepancy, comparison.judgement.largest_uncertainty
     )
-    return _decided(verdict, found, names, resolution, told)
+    held = " with soft equalities held exactly" if comparison.holds_equalities else ""
+    message = (
+        f"its accelerations{held}, at {counted(comparison.states, 'state')}, match the "
+        f"equations to {resolved:.1e} of the largest; its motions: {verdict.reason}"
+    )
+    return _decided(verdict, comparison, names, resolution, message)
 
 
 def _decided(
     verdict: Verdict,
-    found: AccelerationComparison,
+    comparison: AccelerationComparison,
     names: tuple[str, ...],
     resolution: float,
     reason: str,
 ) -> Verdict:
-    judged = found.judgement
+    judged = comparison.judgement
     return replace(
         verdict,
         outcome=judged.outcome,
@@ -77,12 +79,12 @@ def component(names: tuple[str, ...], index: int) -> str:
 
 
 def _apart(
-    found: AccelerationComparison, names: tuple[str, ...], resolution: float, verdict: Verdict
+    comparison: AccelerationComparison, names: tuple[str, ...], resolution: float, verdict: Verdict
 ) -> str:
-    judged = found.judgement
+    judged = comparison.judgement
     other = ", ".join(
         name
-        for name, size in found.force_errors.items()
+        for name, size in comparison.force_errors.items()
         if name != EQUALITIES and not size <= resolution
     )
     differing = f"; these of its forces differ: {other}" if other else ""
@@ -91,13 +93,13 @@ def _apart(
         if verdict.outcome is Outcome.AGREES
         else f"its motions: {verdict.reason}"
     )
-    of = f"off by {judged.discrepancy:.2e} of its largest value"
+    amount = f"off by {judged.discrepancy:.2e} of its largest value"
     if judged.component >= len(names):
-        of = (
+        amount = (
             f"off by {judged.discrepancy:.2e} of its range from the position that its "
             "equality demands"
         )
     return (
-        f"{component(names, judged.component)} is {of};"
+        f"{component(names, judged.component)} is {amount};"
         f" the uncertainty is {judged.uncertainty:.1e}{differing}; {moved}"
     )

@@ -79,35 +79,37 @@ def _without_lost_digits(
     spec = task.sidecar.spec(task.engine)
     model = engines()[task.engine].load(replace(spec, settings={**spec.settings, **undo}))
     coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
-    left = list(Compiled.of(task, model, coordinates).findings())
+    differences = list(Compiled.of(task, model, coordinates).findings())
     shown = {kind for remark in remarks if remark.undone_by for kind in remark.shows_in}
     return [
         one
-        if one.kind not in shown or any(_same(one, other) for other in left)
+        if one.kind not in shown or any(_same(one, other) for other in differences)
         else _note(one, "the engine's own rounding explains it")
         for one in compiled
     ]
 
 
-def _same(one: AuditFinding, other: AuditFinding) -> bool:
+def _same(first: AuditFinding, second: AuditFinding) -> bool:
     """Return whether two findings concern one term; accelerations are listed for the worst state
     only.
     """
-    return one.kind == other.kind and (one.kind == "acceleration" or one.subject == other.subject)
+    return first.kind == second.kind and (
+        first.kind == "acceleration" or first.subject == second.subject
+    )
 
 
-def _note(found: AuditFinding, why: str) -> AuditFinding:
-    message = f"{found.message}; {why}"
-    return msgspec.structs.replace(found, message=message, severity="note")
+def _note(difference: AuditFinding, why: str) -> AuditFinding:
+    message = f"{difference.message}; {why}"
+    return msgspec.structs.replace(difference, message=message, severity="note")
 
 
-def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
+def _explained(difference: AuditFinding, rounded: float) -> AuditFinding:
     """Return a note for a difference that rounded literals explain; those have their own notes."""
-    if found.expected is None or found.found is None or found.severity != "finding":
-        return found
-    if abs(found.found - found.expected) > 10 * rounded * abs(found.expected):
-        return found
-    return _note(found, "the rounded numbers of the file explain it")
+    if difference.expected is None or difference.found is None or difference.severity != "finding":
+        return difference
+    if abs(difference.found - difference.expected) > 10 * rounded * abs(difference.expected):
+        return difference
+    return _note(difference, "the rounded numbers of the file explain it")
 
 
 def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:

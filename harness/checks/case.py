@@ -162,11 +162,11 @@ def run_case(task: CaseTask) -> Case:
     claimed = model.exponents(motion.varying)[0]
     batch = Batch.of_motion(motion, task.scale)
     try:
-        found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+        limits = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(_told(str(error), task.sidecar, model)) from None
     verdict = judged(
-        found,
+        limits,
         motion,
         scale=task.scale,
         components=task.components,
@@ -198,11 +198,11 @@ def run_case(task: CaseTask) -> Case:
         outcome=outcome,
         reason="; ".join(filter(None, (reason, *model.reservations))),
         kind=kind,
-        verdict=verdict_record(verdict, found, claimed),
+        verdict=verdict_record(verdict, limits, claimed),
         full_run=full_run_record(study, model.step, model.integrator),
         series=series_record(
             motion,
-            found,
+            limits,
             study,
             scale=task.scale,
             amplitude=amplitude,
@@ -218,17 +218,17 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
     """Compare single steps of the engine, from states spread over the motion."""
     if task.stepped is None:
         return None
-    at = _passed(task.motion)
-    found = step_engine(
+    states = _passed(task.motion)
+    stepping = step_engine(
         model,
         coordinates,
         task.stepped,
-        *at,
+        *states,
         task.resolution,
         fastest=task.motion.fastest,
         long=True,
     )
-    return None if found is None else stepping_record(found, task.components)
+    return None if stepping is None else stepping_record(stepping, task.components)
 
 
 def _dynamics(
@@ -258,9 +258,9 @@ def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
     """Return where the time step of a model is set: a line of its sidecar, or the model file."""
     if "step" not in sidecar.spec(engine).settings:
         return SourceLine(file=str(sidecar.model))
-    own = engine in sidecar.engine_settings and "step" in sidecar.engine_settings[engine]
+    is_set = engine in sidecar.engine_settings and "step" in sidecar.engine_settings[engine]
     file = Path(f"{sidecar.model}.toml")
-    address = f"settings.{engine}.step" if own else "settings.step"
+    address = f"settings.{engine}.step" if is_set else "settings.step"
     return SourceLine(file=str(file), line=line_of(file, address))
 
 
@@ -293,7 +293,7 @@ def _linearization(
         push=task.push,
         resolution=task.resolution,
     )
-    found = linearize_engine(
+    linearization = linearize_engine(
         model,
         coordinates,
         equilibrium=about.name,
@@ -303,4 +303,4 @@ def _linearization(
         push=task.push,
         resolution=task.resolution,
     )
-    return linearization_record(found, one_step)
+    return linearization_record(linearization, one_step)

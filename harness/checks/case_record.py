@@ -47,7 +47,7 @@ fewer.
 """
 
 
-def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verdict:
+def verdict_record(judged: Judgement, limits: Extrapolated, claimed: int) -> Verdict:
     """Build the record of a verdict."""
     return Verdict(
         discrepancy=number(judged.discrepancy),
@@ -58,45 +58,47 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
         largest_uncertainty=number(judged.largest_uncertainty),
         order=number(judged.order),
         claimed_order=claimed,
-        rungs=tuple(found.rungs),
-        steps=int(found.steps),
+        rungs=tuple(limits.rungs),
+        steps=int(limits.steps),
         map_residual=number(judged.map_residual),
         map_uncertainty=number(judged.map_uncertainty),
         resolution=number(judged.resolution),
     )
 
 
-def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Stepping:
+def stepping_record(comparison: FoundStepping, components: tuple[str, ...]) -> Stepping:
     """Build the record of a comparison of single steps."""
-    judged = found.judgement
+    judged = comparison.judgement
     return Stepping(
-        rule=found.rule.name,
-        besides=found.rule.besides,
-        step=number(found.step),
+        rule=comparison.rule.name,
+        besides=comparison.rule.besides,
+        step=number(comparison.step),
         outcome=judged.outcome,
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
         component=components[judged.component],
-        digits=number(found.digits),
-        digits_later=number(found.later),
-        digits_long=number(found.long),
+        digits=number(comparison.digits),
+        digits_later=number(comparison.later),
+        digits_long=number(comparison.long),
     )
 
 
-def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> ForwardDynamics | None:
+def dynamics_record(
+    comparison: FoundDynamics | None, names: tuple[str, ...]
+) -> ForwardDynamics | None:
     """Build the record of compared accelerations; `names` are the engine's coordinates."""
-    if found is None:
+    if comparison is None:
         return None
-    judged = found.judgement
+    judged = comparison.judgement
     return ForwardDynamics(
         outcome=judged.outcome,
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
         component=component(names, judged.component),
-        states=found.states,
+        states=comparison.states,
         terms=tuple(
             ForceTerm(name=name, discrepancy=number(size))
-            for name, size in found.force_errors.items()
+            for name, size in comparison.force_errors.items()
         ),
     )
 
@@ -143,7 +145,7 @@ def _checked_step(study: StepStudy) -> CheckedStep | None:
 
 def series_record(
     motion: Motion,
-    found: Extrapolated,
+    limits: Extrapolated,
     study: StepStudy,
     *,
     scale: Array,
@@ -154,7 +156,7 @@ def series_record(
 
     Args:
         motion: the reference motion.
-        found: the extrapolated segments.
+        limits: the extrapolated segments.
         study: the full runs.
         scale: scale of the defects, (2n,).
         amplitude: scale of the global errors, (2n,).
@@ -164,9 +166,9 @@ def series_record(
     picked = even_indices(len(shipped.t), SERIES)
     t = shipped.t[picked]
     segments = even_indices(len(motion.t), SERIES)
-    defect = (found.limit.value - motion.end) / scale
-    uncertainty = (found.limit.uncertainty + motion.bound) / scale
-    raw = np.sqrt(np.mean(((found.raw - motion.end) / scale) ** 2, axis=1))
+    defect = (limits.limit.value - motion.end) / scale
+    uncertainty = (limits.limit.uncertainty + motion.bound) / scale
+    raw = np.sqrt(np.mean(((limits.raw - motion.end) / scale) ** 2, axis=1))
     return Series(
         t=_row(t, DIGITS),
         components=components,
@@ -177,10 +179,10 @@ def series_record(
         defect=_rows(defect[segments].T, 3),
         defect_uncertainty=_rows(uncertainty[segments].T, 3),
         convergence=Convergence(
-            rungs=tuple(found.rungs),
-            h=_row(float(np.mean(motion.lengths)) / np.array(found.rungs), 6),
+            rungs=tuple(limits.rungs),
+            h=_row(float(np.mean(motion.lengths)) / np.array(limits.rungs), 6),
             defect=_row(np.max(raw, axis=1), 4),
-            increments=_row(found.limit.increments, 4),
+            increments=_row(limits.limit.increments, 4),
         ),
         full_runs=_step_errors(study, amplitude),
         energy=EnergySeries(
@@ -201,38 +203,38 @@ def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
     )
 
 
-def linearization_record(found: Found, one_step: FoundStep | None) -> EngineLinearization:
+def linearization_record(limit: Found, one_step: FoundStep | None) -> EngineLinearization:
     """Build the record of an engine's linearization, compared with Taylor's."""
     return EngineLinearization(
-        equilibrium=found.equilibrium,
-        a=rows(found.a.tolist()),
-        b=rows(found.b.tolist()),
-        a_error=number(found.a_error),
-        b_error=number(found.b_error),
-        poles=tuple(_pole(pole) for pole in found.poles),
-        taylor_poles=tuple(_pole(pole) for pole in found.taylor_poles),
-        transfer_error=number(found.transfer_error),
-        a_bound=number(found.a_bound),
-        b_bound=number(found.b_bound),
-        differs=found.differs,
-        mode_similarity=number(found.shapes),
-        frequencies=_row(found.frequencies, 5),
-        response=tuple(_rows(matrix, 5) for matrix in found.response),
-        taylor_response=tuple(_rows(matrix, 5) for matrix in found.taylor_response),
+        equilibrium=limit.equilibrium,
+        a=rows(limit.a.tolist()),
+        b=rows(limit.b.tolist()),
+        a_error=number(limit.a_error),
+        b_error=number(limit.b_error),
+        poles=tuple(_pole(pole) for pole in limit.poles),
+        taylor_poles=tuple(_pole(pole) for pole in limit.taylor_poles),
+        transfer_error=number(limit.transfer_error),
+        a_bound=number(limit.a_bound),
+        b_bound=number(limit.b_bound),
+        differs=limit.differs,
+        mode_similarity=number(limit.shapes),
+        frequencies=_row(limit.frequencies, 5),
+        response=tuple(_rows(matrix, 5) for matrix in limit.response),
+        taylor_response=tuple(_rows(matrix, 5) for matrix in limit.taylor_response),
         one_step=None if one_step is None else _one_step(one_step),
     )
 
 
-def _one_step(found: FoundStep) -> DiscreteLinearization:
+def _one_step(step: FoundStep) -> DiscreteLinearization:
     return DiscreteLinearization(
-        step=number(found.step),
-        a=rows(found.a.tolist()),
-        b=rows(found.b.tolist()),
-        error=number(found.error),
-        bound=number(found.bound),
-        differs=found.differs,
-        radius=number(found.radius),
-        exact_radius=number(found.exact_radius),
+        step=number(step.step),
+        a=rows(step.a.tolist()),
+        b=rows(step.b.tolist()),
+        error=number(step.error),
+        bound=number(step.bound),
+        differs=step.differs,
+        radius=number(step.radius),
+        exact_radius=number(step.exact_radius),
     )
 
 

@@ -70,8 +70,8 @@ class Compiled:
         # A term is often wrong about every equilibrium; report it once.
         seen: dict[tuple[str, tuple[str, ...]], AuditFinding] = {}
         for equilibrium in self.task.equilibria:
-            for one in self._about(equilibrium):
-                seen.setdefault((one.kind, one.subject), one)
+            for difference in self._about(equilibrium):
+                seen.setdefault((difference.kind, difference.subject), difference)
         yield from seen.values()
         states, inputs = self._drawn()
         yield from self._anywhere(
@@ -92,26 +92,26 @@ class Compiled:
 
     def _off_the_map(self, states: Array, inputs: Array) -> Iterator[AuditFinding]:
         """Yield each constrained engine coordinate that leaves the coordinate map."""
-        found, scale = self.accelerations.off_the_map(states, inputs)
-        if not np.isfinite(found.value).all():
+        accelerations, scale = self.accelerations.off_the_map(states, inputs)
+        if not np.isfinite(accelerations.value).all():
             return  # reported with the accelerations
         model = self.accelerations.model
-        size = np.abs(found.value)
+        size = np.abs(accelerations.value)
         for j, name in enumerate(model.coordinates):
-            differing = size[:, j] > found.uncertainty[:, j]
+            differing = size[:, j] > accelerations.uncertainty[:, j]
             if differing.any():
                 row = int(np.argmax(np.where(differing, size[:, j], 0.0)))
                 yield finding(
                     "freedom",
                     (name,),
                     f"{name} accelerates away from the coordinate map with"
-                    f" {found.value[row, j]:.6g} at {self._at(states[row])}"
+                    f" {accelerations.value[row, j]:.6g} at {self._at(states[row])}"
                     f" ({int(differing.sum())} of {DRAWS} random states differ): the model has an"
                     " additional degree of freedom",
                     expected=0.0,
-                    found=float(found.value[row, j]),
+                    found=float(accelerations.value[row, j]),
                 )
-            elif (found.uncertainty[:, j] > RESOLVED_SHARE * scale[j]).any():
+            elif (accelerations.uncertainty[:, j] > RESOLVED_SHARE * scale[j]).any():
                 yield finding(
                     "unresolved",
                     (name,),
@@ -134,11 +134,13 @@ class Compiled:
         n = len(self.names)
         step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
         going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
-        at, still = self._smooth(equilibrium.position, step), np.zeros((1, n))
-        yield from self._held(equilibrium, at, step)
-        if at is None:
+        position, still = self._smooth(equilibrium.position, step), np.zeros((1, n))
+        yield from self._held(equilibrium, position, step)
+        if position is None:
             return
-        places = np.concatenate([at[None], at + np.diag(step), at - np.diag(step)])
+        places = np.concatenate(
+            [position[None], position + np.diag(step), position - np.diag(step)]
+        )
         speeds = np.concatenate([going[None], going + more, going - more])
         # Measure inertia in motion: static friction would hold the model at rest.
         ends = np.concatenate([speeds, -speeds])
@@ -146,7 +148,7 @@ class Compiled:
         states = np.concatenate(
             [
                 np.hstack([places, np.tile(going, (len(places), 1))]),
-                np.hstack([np.tile(at, (len(ends), 1)), ends]),
+                np.hstack([np.tile(position, (len(ends), 1)), ends]),
             ]
         )
         masses, forces = self._reference(states, np.zeros((len(states), len(self.task.push))))
@@ -155,14 +157,14 @@ class Compiled:
         )
         mass, force = self.accelerations.mechanics(states, sizes)
         k = len(places)
-        ahead, astern = slice(k, 2 * k), slice(2 * k, 3 * k)
+        forward, backward = slice(k, 2 * k), slice(2 * k, 3 * k)
         yield from self._entries(
             "inertia", equilibrium.name, masses[0], mass.value[0], mass.uncertainty[0]
         )
         # Odd in the velocity: damping, and a constant that only changes its sign.
-        odd = (force.value[ahead] - force.value[astern]) / 2
-        odd_error = (force.uncertainty[ahead] + force.uncertainty[astern]) / 2
-        wanted = (forces[ahead] - forces[astern]) / 2
+        odd = (force.value[forward] - force.value[backward]) / 2
+        odd_error = (force.uncertainty[forward] + force.uncertainty[backward]) / 2
+        wanted = (forces[forward] - forces[backward]) / 2
         miss, miss_error = odd - wanted, odd_error + 16 * EPSILON * np.abs(wanted)
         slope = -_slopes(miss, np.diag(more))
         slope_error = _slope_errors(miss_error, np.diag(more))
@@ -170,19 +172,19 @@ class Compiled:
         yield from self._entries(
             "damping", equilibrium.name, expected, expected + slope, slope_error
         )
-        left = -(miss[0] + slope @ going)
+        residual = -(miss[0] + slope @ going)
         left_error = miss_error[0] + slope_error @ going
         sticky = False
         for i, name in enumerate(self.names):
-            if abs(left[i]) > left_error[i]:
+            if abs(residual[i]) > left_error[i]:
                 sticky = True
                 yield finding(
                     "friction",
                     (name,),
-                    f"a friction of {left[i]:.6g} acts on {name} at any speed, but the equations"
-                    " have none",
+                    f"a friction of {residual[i]:.6g} acts on {name} at any speed, but the"
+                    " equations have none",
                     expected=0.0,
-                    found=float(left[i]),
+                    found=float(residual[i]),
                 )
         if sticky:
             yield finding(
@@ -193,17 +195,22 @@ class Compiled:
             )
             return
         # At rest: the engine's accelerations times the inertia measured in motion.
-        pull = self._times(rest, Estimate(value=mass.value[:k], uncertainty=mass.uncertainty[:k]))
+        forces_at_rest = self._times(
+            rest, Estimate(value=mass.value[:k], uncertainty=mass.uncertainty[:k])
+        )
         wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
-        miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
+        miss, miss_error = (
+            forces_at_rest.value - wanted,
+            forces_at_rest.uncertainty + 16 * EPSILON * np.abs(wanted),
+        )
         for i, name in enumerate(self.names):
             if abs(miss[0, i]) > miss_error[0, i]:
                 yield finding(
                     "rest",
                     (name,),
-                    self._rest(equilibrium, at, name, float(pull.value[0, i])),
+                    self._rest(equilibrium, position, name, float(forces_at_rest.value[0, i])),
                     expected=float(wanted[0, i]),
-                    found=float(pull.value[0, i]),
+                    found=float(forces_at_rest.value[0, i]),
                 )
         expected = equilibrium.matrices["K"]
         yield from self._entries(
@@ -214,43 +221,43 @@ class Compiled:
             _slope_errors(miss_error, step),
         )
 
-    def _rest(self, equilibrium: Equilibrium, at: Array, name: str, pull: float) -> str:
-        if np.array_equal(at, equilibrium.position):
+    def _rest(self, equilibrium: Equilibrium, position: Array, name: str, force: float) -> str:
+        if np.array_equal(position, equilibrium.position):
             where, other = f"in equilibrium {equilibrium.name!r}", "have none there"
         else:
-            where = f"where {self._place(at)}"
+            where = f"where {self._place(position)}"
             other = "have another force"
-        return f"a force of {pull:.6g} acts on {name} at rest {where}, but the equations {other}"
+        return f"a force of {force:.6g} acts on {name} at rest {where}, but the equations {other}"
 
     def _held(
-        self, equilibrium: Equilibrium, at: Array | None, step: Array
+        self, equilibrium: Equilibrium, position: Array | None, step: Array
     ) -> Iterator[AuditFinding]:
         """Yield a note if joint limits act about an equilibrium, so that terms are measured
         elsewhere.
         """
         held = tuple(stopped(*self._loaded, equilibrium.position, step))
         if held:
-            where = "nowhere" if at is None else f"where {self._place(at)}"
+            where = "nowhere" if position is None else f"where {self._place(position)}"
             message = f"a joint limit holds {', '.join(held)} in equilibrium {equilibrium.name!r}:"
             message += f" no linearization is compared there, and terms are compared {where}"
             yield finding("unresolved", (*held, equilibrium.name), message, severity="note")
 
-    def _place(self, at: Array) -> str:
-        return ", ".join(f"{name} = {x:.4g}" for name, x in zip(self.names, at, strict=True))
+    def _place(self, position: Array) -> str:
+        return ", ".join(f"{name} = {x:.4g}" for name, x in zip(self.names, position, strict=True))
 
     @property
     def _loaded(self) -> tuple[Model, CoordinateMap]:
         return self.accelerations.model, self.accelerations.coordinates
 
-    def _smooth(self, at: Array, step: Array) -> Array | None:
+    def _smooth(self, position: Array, step: Array) -> Array | None:
         """Return the equilibrium, or the middle of the motions if a joint limit acts near it.
 
         The equations are evaluated at the same place, so any place will do. Return None if joint
         limits act everywhere.
         """
-        passed = self.task.states[:, : len(at)]
+        passed = self.task.states[:, : len(position)]
         away = np.linalg.norm((passed - np.median(passed, axis=0)) / step, axis=1)
-        for place in (at, *passed[np.argsort(away)]):
+        for place in (position, *passed[np.argsort(away)]):
             if not stopped(*self._loaded, place, step):
                 return np.array(place)
         return None
@@ -258,15 +265,17 @@ class Compiled:
     def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Compute forces at states from the accelerations there and the known inertias."""
         none = np.zeros((len(states), len(self.task.push)))
-        found = self.accelerations.measure(states, none, np.zeros((len(states), len(self.names))))
+        accelerations = self.accelerations.measure(
+            states, none, np.zeros((len(states), len(self.names)))
+        )
         with np.errstate(invalid="ignore"):
-            force = np.einsum("bij,bj->bi", mass.value, found.value)
-            error = np.einsum("bij,bj->bi", np.abs(mass.value), found.uncertainty)
-            error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(found.value))
+            force = np.einsum("bij,bj->bi", mass.value, accelerations.value)
+            error = np.einsum("bij,bj->bi", np.abs(mass.value), accelerations.uncertainty)
+            error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(accelerations.value))
         return Estimate(value=force, uncertainty=np.where(np.isnan(error), np.inf, error))
 
     def _entries(
-        self, kind: AuditKind, equilibrium: str, expected: Array, found: Array, error: Array
+        self, kind: AuditKind, equilibrium: str, expected: Array, measured: Array, error: Array
     ) -> Iterator[AuditFinding]:
         """Yield each matrix entry that differs, and one note for the entries without a limit."""
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
@@ -274,15 +283,15 @@ class Compiled:
         inertia = np.sqrt(np.outer(self.inertia, self.inertia))
         resolved = error <= RESOLVED_SHARE * inertia * self.accelerations.fastest ** _RATES[kind]
         unresolved = []
-        differing = np.abs(found - expected) > error
-        for i, one in enumerate(self.names):
+        differing = np.abs(measured - expected) > error
+        for i, row_name in enumerate(self.names):
             for j, other in enumerate(self.names):
                 if j < i and (differing[j, i] or not resolved[j, i]):
                     continue  # symmetric: already reported
-                subject = (one,) if i == j else (one, other)
+                subject = (row_name,) if i == j else (row_name, other)
                 about = " and ".join(subject)
                 if differing[i, j]:
-                    here, there = float(found[i, j]), float(expected[i, j])
+                    here, there = float(measured[i, j]), float(expected[i, j])
                     message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
                     if len(self.task.equilibria) > 1:
                         message += f" (about {equilibrium!r})"
@@ -297,19 +306,19 @@ class Compiled:
                 severity="note",
             )
 
-    def _anywhere(self, states: Array, inputs: Array, known: bool) -> Iterator[AuditFinding]:
+    def _anywhere(self, states: Array, inputs: Array, is_explained: bool) -> Iterator[AuditFinding]:
         """Yield differences of accelerations at random states and inputs."""
         n = len(self.names)
         masses, forces = self._reference(states, inputs)
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
-        found = self.accelerations.measure(states, inputs, np.zeros((DRAWS, n)))
-        if not np.isfinite(found.value).all():
+        accelerations = self.accelerations.measure(states, inputs, np.zeros((DRAWS, n)))
+        if not np.isfinite(accelerations.value).all():
             message = "accelerations at random states are not finite"
             yield finding("acceleration", ("not finite",), message)
             return
         scale = np.max(np.abs(wanted), axis=0)
-        error = found.uncertainty + 16 * EPSILON * scale
-        miss = np.abs(found.value - wanted)
+        error = accelerations.uncertainty + 16 * EPSILON * scale
+        miss = np.abs(accelerations.value - wanted)
         differing = miss > error
         natural = np.maximum(scale, self.accelerations.speed * self.accelerations.fastest)
         lost = (error > RESOLVED_SHARE * natural).any(axis=1) & ~differing.any(axis=1)
@@ -325,17 +334,17 @@ class Compiled:
             return
         share = np.where(differing, miss / np.where(scale > 0, scale, 1.0), 0.0)
         row, i = np.unravel_index(int(np.argmax(share)), share.shape)
-        here, there = float(found.value[row, i]), float(wanted[row, i])
+        here, there = float(accelerations.value[row, i]), float(wanted[row, i])
         shown = _told_apart(here, there)
-        of = f"{int(differing.any(axis=1).sum())} of {DRAWS} random states differ"
+        count = f"{int(differing.any(axis=1).sum())} of {DRAWS} random states differ"
         yield finding(
             "acceleration",
             (self.names[i],),
             f"the acceleration of {self.names[i]} is {shown[0]} in the model and {shown[1]} in the"
-            f" equations at {self._at(states[row])} ({of})",
+            f" equations at {self._at(states[row])} ({count})",
             expected=there,
             found=here,
-            severity="note" if known else "finding",
+            severity="note" if is_explained else "finding",
         )
 
 
@@ -348,8 +357,8 @@ def _slopes(values: Array, steps: Array) -> Array:
 
 def _slope_errors(errors: Array, steps: Array) -> Array:
     n = len(steps)
-    found: Array = ((errors[1 : n + 1] + errors[n + 1 :]) / (2 * steps[:, None])).T
-    return found
+    slopes: Array = ((errors[1 : n + 1] + errors[n + 1 :]) / (2 * steps[:, None])).T
+    return slopes
 
 
 _RATES: Mapping[str, int] = {"inertia": 0, "damping": 1, "stiffness": 2}
@@ -359,19 +368,21 @@ _COUPLING: Mapping[str, str] = {
 }  # fmt: skip
 
 
-def _sentence(kind: str, about: str, own: bool, found: float, expected: float, error: float) -> str:
-    name = f"{kind} of {about}" if own else f"{_COUPLING[kind]} {about}"
-    nothing = max(error, 1e-9 * abs(expected - found))
-    if abs(found) <= nothing:
+def _sentence(
+    kind: str, about: str, is_own: bool, measured: float, expected: float, error: float
+) -> str:
+    name = f"{kind} of {about}" if is_own else f"{_COUPLING[kind]} {about}"
+    nothing = max(error, 1e-9 * abs(expected - measured))
+    if abs(measured) <= nothing:
         return f"{name} is 0 in the model and {expected:.6g} in the equations"
     if abs(expected) <= nothing:
-        return f"{name} is {found:.6g} in the model and 0 in the equations"
-    shown = _told_apart(found, expected)
+        return f"{name} is {measured:.6g} in the model and 0 in the equations"
+    shown = _told_apart(measured, expected)
     return f"{name} is {shown[0]} in the model and {shown[1]} in the equations"
 
 
-def _told_apart(found: float, expected: float) -> tuple[str, str]:
+def _told_apart(measured: float, expected: float) -> tuple[str, str]:
     """Format both numbers with enough digits to show their difference."""
-    share = abs(found - expected) / max(abs(found), abs(expected))
+    share = abs(measured - expected) / max(abs(measured), abs(expected))
     digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
-    return f"{found:.{digits}g}", f"{expected:.{digits}g}"
+    return f"{measured:.{digits}g}", f"{expected:.{digits}g}"

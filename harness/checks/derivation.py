@@ -73,62 +73,72 @@ def derivation(system: System) -> DerivedSystem:
         kind=classify(len(system.inputs), len(system.outputs)),
         linear=linear,
         order=ORDER,
-        equilibria=[_equilibrium(equations, one, linear) for one in linearizations],
+        equilibria=[
+            _equilibrium(equations, linearization, linear) for linearization in linearizations
+        ],
         errata=errata_records(equations, linearizations),
     )
 
 
 def _equilibrium(
-    equations: Equations, one: TaylorLinearization, linear: bool
+    equations: Equations, linearization: TaylorLinearization, linear: bool
 ) -> DerivedEquilibrium:
     system = equations.system
-    (declared,) = (e for e in system.equilibria if e.name == one.equilibrium)
+    (declared,) = (e for e in system.equilibria if e.name == linearization.equilibrium)
     moved = {
-        q: deviation(q) for q, at in zip(system.q, one.symbolic_position, strict=True) if at != 0
+        q: deviation(q)
+        for q, at in zip(system.q, linearization.symbolic_position, strict=True)
+        if at != 0
     }
-    series = None if linear else _series(equations, one, moved)
-    damped = any(one.damping) and len(system.q) > 1
+    series = None if linear else _series(equations, linearization, moved)
+    damped = any(linearization.damping) and len(system.q) > 1
     return DerivedEquilibrium(
         name=declared.name,
         description=declared.description,
-        rest=list(zip(system.q, one.symbolic_position, strict=True)),
-        matrices=list(_matrices(one, system)),
-        poles=pole_records(one),
-        modes=mode_records(one),
+        rest=list(zip(system.q, linearization.symbolic_position, strict=True)),
+        matrices=list(_matrices(linearization, system)),
+        poles=pole_records(linearization),
+        modes=mode_records(linearization),
         damped=[
             (value, [complex(share) for share in shape])
-            for value, shape in (damped_shapes(one) if damped else ())
+            for value, shape in (damped_shapes(linearization) if damped else ())
         ],
-        transfers=_transfers(one, system),
-        moved=[(d, q - one.symbolic_position[system.q.index(q)]) for q, d in moved.items()]
+        transfers=_transfers(linearization, system),
+        moved=[
+            (d, q - linearization.symbolic_position[system.q.index(q)]) for q, d in moved.items()
+        ]
         if series
         else [],
         series=series,
-        linearity=linearity_records(equations, one),
+        linearity=linearity_records(equations, linearization),
     )
 
 
-def _matrices(one: TaylorLinearization, system: System) -> Iterator[Matrix]:
+def _matrices(linearization: TaylorLinearization, system: System) -> Iterator[Matrix]:
     symbolic = {
-        "M": one.mass.applyfunc(sp.expand) if _short(one.mass) else None,
-        "C": one.damping.applyfunc(sp.expand) if _short(one.damping) else None,
-        "K": one.stiffness.applyfunc(sp.expand) if _short(one.stiffness) else None,
+        "M": linearization.mass.applyfunc(sp.expand) if _short(linearization.mass) else None,
+        "C": linearization.damping.applyfunc(sp.expand) if _short(linearization.damping) else None,
+        "K": linearization.stiffness.applyfunc(sp.expand)
+        if _short(linearization.stiffness)
+        else None,
     }
-    if _invertible(one.mass, one.damping, one.stiffness, one.input):
-        n, inverse = len(system.q), one.mass.inv()
-        below = (-inverse * one.stiffness).row_join(-inverse * one.damping)
+    if _invertible(
+        linearization.mass, linearization.damping, linearization.stiffness, linearization.input
+    ):
+        n, inverse = len(system.q), linearization.mass.inv()
+        below = (-inverse * linearization.stiffness).row_join(-inverse * linearization.damping)
         state = sp.zeros(n).row_join(sp.eye(n)).col_join(below)
-        push = sp.zeros(n, len(system.u)).col_join(inverse * one.input)
+        push = sp.zeros(n, len(system.u)).col_join(inverse * linearization.input)
         symbolic |= {"A": state.applyfunc(sp.factor), "B": push.applyfunc(sp.factor)}
     for name in ("M", "C", "K", "A", "B"):
-        numbers = to_array(one.exact[name])
+        numbers = to_array(linearization.exact[name])
         if not numbers.size:
             continue
         numbers[np.abs(numbers) < ROUNDING * np.max(np.abs(numbers))] = 0.0
-        found = symbolic.get(name)
-        if found is not None and not any(entry.free_symbols for entry in found):
-            found = None
-        yield Matrix(name=name, symbolic=found, numbers=numbers.tolist())
+        formula = symbolic.get(name)
+        if formula is not None and not any(entry.free_symbols for entry in formula):
+            formula = None
+        yield Matrix(name=name, symbolic=formula, numbers=numbers.tolist())
 
 
 def _short(*matrices: sp.Matrix) -> bool:
@@ -147,10 +157,10 @@ def _invertible(*matrices: sp.Matrix) -> bool:
     return _short(*matrices) and not any(matrix.has(sp.Float) for matrix in matrices)
 
 
-def _transfers(one: TaylorLinearization, system: System) -> list[Transfer]:
+def _transfers(linearization: TaylorLinearization, system: System) -> list[Transfer]:
     if not system.inputs:
         return []
-    functions = transfer_functions(one)
+    functions = transfer_functions(linearization)
     return [
         Transfer(output=sp.Symbol(o.name), input=u, function=functions[i, j], s=s)
         for i, o in enumerate(system.outputs)
@@ -159,23 +169,23 @@ def _transfers(one: TaylorLinearization, system: System) -> list[Transfer]:
 
 
 def _series(
-    equations: Equations, one: TaylorLinearization, moved: Mapping[sp.Symbol, sp.Symbol]
+    equations: Equations, linearization: TaylorLinearization, moved: Mapping[sp.Symbol, sp.Symbol]
 ) -> list[tuple[SumTerms, SumTerms]]:
     system = equations.system
     if sum(sp.count_ops(row) for row in equations.residual) > LONG_SERIES:
         return []
-    place = dict(zip(system.q, one.symbolic_position, strict=True))
+    place = dict(zip(system.q, linearization.symbolic_position, strict=True))
     rest = place | dict.fromkeys((*system.v, *system.a, *system.u), sp.Integer(0))
     variables = [*system.a, *system.v, *(moved.get(q, q) for q in system.q), *system.u]
     sides: list[tuple[SumTerms, SumTerms]] = []
     for row in equations.residual:
         series = taylor(row, rest, ORDER)
         shifted = series.subs({q: d + place[q] for q, d in moved.items()}, simultaneous=True)
-        terms = sp.Poly(sp.expand(shifted), *variables).terms()
+        monomials = sp.Poly(sp.expand(shifted), *variables).terms()
         # Linear terms first; within each degree acceleration, velocity, position.
-        terms.sort(key=lambda term: (sum(term[0]), [-power for power in term[0]]))
-        driven = [_term(t, variables) for t in terms if any(t[0][len(system.q) * 3 :])]
-        free = [_term(t, variables) for t in terms if not any(t[0][len(system.q) * 3 :])]
+        monomials.sort(key=lambda term: (sum(term[0]), [-power for power in term[0]]))
+        driven = [_term(t, variables) for t in monomials if any(t[0][len(system.q) * 3 :])]
+        free = [_term(t, variables) for t in monomials if not any(t[0][len(system.q) * 3 :])]
         sides.append((free, [(-coefficient, factor) for coefficient, factor in driven]))
     return sides
 

@@ -35,6 +35,6 @@ class Followers:
 
     def map(self, order: list[int], names: tuple[str, ...]) -> CoordinateMap:
         """Build the map from the coordinates, by name, to an engine's, in the engine's order."""
-        own = [self.names[i] for i in order]
-        kept = [own.index(name) for name in names]
+        engine_names = [self.names[i] for i in order]
+        kept = [engine_names.index(name) for name in names]
         return linear(self.matrix[order], self.offset[order], kept)

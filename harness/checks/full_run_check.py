@@ -27,23 +27,23 @@ def with_full_runs(
         return Outcome.FAILED, failed, _failure_kind(study)
     if verdict.outcome is not Outcome.AGREES:
         return verdict.outcome, verdict.reason, verdict.kind
-    found = study.full_run_check
-    if not found.converges:
-        told = (
+    check = study.full_run_check
+    if not check.converges:
+        message = (
             "every segment agrees, but the full run does not converge to the "
-            f"motion: order {found.order:.2f} instead of {claimed}, error "
-            f"{study.global_error:.1e}; {found.residual:.1e} of it remains as dt "
+            f"motion: order {check.order:.2f} instead of {claimed}, error "
+            f"{study.global_error:.1e}; {check.residual:.1e} of it remains as dt "
             "falls, so the model carries a state from step to step"
         )
-        return Outcome.UNRESOLVED, told, "full run"
-    if not found.predicted:
-        told = (
+        return Outcome.UNRESOLVED, message, "full run"
+    if not check.predicted:
+        message = (
             f"every segment agrees, but the full run at dt = {study.base_run.h:g} s "
-            f"is off by {found.deviation:.1e} from the error that finer steps "
-            f"predict, {found.expected:.1e} ± {found.deviation_bound:.1e}; something in the "
+            f"is off by {check.deviation:.1e} from the error that finer steps "
+            f"predict, {check.expected:.1e} ± {check.deviation_bound:.1e}; something in the "
             "model depends on dt"
         )
-        return Outcome.UNRESOLVED, told, "time step"
+        return Outcome.UNRESOLVED, message, "time step"
     parts = (verdict.reason, _reservation(study, motion))
     return verdict.outcome, "; ".join(part for part in parts if part), verdict.kind
 
@@ -80,16 +80,16 @@ def _failure_kind(study: StepStudy) -> CaseKind:
 
 def _reservation(study: StepStudy, motion: Motion) -> str:
     """Describe how far full runs confirm an agreement, if the motion allows only part of it."""
-    found = study.full_run_check
-    if not found.partly_chaotic:
+    check = study.full_run_check
+    if not check.partly_chaotic:
         return ""
-    if found.until <= 0:
+    if check.until <= 0:
         return (
             "the segments alone decide; the steps tried are too coarse for a full "
-            f"run of this motion, which multiplies differences by {found.growth:.1g}"
+            f"run of this motion, which multiplies differences by {check.growth:.1g}"
         )
     return (
-        f"a full run confirms it until t = {found.until:.3g} s of "
+        f"a full run confirms it until t = {check.until:.3g} s of "
         f"{motion.duration:.3g} s; after that the motion is chaotic (differences "
-        f"grow {found.growth:.1g} times), and the segments alone decide"
+        f"grow {check.growth:.1g} times), and the segments alone decide"
     )

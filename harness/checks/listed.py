@@ -37,11 +37,11 @@ def listed(
         only: engines; empty: all that the sidecars name, or that read the file.
         floating, model: options for reading files, as in `read_robot`.
     """
-    found = dict[Path, Declared | Failure]()
+    declarations = dict[Path, Declared | Failure]()
 
     def job(target: Path) -> Job[Declared]:
         def done(value: Declared | Failure) -> tuple[()]:
-            found[target] = value
+            declarations[target] = value
             return ()
 
         glance = partial(declared, floating=floating, model=model)
@@ -51,21 +51,21 @@ def listed(
         work(map(job, targets), workers)
     cases, faults = list[tuple[str, CaseId]](), list[str]()
     for target in targets:
-        system = found[target]
+        system = declarations[target]
         if isinstance(system, Failure):
             faults.append(system.about(target) if target.is_file() else system.reason)
             continue
-        for one in [target] if target.is_file() else model_files(target):
-            if isinstance(one, UnreadModel):
-                faults.append(one.reason)
+        for file in [target] if target.is_file() else model_files(target):
+            if isinstance(file, UnreadModel):
+                faults.append(file.reason)
                 continue
-            name = model_path(one).name
+            name = model_path(file).name
             cases += [
                 (
                     str(target),
                     CaseId(system=system.name, model=name, scenario=scenario, engine=engine),
                 )
-                for engine in chosen_engines(one, only)
+                for engine in chosen_engines(file, only)
                 for scenario in system.scenarios
             ]
     return Listed(tuple(cases), tuple(faults))

@@ -26,22 +26,24 @@ def declared_bindings(
     try:
         return bindings(system, sidecar), ()
     except (LocationError, SidecarError):
-        found: list[Binding] = []
+        readable: list[Binding] = []
         lost: list[AuditFinding] = []
         for i, (address, expression) in enumerate(sidecar.bindings.items()):
             try:
-                alone = replace(sidecar, bindings={address: expression})
-                found += bindings(system, alone)
+                single = replace(sidecar, bindings={address: expression})
+                readable += bindings(system, single)
             except (LocationError, SidecarError) as error:
                 lost.append(finding("binding", (address,), f"the binding can't be read: {error}"))
             if len(lost) == MOST_LOST and i + 1 < len(sidecar.bindings):
-                left = len(sidecar.bindings) - i - 1
-                rest = f"{left} more bindings were not checked, after {MOST_LOST} unreadable ones"
+                remaining = len(sidecar.bindings) - i - 1
+                rest = (
+                    f"{remaining} more bindings were not checked, after {MOST_LOST} unreadable ones"
+                )
                 lost.append(finding("binding", ("bindings",), f"{rest}; fix these first"))
                 break
         if not lost:
             raise  # the error is between two bindings
-        return tuple(found), tuple(lost)
+        return tuple(readable), tuple(lost)
 
 
 def literal_findings(declared: tuple[Binding, ...]) -> Iterator[AuditFinding]:

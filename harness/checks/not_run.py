@@ -25,19 +25,19 @@ class Hurdle:
     kind: CaseKind
 
 
-def hurdle(known: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hurdle | None:
+def hurdle(adapters: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hurdle | None:
     """Return why a model can't run in an engine; None if it can.
 
     Args:
-        known: all engines.
+        adapters: all engines.
         name: name of the engine.
         model: the sidecar, which may name any engine; or a robot file.
     """
     if isinstance(model, Path):
-        return absent(known[name])
-    sidecar, engine = model, known.get(name)
+        return absent(adapters[name])
+    sidecar, engine = model, adapters.get(name)
     if engine is None:
-        names = ", ".join(sorted(known))
+        names = ", ".join(sorted(adapters))
         return Hurdle(
             Outcome.FAILED,
             f"{sidecar.model}.toml: unknown engine {name!r}; known engines: {names}",
@@ -61,31 +61,31 @@ def absent(engine: Engine) -> Hurdle | None:
     return None
 
 
-def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
+def barred_case(case_id: CaseId, folder: str, why: Hurdle) -> Case:
     """Build the record of a case that was not started."""
-    return replace(_case(one, folder, why.outcome, why.reason, ""), kind=why.kind)
+    return replace(_case(case_id, folder, why.outcome, why.reason, ""), kind=why.kind)
 
 
-def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
+def failed_case(case_id: CaseId, folder: str, failure: Failure) -> Case:
     """Return the record of a case that could not run, or that stands for a whole model or target.
 
     Args:
-        one: the case.
+        case_id: the case.
         folder: the system folder, or the robot file.
         failure: the reason.
     """
-    file = Path(folder) if Path(folder).name == one.model else Path(folder) / one.model
+    file = Path(folder) if Path(folder).name == case_id.model else Path(folder) / case_id.model
     reason = failure.about(file)
-    case = _case(one, folder, Outcome.FAILED, reason, failure.stdout)
+    case = _case(case_id, folder, Outcome.FAILED, reason, failure.stdout)
     return replace(case, locations=failure.locations, kind=failure.kind)
 
 
-def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:
+def _case(case_id: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:
     return Case(
-        system=one.system,
-        model=one.model,
-        scenario=one.scenario,
-        engine=one.engine,
+        system=case_id.system,
+        model=case_id.model,
+        scenario=case_id.scenario,
+        engine=case_id.engine,
         folder=folder,
         outcome=outcome,
         reason=reason,

@@ -57,19 +57,21 @@ class Frames:
     rows: tuple[int, ...]
 
     @staticmethod
-    def of(system: System, said: SidecarFrames, model: Model, coordinates: CoordinateMap) -> Frames:
+    def of(
+        system: System, mapped: SidecarFrames, model: Model, coordinates: CoordinateMap
+    ) -> Frames:
         """Look up every frame.
 
         Raises:
             SidecarError: for a frame that the model lacks; names the file, the line and the
                 existing frames.
         """
-        for target in said.targets:
+        for target in mapped.targets:
             if target.place not in model.places:
                 raise SidecarError(_lacking(target, model.places))
         names = [frame.name for frame in system.frames]
-        rows = tuple(names.index(target.name) for target in said.targets)
-        return Frames(model, coordinates, said, frame_function(system), rows)
+        rows = tuple(names.index(target.name) for target in mapped.targets)
+        return Frames(model, coordinates, mapped, frame_function(system), rows)
 
     def expected(self, q: Array) -> Placed:
         """Return the poses in the equations at positions q, (K, n)."""
@@ -82,10 +84,10 @@ class Frames:
         """
         targets = self.said.targets
         origins, turns = self.model.poses([target.place for target in targets], z)
-        at = np.array([target.offset for target in targets])
+        offsets = np.array([target.offset for target in targets])
         axes = np.array([target.axes for target in targets])
         world = self.said.axes
-        places = origins + np.einsum("kfij,fj->kfi", turns, at) - self.said.origin
+        places = origins + np.einsum("kfij,fj->kfi", turns, offsets) - self.said.origin
         turned = np.einsum("ji,kfjl,flm->kfim", world, turns, axes)
         return Placed(places @ world, turned)
 
@@ -124,8 +126,8 @@ def _moved(placed: Callable[[Array], Placed], x: Array) -> Array:
     return total
 
 
-def _lacking(target: FrameTarget, known: Sequence[str]) -> str:
+def _lacking(target: FrameTarget, available: Sequence[str]) -> str:
     kind = target.place.partition(":")[0]
-    same = [place for place in known if place.startswith(f"{kind}:")]
-    shown = ", ".join(map(truncate, (same or list(known))[:24]))
+    same = [place for place in available if place.startswith(f"{kind}:")]
+    shown = ", ".join(map(truncate, (same or list(available))[:24]))
     return f"{target.where}: the model has no {quote(target.place)}; it has {shown}"

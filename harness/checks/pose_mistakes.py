@@ -39,27 +39,27 @@ class Miss:
     def of(
         f: int,
         expected: Placed,
-        found: Placed,
+        measured: Placed,
         flipped: Mapping[str, Placed],
         *,
         point: bool,
         uncertainty: tuple[float, float],
     ) -> Miss:
         """Select frame `f`."""
-        far, turned = (float(np.max(each[:, f])) for each in expected.miss(found))
+        far, turned = (float(np.max(each[:, f])) for each in expected.miss(measured))
         return Miss(
             at=expected.at[:, f],
             turn=expected.turn[:, f],
-            found_at=found.at[:, f],
-            found_turn=found.turn[:, f],
+            found_at=measured.at[:, f],
+            found_turn=measured.turn[:, f],
             flipped={name: (one.at[:, f], one.turn[:, f]) for name, one in flipped.items()},
             point=point,
             near=(max(uncertainty[0], SHARE * far), max(uncertainty[1], SHARE * turned)),
         )
 
-    def is_at(self, at: Array) -> bool:
+    def is_at(self, position: Array) -> bool:
         """Return whether the engine has the origin at this place."""
-        return bool(np.max(np.linalg.norm(self.found_at - at, axis=-1)) <= self.near[0])
+        return bool(np.max(np.linalg.norm(self.found_at - position, axis=-1)) <= self.near[0])
 
     def is_turned(self, turn: Array) -> bool:
         """Return whether the engine has this rotation; false for a point."""
@@ -84,11 +84,11 @@ def _kinds(miss: Miss) -> Iterator[str]:
 
 def _flipped(miss: Miss) -> Iterator[str]:
     """Yield the coordinates with the opposite sign."""
-    for name, (at, turn) in miss.flipped.items():
-        moved = _mean(miss.found_at - at)
-        if miss.is_at(at + moved) and miss.is_turned(turn):
-            told = f"as if {name} had the other sign: an axis is flipped"
-            yield f"{told}{_and_moved(moved, miss)}"
+    for name, (position, turn) in miss.flipped.items():
+        moved = _mean(miss.found_at - position)
+        if miss.is_at(position + moved) and miss.is_turned(turn):
+            kind = f"as if {name} had the other sign: an axis is flipped"
+            yield f"{kind}{_and_moved(moved, miss)}"
 
 
 def _shifted(miss: Miss) -> Iterator[str]:
@@ -142,14 +142,14 @@ def _mirrored(miss: Miss) -> Iterator[str]:
 
 def _cube() -> Iterator[Array]:
     """Yield the 24 rotations of a cube, quarter turns about an axis first."""
-    found = []
+    turns = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             matrix = np.zeros((3, 3))
             matrix[range(3), order] = signs
             if np.linalg.det(matrix) > 0:
-                found.append(matrix)
-    yield from sorted(found, key=lambda matrix: -float(np.trace(matrix)))
+                turns.append(matrix)
+    yield from sorted(turns, key=lambda matrix: -float(np.trace(matrix)))
 
 
 def _mean(rows: Array) -> Array:

@@ -67,8 +67,8 @@ def check_poses(
     Raises:
         SidecarError: naming file, line, entry and remedy.
     """
-    said = sidecar_frames(system, sidecar)
-    mapped = [target.name for target in said.targets]
+    mapped_frames = sidecar_frames(system, sidecar)
+    mapped = [target.name for target in mapped_frames.targets]
     unchecked = tuple(frame.name for frame in system.frames if frame.name not in mapped)
     if not system.frames:
         return PoseCheck(Poses(note="the system declares no frames"))
@@ -78,7 +78,7 @@ def check_poses(
         return PoseCheck(
             Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
         )
-    frames = Frames.of(system, said, model, coordinates)
+    frames = Frames.of(system, mapped_frames, model, coordinates)
     with np.errstate(all="ignore"):
         q = _positions(frames, system, reached)
     return _compared(frames, system, q, unchecked)
@@ -87,11 +87,11 @@ def check_poses(
 def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ...]) -> PoseCheck:
     """Compare every mapped frame at positions q, (K, n)."""
     z = frames.coordinates.forward(q)
-    expected, found = frames.expected(q), frames.found(z)
+    expected, measured = frames.expected(q), frames.found(z)
     length = frames.length(z)
     uncertainty = frames.uncertainty(q, length)
     points = [system.frames[row].rotation is None for row in frames.rows]
-    far, turned = expected.miss(found)
+    far, turned = expected.miss(measured)
     turned[:, points] = 0.0
     size = float(np.max(np.abs(expected.at), initial=0.0)) or length
     near = max(uncertainty[0], RESOLUTION * size), max(uncertainty[1], RESOLUTION)
@@ -118,16 +118,16 @@ def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ..
     flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in enumerate(system.coordinates)}
     alike: dict[str, list[int]] = {}
     for f in elsewhere:
-        miss = Miss.of(f, expected, found, flipped, point=points[f], uncertainty=uncertainty)
+        miss = Miss.of(f, expected, measured, flipped, point=points[f], uncertainty=uncertainty)
         alike.setdefault(kind_of(miss), []).append(f)
     findings = []
     for kind, group in alike.items():
         worst = q[int(np.argmax((far + turned)[:, group].max(axis=1)))]
-        told = _sentence([rows[f] for f in group], kind, _place(system, worst), near)
+        message = _sentence([rows[f] for f in group], kind, _place(system, worst), near)
         apart = far[:, group].max() / near[0] if near[0] else 0.0, turned[:, group].max() / near[1]
         names = tuple(rows[f].name for f in group)
         off, share = float(far[:, group].max()), 1 / float(max(apart))
-        findings.append(PoseFinding(names, told, off, share))
+        findings.append(PoseFinding(names, message, off, share))
     return PoseCheck(record, tuple(findings))
 
 
@@ -145,9 +145,9 @@ def _positions(frames: Frames, system: System, reached: Array) -> Array:
     wide = np.where(turns, np.pi, 2 * np.where(extent > 0, extent, 1.0))
     random = np.random.default_rng(SEED).uniform(-wide, wide, (DRAWS, len(wide)))
     q = np.concatenate([reached, random])
-    known = np.isfinite(frames.coordinates.forward(q)).all(axis=1)
-    known &= np.isfinite(frames.function(q)).all(axis=1)
-    return q[known]
+    is_finite = np.isfinite(frames.coordinates.forward(q)).all(axis=1)
+    is_finite &= np.isfinite(frames.function(q)).all(axis=1)
+    return q[is_finite]
 
 
 def _place(system: System, q: Array) -> str:
@@ -155,7 +155,7 @@ def _place(system: System, q: Array) -> str:
     return ", ".join(f"{c.name} = {value:.4g}" for c, value in named)
 
 
-def _sentence(group: Sequence[FramePose], kind: str, at: str, near: tuple[float, float]) -> str:
+def _sentence(group: Sequence[FramePose], kind: str, place: str, near: tuple[float, float]) -> str:
     """Describe the common error of some frames; omit parts smaller than `near`, m and rad."""
     names = ", ".join(f"{one.name} ({one.place})" for one in group)
     far = max(one.position or 0.0 for one in group)
@@ -163,5 +163,5 @@ def _sentence(group: Sequence[FramePose], kind: str, at: str, near: tuple[float,
     off = [f"{far:.3g} m"] if far > near[0] else []
     off += [f"{angle:.3g} degrees"] if np.radians(angle) > near[1] else []
     size = " and ".join(off) or "not a number"
-    told = f"{names}: off by up to {size} from the equations' pose, at {at}"
-    return f"{told}; {kind or 'no single shift, turn or flipped axis explains it'}"
+    message = f"{names}: off by up to {size} from the equations' pose, at {place}"
+    return f"{message}; {kind or 'no single shift, turn or flipped axis explains it'}"

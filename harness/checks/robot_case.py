@@ -115,7 +115,7 @@ class PreparedRobot:
 
     def task(self, engine: str, resolution: float) -> RobotTask:
         """Build the task of the check in an engine."""
-        own = engines()[engine].settings_for(self.file.suffix)
+        adapter_settings = engines()[engine].settings_for(self.file.suffix)
         return RobotTask(
             file=self.file,
             folder=str(self.file),
@@ -126,7 +126,7 @@ class PreparedRobot:
             followers=self.followers,
             tree=self.system.tree,
             samples=self.samples,
-            settings={**own, **self.settings},
+            settings={**adapter_settings, **self.settings},
             resolution=resolution,
             motion=self.motion,
         )
@@ -275,13 +275,13 @@ def follow_robot(
     )
     try:
         if rungs:
-            found = extrapolate(model, coordinates, batch, rungs=rungs)
+            limits = extrapolate(model, coordinates, batch, rungs=rungs)
         else:
-            found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+            limits = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(f"{task.file}: {error}") from None
     return Followed(
-        model=model, map=coordinates, names=names, samples=drawn, scale=scale, found=found
+        model=model, map=coordinates, names=names, samples=drawn, scale=scale, found=limits
     )
 
 
@@ -390,10 +390,12 @@ def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Follow
     if verdict.outcome is not Outcome.UNRESOLVED:
         return way, verdict
     for name, settings in way.model.integrators.items():
-        other, found = _judged(replace(task, settings={**task.settings, **settings}))
-        if found.outcome is not Outcome.UNRESOLVED:
-            told = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
-            return other, replace(found, reason="; ".join(filter(None, [found.reason, told])))
+        other, other_verdict = _judged(replace(task, settings={**task.settings, **settings}))
+        if other_verdict.outcome is not Outcome.UNRESOLVED:
+            message = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
+            return other, replace(
+                other_verdict, reason="; ".join(filter(None, [other_verdict.reason, message]))
+            )
     return way, verdict
 
 
@@ -407,9 +409,9 @@ def _with_motion(
         there is no motion.
     """
     motion, model = task.motion, way.model
-    known = verdict.outcome, verdict.reason, verdict.kind
+    unchanged = verdict.outcome, verdict.reason, verdict.kind
     if motion is None:
-        return *known, None
+        return *unchanged, None
     why = motion if isinstance(motion, str) else why_no_run(motion.duration, model.step)
     if isinstance(motion, str) or why:
         reason = "; ".join(filter(None, (verdict.reason, f"no motion from rest: {why}")))
@@ -434,7 +436,7 @@ def _with_motion(
 def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
     """Compare single steps of the engine, from the starts of the segments."""
     drawn = way.samples
-    found = step_engine(
+    stepping = step_engine(
         way.model,
         way.map,
         _stepped(task, way),
@@ -443,7 +445,7 @@ def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
         task.resolution,
         fastest=drawn.fastest,
     )
-    return None if found is None else stepping_record(found, way.components)
+    return None if stepping is None else stepping_record(stepping, way.components)
 
 
 def _dynamics(task: RobotTask, way: Followed) -> AccelerationComparison | None:

@@ -55,8 +55,8 @@ _NEGATIVE = re.compile(r".*[/@](\w*damping|\w*stiffness|springStiffness|spring_s
 
 def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     """Return what is wrong with a file by reading it: inertias, signs, engines' remarks."""
-    found = (*inertia_findings(robot), *negative_findings(robot.file), *_remarks(robot.file))
-    return tuple(dict.fromkeys(found))
+    findings = (*inertia_findings(robot), *negative_findings(robot.file), *_remarks(robot.file))
+    return tuple(dict.fromkeys(findings))
 
 
 def _remarks(file: Path) -> Iterator[AuditFinding]:
@@ -86,14 +86,14 @@ def negative_findings(file: Path) -> Iterator[AuditFinding]:
     """Yield each negative damping, stiffness and armature of a file, by its line."""
     for part in _parts(file) if file.suffix in MARKUP else ():
         try:
-            found = numerals(Document(part))
+            numbers = numerals(Document(part))
         except DocumentError:
             continue  # already reported by the reader of the file
-        for one in found:
-            kind = _NEGATIVE.fullmatch(one.path)
-            if kind is None or one.value >= 0 or one.word:
+        for entry in numbers:
+            kind = _NEGATIVE.fullmatch(entry.path)
+            if kind is None or entry.value >= 0 or entry.word:
                 continue
-            yield finding_of(one, kind[1])
+            yield finding_of(entry, kind[1])
 
 
 def _parts(file: Path) -> tuple[Path, ...]:
@@ -103,16 +103,18 @@ def _parts(file: Path) -> tuple[Path, ...]:
         return ()
 
 
-def finding_of(one: Number, what: str) -> AuditFinding:
+def finding_of(number: Number, what: str) -> AuditFinding:
     """Return the finding about a negative number; a spring may be negative."""
     word = next(word for word in _EFFECTS if word in what.lower())
     return AuditFinding(
         kind=_NEGATIVES[word],
-        subject=(one.address,),
-        message=f"{one.address} is {one.value:g}: negative {word} {_EFFECTS[word]}",
-        location=SourceLine(file=str(one.file), line=one.line, span=one.span, text=one.text),
+        subject=(number.address,),
+        message=f"{number.address} is {number.value:g}: negative {word} {_EFFECTS[word]}",
+        location=SourceLine(
+            file=str(number.file), line=number.line, span=number.span, text=number.text
+        ),
         expected=None,
-        found=one.value,
+        found=number.value,
         severity="note" if word == "stiffness" else "finding",
     )
 
@@ -132,31 +134,33 @@ _EFFECTS = {
 
 def settings_of(robot: Robot) -> Mapping[str, object]:
     """Return the settings with which every engine runs a robot."""
-    own: dict[str, object] = dict(robot.stated)
+    settings: dict[str, object] = dict(robot.stated)
     if robot.controls:
-        own["controls"] = list(robot.controls)
+        settings["controls"] = list(robot.controls)
     if robot.tree is not None and robot.tree.couplings:
-        own["couplings"] = [robot.tree.links[one.follower].name for one in robot.tree.couplings]
+        settings["couplings"] = [
+            robot.tree.links[one.follower].name for one in robot.tree.couplings
+        ]
     if robot.floats:
-        own["floating"] = True
+        settings["floating"] = True
     if robot.held:
-        own["held"] = list(robot.held)
-    return {**STANDALONE_SETTINGS, **own}
+        settings["held"] = list(robot.held)
+    return {**STANDALONE_SETTINGS, **settings}
 
 
 def sidecar_beside(file: Path) -> tuple[str, ...]:
     """Return a remark about a sidecar, which is ignored if its file is checked alone."""
-    beside = file.with_name(f"{file.name}.toml")
+    sidecar = file.with_name(f"{file.name}.toml")
     return (
-        (f"the contents of {beside.name}, which is read together with its folder",)
-        if beside.is_file()
+        (f"the contents of {sidecar.name}, which is read together with its folder",)
+        if sidecar.is_file()
         else ()
     )
 
 
-def told(one: Omission) -> str:
+def told(omission: Omission) -> str:
     """Format an omission, such as: dry friction (7)."""
-    return one.what if one.count == 1 else f"{one.what} ({one.count})"
+    return omission.what if omission.count == 1 else f"{omission.what} ({omission.count})"
 
 
 def tree_record(

@@ -81,8 +81,8 @@ def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple
     order, n = order_of(task, model), len(task.names)
     if len(order) > n:
         return task.samples, task.followers.map(order, task.names), task.names
-    own = tuple(model.coordinates)
-    return task.samples.ordered(order), replace(identity(n), push_matrix=np.eye(n)), own
+    engine_names = tuple(model.coordinates)
+    return task.samples.ordered(order), replace(identity(n), push_matrix=np.eye(n)), engine_names
 
 
 def order_of(task: RobotTask, model: Model) -> list[int]:
@@ -105,6 +105,6 @@ def joints_of(followers: Followers, model: Model, file: Path, engine: str) -> li
         missing, more = sorted(here - there), sorted(there - here)
         parts = [f"it has no {', '.join(missing)}"] if missing else []
         parts += [f"it has the additional {', '.join(more)}"] if more else []
-        told = " and ".join(parts) or "two of its joints have the same name"
-        raise EngineError(f"{file}: {engine} builds different joints from it: {told}")
+        differences = " and ".join(parts) or "two of its joints have the same name"
+        raise EngineError(f"{file}: {engine} builds different joints from it: {differences}")
     return [followers.names.index(name) for name in model.coordinates]

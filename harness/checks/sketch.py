@@ -35,32 +35,32 @@ def sketch_record(system: System) -> records.Sketch | None:
 
 
 def _shape(shape: Shape, system: System) -> records.Shape:
-    found = {name: tree(e, system) for name, e in expressions(shape).items()}
+    trees = {name: tree(e, system) for name, e in expressions(shape).items()}
     match shape:
         case Link():
             return records.Shape(
                 kind=cast(Kind, shape.kind),
                 label=shape.label,
-                start=[found["start x"], found["start y"]],
-                end=[found["end x"], found["end y"]],
+                start=[trees["start x"], trees["start y"]],
+                end=[trees["end x"], trees["end y"]],
             )
         case Body():
             return records.Shape(
                 kind=cast(Kind, shape.kind),
                 label=shape.label,
-                at=[found["at x"], found["at y"]],
-                width=found["width"],
-                height=found["height"],
-                angle=found["angle"],
+                at=[trees["at x"], trees["at y"]],
+                width=trees["width"],
+                height=trees["height"],
+                angle=trees["angle"],
             )
         case Angle():
             return records.Shape(
                 kind="angle",
                 label=shape.label,
-                at=[found["at x"], found["at y"]],
-                radius=found["radius"],
-                start=found["start"],
-                end=found["end"],
+                at=[trees["at x"], trees["at y"]],
+                radius=trees["radius"],
+                start=trees["start"],
+                end=trees["end"],
             )
 
 

@@ -104,16 +104,16 @@ def motion_terms(equations: Equations) -> tuple[tuple[SumTerms, SumTerms], ...]:
     sides: list[tuple[SumTerms, SumTerms]] = []
     for row, force in zip(equations.mass.tolist(), equations.force, strict=True):
         if sp.count_ops(force) > LONG_OPERATIONS:  # an order that needs no comparison of long terms
-            terms = list(sp.Add.make_args(force))
+            parts = list(sp.Add.make_args(force))
         else:
-            terms = sp.expand(force).as_ordered_terms()
-        terms.sort(key=lambda term: bool(term.free_symbols & {*system.u}))
-        left = list(zip(row, system.a, strict=True))
-        sides.append((left, [(term, sp.Integer(1)) for term in terms]))
+            parts = sp.expand(force).as_ordered_terms()
+        parts.sort(key=lambda term: bool(term.free_symbols & {*system.u}))
+        accelerations = list(zip(row, system.a, strict=True))
+        sides.append((accelerations, [(term, sp.Integer(1)) for term in parts]))
     return tuple(sides)
 
 
-def pole_records(one: TaylorLinearization) -> tuple[records.Pole, ...]:
+def pole_records(linearization: TaylorLinearization) -> tuple[records.Pole, ...]:
     """Build the records of a linearization's poles."""
     return tuple(
         records.Pole(
@@ -123,11 +123,11 @@ def pole_records(one: TaylorLinearization) -> tuple[records.Pole, ...]:
             frequency=number(p.frequency),
             damping=number(p.damping),
         )
-        for p in poles(one)
+        for p in poles(linearization)
     )
 
 
-def mode_records(one: TaylorLinearization) -> tuple[records.Mode, ...]:
+def mode_records(linearization: TaylorLinearization) -> tuple[records.Mode, ...]:
     """Build the records of a linearization's undamped modes."""
     return tuple(
         records.Mode(
@@ -136,12 +136,12 @@ def mode_records(one: TaylorLinearization) -> tuple[records.Mode, ...]:
             shape=numbers(m.shape),
             rigid=bool(m.rigid),
         )
-        for m in modes(one)
+        for m in modes(linearization)
     )
 
 
 def linearity_records(
-    equations: Equations, one: TaylorLinearization
+    equations: Equations, linearization: TaylorLinearization
 ) -> tuple[records.Linearity, ...]:
     """Build the records of a linearization's range of validity, by mode."""
     return tuple(
@@ -152,7 +152,7 @@ def linearity_records(
             amplitudes=numbers(e.amplitudes),
             errors=numbers(e.errors),
         )
-        for e in linearity(equations, one)
+        for e in linearity(equations, linearization)
     )
 
 
@@ -163,17 +163,17 @@ def errata_records(
     return tuple(_erratum(found) for found in errata(equations, linear))
 
 
-def _erratum(found: EquationCheck) -> tuple[str, records.Erratum]:
-    published = found.published
-    claim = published.states + (f" of {published.of}" if published.of else "")
+def _erratum(check: EquationCheck) -> tuple[str, records.Erratum]:
+    published = check.published
+    claimed = published.states + (f" of {published.of}" if published.of else "")
     if published.states == "linear":
-        claim = f"linear about {published.of}"
-    return claim, records.Erratum(
+        claimed = f"linear about {published.of}"
+    return claimed, records.Erratum(
         number=published.number,
         published=published.text,
-        verdict=cast(Literal["agrees", "agrees up to signs", "differs"], found.verdict),
-        derived=found.derived,
-        difference=found.difference,
+        verdict=cast(Literal["agrees", "agrees up to signs", "differs"], check.verdict),
+        derived=check.derived,
+        difference=check.difference,
         note=published.note,
     )
 
@@ -187,7 +187,7 @@ def _derivation(
     equations: Equations, linear: tuple[TaylorLinearization, ...], latex: Latex
 ) -> records.Derivation:
     system = equations.system
-    left = equations.mass * sp.Matrix(system.a)
+    inertial = equations.mass * sp.Matrix(system.a)
     energies = {"T": system.T, "V": system.V, "D": system.D, "L": system.T - system.V}
     return records.Derivation(
         energies={name: _formula(energy, latex) for name, energy in energies.items()},
@@ -197,24 +197,30 @@ def _derivation(
                 latex=f"{latex.sum(inertia)} = {latex.sum(forces)}",
             )
             for a, f, (inertia, forces) in zip(
-                left, equations.force, motion_terms(equations), strict=True
+                inertial, equations.force, motion_terms(equations), strict=True
             )
         ),
-        linearizations=tuple(_linearization(one, system, latex) for one in linear),
-        linearity=tuple(e for one in linear for e in linearity_records(equations, one)),
+        linearizations=tuple(
+            _linearization(linearization, system, latex) for linearization in linear
+        ),
+        linearity=tuple(
+            e for linearization in linear for e in linearity_records(equations, linearization)
+        ),
         errata=tuple(erratum for _, erratum in errata_records(equations, linear)),
     )
 
 
-def _linearization(one: TaylorLinearization, system: System, latex: Latex) -> records.Linearization:
-    functions = transfer_functions(one)
+def _linearization(
+    linearization: TaylorLinearization, system: System, latex: Latex
+) -> records.Linearization:
+    functions = transfer_functions(linearization)
     return records.Linearization(
-        equilibrium=one.equilibrium,
-        position=numbers(one.position),
-        formula=_linear_equations(one, system, latex),
-        matrices={name: rows(array) for name, array in one.arrays.items()},
-        poles=pole_records(one),
-        modes=mode_records(one),
+        equilibrium=linearization.equilibrium,
+        position=numbers(linearization.position),
+        formula=_linear_equations(linearization, system, latex),
+        matrices={name: rows(array) for name, array in linearization.arrays.items()},
+        poles=pole_records(linearization),
+        modes=mode_records(linearization),
         transfer_functions=tuple(
             records.TransferFunction(
                 output=o.name,
@@ -230,13 +236,26 @@ def _linearization(one: TaylorLinearization, system: System, latex: Latex) -> re
     )
 
 
-def _linear_equations(one: TaylorLinearization, system: System, latex: Latex) -> records.Formula:
+def _linear_equations(
+    linearization: TaylorLinearization, system: System, latex: Latex
+) -> records.Formula:
     """Format M a + C v + K q = F u, with the matrices written out and zero terms omitted."""
     symbols = (system.a, system.v, system.q)
-    parts = zip(("M", "C", "K"), (one.mass, one.damping, one.stiffness), symbols, strict=True)
-    left = [(_readable(one, name, factor), of) for name, factor, of in parts if any(factor)]
-    driven = [(_readable(one, "F", one.input), system.u)] if any(one.input) else []
-    sides = [[(m, sp.Matrix(of)) for m, of in side] for side in (left, driven)]
+    parts = zip(
+        ("M", "C", "K"),
+        (linearization.mass, linearization.damping, linearization.stiffness),
+        symbols,
+        strict=True,
+    )
+    left_terms = [
+        (_readable(linearization, name, factor), of) for name, factor, of in parts if any(factor)
+    ]
+    driven = (
+        [(_readable(linearization, "F", linearization.input), system.u)]
+        if any(linearization.input)
+        else []
+    )
+    sides = [[(m, sp.Matrix(of)) for m, of in side] for side in (left_terms, driven)]
     zero = _text(sp.zeros(len(system.q), 1))
     text = ", ".join(
         " + ".join(f"{_text(m)}*{_text(of)}" for m, of in side) or zero for side in sides
@@ -253,11 +272,11 @@ def _linear_equations(one: TaylorLinearization, system: System, latex: Latex) ->
     return records.Formula(text=f"Eq({text})", latex=" = ".join(written))
 
 
-def _readable(one: TaylorLinearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
+def _readable(linearization: TaylorLinearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
     """Return a matrix with its symbols, or with numbers where symbols would be too long to read."""
     if sum(sp.count_ops(entry) for entry in matrix) <= LONG_OPERATIONS:
         return matrix
-    return sp.Matrix(one.arrays[name])
+    return sp.Matrix(linearization.arrays[name])
 
 
 def _text(matrix: sp.Matrix) -> str:

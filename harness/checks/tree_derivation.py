@@ -36,7 +36,7 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
     """
     system, whole = declared.tree_system, declared.assembled
     home = home_of(whole.tree, whole.limits)[Coupled(whole.tree).kept]
-    found = formulas(whole.tree, system.q, system.v)
+    formula = formulas(whole.tree, system.q, system.v)
     n = len(home)
     still = np.zeros((1, n))
     equations = TreeEquations(system)
@@ -60,8 +60,8 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
         pulls=[one.name for one in declared.pulls],
         couplings=[one.follower for one in declared.couplings],
         omitted=omitted,
-        motion=_motion(found, system.a) if isinstance(found, SymbolicEquations) else [],
-        left_out="" if isinstance(found, SymbolicEquations) else found,
+        motion=_motion(formula, system.a) if isinstance(formula, SymbolicEquations) else [],
+        left_out="" if isinstance(formula, SymbolicEquations) else formula,
         home=home.tolist(),
         mass=Matrix(name="M", symbolic=None, numbers=mass.tolist()),
         force=Matrix(name="f", symbolic=None, numbers=force[:, None].tolist()),
@@ -69,12 +69,12 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
 
 
 def _motion(
-    found: SymbolicEquations, a: tuple[sp.Symbol, ...]
+    equations: SymbolicEquations, a: tuple[sp.Symbol, ...]
 ) -> list[tuple[list[tuple[sp.Expr, sp.Expr]], list[tuple[sp.Expr, sp.Expr]]]]:
     """Return both sides of each equation."""
     return [
         (list(zip(row, a, strict=True)), [(term, sp.Integer(1)) for term in force])
-        for row, force in zip(found.mass, found.force, strict=True)
+        for row, force in zip(equations.mass, equations.force, strict=True)
     ]
 
 

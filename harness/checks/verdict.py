@@ -73,12 +73,12 @@ def filled(sizes: Array) -> Array:
     A component that moves only by rounding takes the largest scale of its kind, or 1 if none of
     these moves.
     """
-    found = sizes.copy()
-    half = len(found) // 2
+    scales = sizes.copy()
+    half = len(scales) // 2
     for part in (slice(0, half), slice(half, None)):
-        most = np.max(found[part])
-        found[part] = np.where(found[part] > STILL * most, found[part], most)
-    return np.where(found > 0, found, 1.0)
+        largest = np.max(scales[part])
+        scales[part] = np.where(scales[part] > STILL * largest, scales[part], largest)
+    return np.where(scales > 0, scales, 1.0)
 
 
 def component_scale(motion: Motion, others: list[Motion]) -> Array:
@@ -87,8 +87,8 @@ def component_scale(motion: Motion, others: list[Motion]) -> Array:
     The system's other scenarios give a lower bound. A component that no scenario moves takes the
     largest scale among the positions (or velocities).
     """
-    reach = np.max([m.movement for m in others], axis=0) if others else motion.movement
-    return filled(np.maximum(motion.movement, FLOOR * reach))
+    others_scale = np.max([m.movement for m in others], axis=0) if others else motion.movement
+    return filled(np.maximum(motion.movement, FLOOR * others_scale))
 
 
 class Reference(Protocol):
@@ -108,7 +108,7 @@ class Reference(Protocol):
 
 
 def judged(
-    found: Extrapolated,
+    limits: Extrapolated,
     reference: Reference,
     *,
     scale: Array,
@@ -120,7 +120,7 @@ def judged(
     """Judge extrapolated segments, and their deviation from the coordinate map.
 
     Args:
-        found: the extrapolated segments.
+        limits: the extrapolated segments.
         reference: the segments in the equations.
         scale: scale of each component, (2n,).
         components: names of the state's components, 2n.
@@ -128,11 +128,11 @@ def judged(
         claimed: order that the engine claims.
         resolution: relative discrepancy to resolve.
     """
-    held = found.residual is not None
-    verdict = judge(found.limit, reference, scale, components, claimed, resolution, held)
-    if found.residual is None:
+    held = limits.residual is not None
+    verdict = judge(limits.limit, reference, scale, components, claimed, resolution, held)
+    if limits.residual is None:
         return verdict
-    return with_residual(verdict, found.residual, reference, coordinates, resolution)
+    return with_residual(verdict, limits.residual, reference, coordinates, resolution)
 
 
 def judge(
@@ -152,30 +152,30 @@ def judge(
     defect = np.abs(limit.value - motion.end) / scale
     # At least the precision of a double: a component at rest at zero has no rounding at all.
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
-    asked, resolution = resolution, judgement.resolvable(limit, scale, resolution)
-    found = judgement.judge(defect, uncertainty, resolution, unresolved_reason(limit))
-    time, component = float(motion.t[found.segment]), names[found.component]
-    place = starts_at(time, found.segment)
+    requested, resolution = resolution, judgement.resolvable(limit, scale, resolution)
+    judged_limit = judgement.judge(defect, uncertainty, resolution, unresolved_reason(limit))
+    time, component = float(motion.t[judged_limit.segment]), names[judged_limit.component]
+    place = starts_at(time, judged_limit.segment)
     reason = ""
-    if found.outcome is Outcome.DIFFERS:
+    if judged_limit.outcome is Outcome.DIFFERS:
         reason = (
-            f"{component} is off by {found.discrepancy:.2e} of its displacement at "
+            f"{component} is off by {judged_limit.discrepancy:.2e} of its displacement at "
             f"the end of the segment at {place}; the uncertainty there is "
-            f"{found.uncertainty:.1e}"
+            f"{judged_limit.uncertainty:.1e}"
         )
-    elif found.below_resolution:
-        reason = _below(component, place, found, resolution)
-    elif found.unresolved_reason is not None:
-        why = _why_coarse(limit, found, held)
-        reason = _unresolved(found, limit, place, component, claimed, resolution, why)
-    elif found.largest_uncertainty > asked:
-        reason = _coarse(limit, found.largest_uncertainty, asked)
+    elif judged_limit.below_resolution:
+        reason = _below(component, place, judged_limit, resolution)
+    elif judged_limit.unresolved_reason is not None:
+        why = _why_coarse(limit, judged_limit, held)
+        reason = _unresolved(judged_limit, limit, place, component, claimed, resolution, why)
+    elif judged_limit.largest_uncertainty > requested:
+        reason = _coarse(limit, judged_limit.largest_uncertainty, requested)
     return Verdict(
-        outcome=found.outcome,
-        discrepancy=found.discrepancy,
-        uncertainty=found.uncertainty,
-        largest_discrepancy=found.largest_discrepancy,
-        largest_uncertainty=found.largest_uncertainty,
+        outcome=judged_limit.outcome,
+        discrepancy=judged_limit.discrepancy,
+        uncertainty=judged_limit.uncertainty,
+        largest_discrepancy=judged_limit.largest_discrepancy,
+        largest_uncertainty=judged_limit.largest_uncertainty,
         component=component,
         time=time,
         order=limit.order,
@@ -183,7 +183,7 @@ def judge(
         map_uncertainty=float("nan"),
         reason=reason,
         resolution=resolution,
-        kind=_kind(found, limit),
+        kind=_kind(judged_limit, limit),
     )
 
 
@@ -206,71 +206,73 @@ def with_residual(
     defect = np.abs(limit.value) / scale
     uncertainty = np.maximum(limit.uncertainty / scale, EPSILON)
     resolution = judgement.resolvable(limit, scale, resolution)
-    found = judgement.judge(defect, uncertainty, resolution, None)
-    component = (*names, *(f"{name}_dot" for name in names))[found.component]
-    time, segment = float(motion.t[found.segment]), found.segment
-    known = replace(
+    judged_limit = judgement.judge(defect, uncertainty, resolution, None)
+    component = (*names, *(f"{name}_dot" for name in names))[judged_limit.component]
+    time, segment = float(motion.t[judged_limit.segment]), judged_limit.segment
+    residual_verdict = replace(
         verdict,
-        map_residual=found.largest_discrepancy,
-        map_uncertainty=found.largest_uncertainty,
+        map_residual=judged_limit.largest_discrepancy,
+        map_uncertainty=judged_limit.largest_uncertainty,
     )
-    worse = found.outcome.severity > verdict.outcome.severity
-    if found.outcome is Outcome.DIFFERS:
-        off = float(np.abs(limit.value[segment, found.component]))
-        told = (
+    worse = judged_limit.outcome.severity > verdict.outcome.severity
+    if judged_limit.outcome is Outcome.DIFFERS:
+        off = float(np.abs(limit.value[segment, judged_limit.component]))
+        message = (
             f"engine coordinate {component} leaves the coordinate map by {off:.3g} "
             f"over the segment at {starts_at(time, segment)} (relative "
-            f"{found.discrepancy:.2e}, uncertainty {found.uncertainty:.1e}); the "
+            f"{judged_limit.discrepancy:.2e}, uncertainty {judged_limit.uncertainty:.1e}); the "
             "model has a degree of freedom that the equations lack, or its "
             "constraint does not hold"
         )
-    elif found.outcome is Outcome.UNRESOLVED:
-        told = (
+    elif judged_limit.outcome is Outcome.UNRESOLVED:
+        message = (
             f"engine coordinate {component} follows the coordinate map within an "
-            f"uncertainty of {found.uncertainty:.1e} near "
+            f"uncertainty of {judged_limit.uncertainty:.1e} near "
             f"{starts_at(time, segment)}, above the requested resolution "
-            f"{resolution:.0e}: {_why_coarse(limit, found, held=True)}"
+            f"{resolution:.0e}: {_why_coarse(limit, judged_limit, held=True)}"
         )
-    elif found.below_resolution:
+    elif judged_limit.below_resolution:
         place = starts_at(time, segment)
-        told = _below(f"engine coordinate {component}", place, found, resolution)
+        message = _below(f"engine coordinate {component}", place, judged_limit, resolution)
     else:
-        return known
+        return residual_verdict
     if not worse:
-        return replace(known, reason="; ".join(part for part in (verdict.reason, told) if part))
+        return replace(
+            residual_verdict, reason="; ".join(part for part in (verdict.reason, message) if part)
+        )
     return replace(
-        known,
-        outcome=found.outcome,
-        discrepancy=found.discrepancy,
-        uncertainty=found.uncertainty,
-        largest_discrepancy=max(verdict.largest_discrepancy, found.largest_discrepancy),
-        largest_uncertainty=max(verdict.largest_uncertainty, found.largest_uncertainty),
+        residual_verdict,
+        outcome=judged_limit.outcome,
+        discrepancy=judged_limit.discrepancy,
+        uncertainty=judged_limit.uncertainty,
+        largest_discrepancy=max(verdict.largest_discrepancy, judged_limit.largest_discrepancy),
+        largest_uncertainty=max(verdict.largest_uncertainty, judged_limit.largest_uncertainty),
         component=component,
         time=time,
-        reason=told,
+        reason=message,
         resolution=resolution,
         kind="coordinate map",
     )
 
 
-def _coarse(limit: Limit, known: float, asked: float) -> str:
+def _coarse(limit: Limit, uncertainty: float, requested: float) -> str:
     """Explain that the engine's numbers have too few digits for the requested resolution."""
     return (
-        f"known to {known:.1e}, above the requested {asked:.0e}: the engine's "
+        f"known to {uncertainty:.1e}, above the requested {requested:.0e}: the engine's "
         f"numbers have only {1 - math.log2(limit.epsilon):.0f} binary digits"
     )
 
 
-def _below(what: str, place: str, found: LimitVerdict, resolution: float) -> str:
+def _below(what: str, place: str, judged_limit: LimitVerdict, resolution: float) -> str:
     """Describe a measurable difference that is below the requested resolution."""
     return (
-        f"{what} differs at {found.discrepancy:.0e}, below the requested resolution "
-        f"{resolution:.0e} (segment at {place}, uncertainty {found.uncertainty:.0e})"
+        f"{what} differs at {judged_limit.discrepancy:.0e}, below the requested resolution "
+        f"{resolution:.0e} (segment at {place}, uncertainty {judged_limit.uncertainty:.0e})"
     )
 
 
 def _unresolved(
-    found: LimitVerdict,
+    judged_limit: LimitVerdict,
     limit: Limit,
     place: str,
     component: str,
@@ -278,50 +280,52 @@ def _unresolved(
     resolution: float,
     coarse: str,
 ) -> str:
-    if found.unresolved_reason is UnresolvedReason.STANDS_STILL:
+    if judged_limit.unresolved_reason is UnresolvedReason.STANDS_STILL:
         return "all step sizes returned the same values: the engine did not step"
-    if found.unresolved_reason is UnresolvedReason.DIVERGES:
+    if judged_limit.unresolved_reason is UnresolvedReason.DIVERGES:
         return "the extrapolation diverges: the limits at finer steps do not converge"
-    if found.unresolved_reason is UnresolvedReason.WRONG_ORDER:
+    if judged_limit.unresolved_reason is UnresolvedReason.WRONG_ORDER:
         return (
             f"the convergence order is {limit.order:.2f} but the engine claims "
             f"{claimed}, so the extrapolation is not trusted"
         )
-    if found.unresolved_reason is UnresolvedReason.DIVERGES_HERE:
+    if judged_limit.unresolved_reason is UnresolvedReason.DIVERGES_HERE:
         return (
             f"the extrapolation diverges near {place}: the limits at finer steps do "
             "not converge, which is typical of a motion that is not smooth"
         )
     return (
-        f"the limit of {component} has an uncertainty of {found.uncertainty:.1e} "
+        f"the limit of {component} has an uncertainty of {judged_limit.uncertainty:.1e} "
         f"near {place}, above the requested resolution {resolution:.0e}: {coarse}"
     )
 
 
-def _kind(found: LimitVerdict, limit: Limit) -> CaseKind:
+def _kind(judged_limit: LimitVerdict, limit: Limit) -> CaseKind:
     """Return the kind of a reason; empty where the case agrees."""
-    if found.outcome is Outcome.DIFFERS:
+    if judged_limit.outcome is Outcome.DIFFERS:
         return "motion"
-    if found.unresolved_reason is None:
+    if judged_limit.unresolved_reason is None:
         return ""
-    if found.unresolved_reason is UnresolvedReason.COARSE and _is_rounding(limit, found):
+    if judged_limit.unresolved_reason is UnresolvedReason.COARSE and _is_rounding(
+        limit, judged_limit
+    ):
         return "rounding"
-    return found.unresolved_reason.kind
+    return judged_limit.unresolved_reason.kind
 
 
-def _is_rounding(limit: Limit, found: LimitVerdict) -> bool:
+def _is_rounding(limit: Limit, judged_limit: LimitVerdict) -> bool:
     """Return whether rounding causes all of the uncertainty."""
-    at = found.segment, found.component
-    return bool(limit.uncertainty[at] <= ROUNDED * limit.rounding[at])
+    place = judged_limit.segment, judged_limit.component
+    return bool(limit.uncertainty[place] <= ROUNDED * limit.rounding[place])
 
 
-def _why_coarse(limit: Limit, found: LimitVerdict, held: bool) -> str:
+def _why_coarse(limit: Limit, judged_limit: LimitVerdict, held: bool) -> str:
     """Return why an uncertainty is above the resolution.
 
     Args:
         held: whether the engine constrains some coordinates to others.
     """
-    if _is_rounding(limit, found):
+    if _is_rounding(limit, judged_limit):
         divided = "; an equality divides the last digits of a position by the time step"
         return "rounding allows no better" + (divided if held else "")
     if held:

@@ -48,7 +48,7 @@ class Accepted:
     left: tuple[str, ...]
 
 
-def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Accepted:
+def accept(result: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Accepted:
     """Write the matching cases of a gate's result to the baseline; all cases without patterns.
 
     An entry whose motion did not change keeps its numbers and its reason, so that the diff under
@@ -59,12 +59,12 @@ def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Pa
         FolderError: for a pattern that matches nothing; nothing was written.
         OSError: from the file system; nothing was written.
     """
-    asked = [change.id for change in _asked_for(found, patterns)]
-    return accept_each(found, dict.fromkeys(asked, reason), asked if patterns else (), baseline)
+    ids = [change.id for change in _asked_for(result, patterns)]
+    return accept_each(result, dict.fromkeys(ids, reason), ids if patterns else (), baseline)
 
 
 def accept_each(
-    found: GateResult, reasons: Mapping[CaseId, str], named: Collection[CaseId], baseline: Path
+    result: GateResult, reasons: Mapping[CaseId, str], named: Collection[CaseId], baseline: Path
 ) -> Accepted:
     """Write some cases, each with its reason, which replaces the old reason if `named`.
 
@@ -72,31 +72,33 @@ def accept_each(
         AcceptError: for a file that changed meanwhile; nothing was written.
         OSError: from the file system; nothing was written.
     """
-    asked = [change for change in found.changes if change.id in reasons]
-    chosen = [change for change in asked if change.status is not Status.NOT_RUN]
-    systems = dict(found.baseline)
-    said: list[CaseId] = []
+    requested = [change for change in result.changes if change.id in reasons]
+    chosen = [change for change in requested if change.status is not Status.NOT_RUN]
+    systems = dict(result.baseline)
+    rewritten: list[CaseId] = []
     for change in chosen:
         name, reason = change.id.system, reasons[change.id]
-        one = systems.get(name) or _empty(name)
-        old = one.cases.get(change.id)
-        systems[name], new = _with(one, change, _entry(change, reason, change.id in named))
-        before, systems[name] = systems[name], _with_audit(systems[name], change, found, reason)
+        system_baseline = systems.get(name) or _empty(name)
+        old = system_baseline.cases.get(change.id)
+        systems[name], new = _with(
+            system_baseline, change, _entry(change, reason, change.id in named)
+        )
+        before, systems[name] = systems[name], _with_audit(systems[name], change, result, reason)
         if new != old or systems[name] != before:
-            said.append(change.id)
+            rewritten.append(change.id)
     texts: dict[tuple[str, str], bytes] = {}
     touched = sorted({change.id.system for change in chosen})
     for name in touched:
-        scan = found.folders.get(name)
+        scan = result.folders.get(name)
         if scan is not None:
-            systems[name] = _declared(systems[name], scan, found.results, baseline)
+            systems[name] = _declared(systems[name], scan, result.results, baseline)
             texts |= _texts(scan, [c for c in chosen if c.id.system == name and c.now is not None])
     files = write_baseline(baseline, [systems[name] for name in touched], texts)
-    left = tuple(str(change.id) for change in asked if _absent(change))
-    return Accepted(tuple(files), tuple(said), left)
+    absent = tuple(str(change.id) for change in requested if _absent(change))
+    return Accepted(tuple(files), tuple(rewritten), absent)
 
 
-def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
+def _asked_for(result: GateResult, patterns: Sequence[str]) -> list[Change]:
     """Select the changes that match the patterns; all without patterns.
 
     Raises:
@@ -104,17 +106,17 @@ def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
         FolderError: for a pattern that matches nothing.
     """
     for pattern in patterns:
-        if not any(_matches(change, pattern) for change in found.changes):
-            known = sorted({f"{c.id.path}/{c.id.scenario}" for c in found.changes})[:4]
-            raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(known)}")
-    asked = [c for c in found.changes if not patterns or any(_matches(c, p) for p in patterns)]
-    failed = [c for c in asked if c.status is Status.NOT_RUN and not _absent(c)]
+        if not any(_matches(change, pattern) for change in result.changes):
+            examples = sorted({f"{c.id.path}/{c.id.scenario}" for c in result.changes})[:4]
+            raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(examples)}")
+    matching = [c for c in result.changes if not patterns or any(_matches(c, p) for p in patterns)]
+    failed = [c for c in matching if c.status is Status.NOT_RUN and not _absent(c)]
     if failed:
         raise AcceptError(
             f"{failed[0].id} can't be accepted: {failed[0].messages[0]}; nothing was written"
             + (f" ({counted(len(failed) - 1, 'more case')} could not run)" if failed[1:] else "")
         )
-    return asked
+    return matching
 
 
 def _matches(change: Change, pattern: str) -> bool:
@@ -160,39 +162,39 @@ def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
 
 
 def _with(
-    one: SystemBaseline, change: Change, entry: AcceptedCase | None
+    system_baseline: SystemBaseline, change: Change, entry: AcceptedCase | None
 ) -> tuple[SystemBaseline, AcceptedCase | None]:
     """Add an entry to a system's baseline, or remove one whose case no longer exists."""
-    cases, snapshots = dict(one.cases), dict(one.snapshots)
+    cases, snapshots = dict(system_baseline.cases), dict(system_baseline.snapshots)
     if entry is None:
         del cases[change.id]
     else:
         cases[change.id] = entry
         if change.measured is not None:
             snapshots.setdefault(entry.snapshot, change.measured.snapshot)
-    return replace(one, cases=cases, snapshots=snapshots), entry
+    return replace(system_baseline, cases=cases, snapshots=snapshots), entry
 
 
 def _with_audit(
-    one: SystemBaseline, change: Change, found: GateResult, reason: str
+    system_baseline: SystemBaseline, change: Change, result: GateResult, reason: str
 ) -> SystemBaseline:
     """Add the audit findings of a model that was run to the accepted ones."""
-    there = {case.of_model for case in one.cases}
-    audits = {model: audit for model, audit in one.audits.items() if model in there}
-    model = None if change.case is None else found.model_of(change.case)
+    there = {case.of_model for case in system_baseline.cases}
+    audits = {model: audit for model, audit in system_baseline.audits.items() if model in there}
+    model = None if change.case is None else result.model_of(change.case)
     if model is not None and model.audit is not None:
         of_model = change.id.of_model
         audit = accepted_audit(of_model, model, audits.pop(of_model, None), reason)
         audits |= {} if audit is None else {of_model: audit}
-    return replace(one, audits=audits)
+    return replace(system_baseline, audits=audits)
 
 
 def _declared(
-    one: SystemBaseline, scan: FolderFiles, results: Results | None, baseline: Path
+    system_baseline: SystemBaseline, scan: FolderFiles, results: Results | None, baseline: Path
 ) -> SystemBaseline:
     """Update the accepted declaration if it was loaded."""
     now = msgspec.structs.replace(
-        one.declared,
+        system_baseline.declared,
         folder=location(scan.folder, baseline),
         robot=msgspec.UNSET if scan.robot is None else scan.robot,
     )
@@ -204,7 +206,7 @@ def _declared(
                 scenarios=tuple(scenario.name for scenario in system.scenarios),
                 constants={constant.name: constant.value for constant in system.constants},
             )
-    return replace(one, declared=now)
+    return replace(system_baseline, declared=now)
 
 
 def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str], bytes]:
@@ -216,7 +218,11 @@ def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str]
     texts = {}
     for change in changes:
         model = change.id.model
-        for name in next(one.copies for one in scan.models if one.model == model):
+        for name in next(
+            system_baseline.copies
+            for system_baseline in scan.models
+            if system_baseline.model == model
+        ):
             data = (scan.base / name).read_bytes()
             if digest_of(data) != change.files[name]:
                 raise AcceptError(

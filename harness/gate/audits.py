@@ -38,29 +38,32 @@ def with_audits(
 def _with_audit(
     change: Change, results: Results, systems: Mapping[str, SystemBaseline], moved: Set[ModelId]
 ) -> Change:
-    of_model, one = change.id.of_model, systems.get(change.id.system)
+    of_model, system_baseline = change.id.of_model, systems.get(change.id.system)
     model = None if change.case is None else results.model_of(change.case)
     if model is None or change.status is Status.NOT_RUN:
         return change
     if model.audit is None:
         failed = f"its audit failed: {model.audit_failure or 'it did not run'}"
         return replace(change, status=Status.NOT_RUN, messages=(failed, *change.messages))
-    new = unaccepted(model, None if one is None else one.audits.get(of_model))
+    new = unaccepted(
+        model, None if system_baseline is None else system_baseline.audits.get(of_model)
+    )
     if not new or (change.status.passes and of_model in moved):
         return change
-    told = (*change.messages, *_told(new))
+    messages = (*change.messages, *_told(new))
     if of_model in moved:  # a motion shows it too, in this case or another
-        return replace(change, messages=told, findings=new)
+        return replace(change, messages=messages, findings=new)
     kinds = tuple(kind for kind in change.kinds if kind != "text")
     return replace(
-        change, status=Status.CHANGED, kinds=(*kinds, "audit"), messages=told, findings=new
+        change, status=Status.CHANGED, kinds=(*kinds, "audit"), messages=messages, findings=new
     )
 
 
 def _told(findings: tuple[AuditFinding, ...]) -> list[str]:
-    told = [
-        (f"the audit finds {one.location}: " if one.location else "the audit: ") + one.message
-        for one in findings[:MOST_TOLD]
+    messages = [
+        (f"the audit finds {finding.location}: " if finding.location else "the audit: ")
+        + finding.message
+        for finding in findings[:MOST_TOLD]
     ]
     more = len(findings) - MOST_TOLD
-    return told + ([f"and {counted(more, 'finding')} more"] if more > 0 else [])
+    return messages + ([f"and {counted(more, 'finding')} more"] if more > 0 else [])

@@ -78,13 +78,13 @@ def file_diffs(
     changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path
 ) -> tuple[FileDiff, ...]:
     """Return the differences of every changed file of the cases that were run."""
-    found = []
+    diffs = []
     for (system, name, accepted), models in sorted(_changed(changes).items()):
         scan = folders.get(system)
         if scan is None:
             continue
         lines, more = _changed_lines(scan, system, name, accepted, sorted(models), baseline)
-        found.append(
+        diffs.append(
             FileDiff(
                 system=system,
                 name=name,
@@ -93,20 +93,20 @@ def file_diffs(
                 more=more,
             )
         )
-    return tuple(found)
+    return tuple(diffs)
 
 
 def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
     """Return the models by (system, name of a changed file, its accepted hash)."""
-    found: dict[tuple[str, str, str], set[str]] = {}
+    models: dict[tuple[str, str, str], set[str]] = {}
     for change in changes:
         if change.entry is None or change.case is None or not change.files:
             continue
         was = change.entry.files
         for name in changed_names(was, change.files):
             about = (change.id.system, name, was.get(name, ""))
-            found.setdefault(about, set()).add(change.id.model)
-    return found
+            models.setdefault(about, set()).add(change.id.model)
+    return models
 
 
 def _changed_lines(
@@ -132,18 +132,18 @@ def _changed_lines(
         ], 0
     new = file.read_text(encoding="utf-8", errors="replace")
     is_robot = scan.robot is not None
-    found = _numbers(file, old, new) if is_robot else _literals(file, name, old, new, models)
-    known = {one.line for one in found}
-    lines = [one for one in _lines(file, old, new) if one.line not in known]
-    return found + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
+    changed = _numbers(file, old, new) if is_robot else _literals(file, name, old, new, models)
+    changed_lines = {one.line for one in changed}
+    lines = [one for one in _lines(file, old, new) if one.line not in changed_lines]
+    return changed + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
 
 
 def _literals(
     file: Path, name: str, old: str, new: str, models: Sequence[str]
 ) -> list[ChangedLine]:
     """Return the bound literals whose number changed."""
-    found = []
-    own = name.endswith(".toml")
+    changed = []
+    is_sidecar = name.endswith(".toml")
     for model in models:
         try:
             sidecar = read_sidecar(file.parent / f"{model}.toml")
@@ -152,16 +152,16 @@ def _literals(
         if name not in (model, f"{model}.toml"):
             continue
         for address, expression in sidecar.bindings.items():
-            if address.startswith("sidecar:") != own:
+            if address.startswith("sidecar:") != is_sidecar:
                 continue
             within = address.removeprefix("sidecar:")
             before, after = (_place(file, text, within) for text in (old, new))
             if before and after and before.value != after.value:
                 moved = f"{before.text} -> {after.text}"
-                said = f"{within} {moved}, bound to {expression}"
+                message = f"{within} {moved}, bound to {expression}"
                 edit = f"{_spoken(within)} {moved}"
-                found.append(ChangedLine(file, after.line, said, edit, before.text))
-    return found
+                changed.append(ChangedLine(file, after.line, message, edit, before.text))
+    return changed
 
 
 def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
@@ -205,19 +205,19 @@ def _place(file: Path, text: str, address: str) -> Location | None:
 
 def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
     before, after = old.splitlines(), new.splitlines()
-    found = []
+    changed = []
     matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
     for tag, a, b, c, d in matcher.get_opcodes():
         if tag == "equal":
             continue
         for i in range(c, d):
             was = before[a + i - c] if b - a == d - c else None
-            found.append(_changed_line(file, i + 1, was, after[i]))
+            changed.append(_changed_line(file, i + 1, was, after[i]))
         if c == d:
             gone = [line for line in before[a:b] if line.strip()] or before[a:b]
             text = _short(gone[0])
-            found.append(ChangedLine(file, max(c, 1), f"- {text}", f"removed: {text}"))
-    return found
+            changed.append(ChangedLine(file, max(c, 1), f"- {text}", f"removed: {text}"))
+    return changed
 
 
 def _changed_line(file: Path, line: int, old: str | None, new: str) -> ChangedLine:

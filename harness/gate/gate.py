@@ -51,14 +51,14 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
         OSError: for an unreadable file.
     """
     began = time.perf_counter()
-    found = survey(targets, options)
-    ran = _run(found, options, progress) if found.running else None
-    names = by_name(found, ran.results if ran else None, options.baseline)
+    state = survey(targets, options)
+    ran = _run(state, options, progress) if state.running else None
+    names = by_name(state, ran.results if ran else None, options.baseline)
     changes: list[Change] = []
     if ran is not None:
-        moved = list(_of_run(ran, names, found, options))
-        changes = with_audits(moved, ran.results, found.baseline)
-    changes += _of_the_rest(changes, names, found, options)
+        moved = list(_of_run(ran, names, state, options))
+        changes = with_audits(moved, ran.results, state.baseline)
+    changes += _of_the_rest(changes, names, state, options)
     order = list(Status)
     changes.sort(key=lambda c: (order.index(c.status), -c.size, c.id.system))
     return GateResult(
@@ -66,7 +66,7 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
         file_diffs=file_diffs(changes, names, options.baseline),
         results=ran.results if ran else None,
         folders=names,
-        baseline=found.baseline,
+        baseline=state.baseline,
         seconds=time.perf_counter() - began,
     )
 
@@ -116,11 +116,11 @@ def _accepted(baseline: Path) -> set[Path]:
     return {(baseline / name).resolve() for name, is_file in named_targets(baseline) if is_file}
 
 
-def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
-    robots = {scan.folder: scan.robot for scan in found.running if scan.robot is not None}
-    selection = Selection(models=found.chosen, snapshot=found.snapshot, diagnose=options.diagnose)
+def _run(state: Survey, options: GateOptions, progress: Progress) -> Run:
+    robots = {scan.folder: scan.robot for scan in state.running if scan.robot is not None}
+    selection = Selection(models=state.chosen, snapshot=state.snapshot, diagnose=options.diagnose)
     return run(
-        [scan.folder for scan in found.running if scan.folder not in robots],
+        [scan.folder for scan in state.running if scan.folder not in robots],
         Options(
             engines=options.engines,
             resolution=options.resolution,
@@ -135,10 +135,10 @@ def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
 
 
 def _of_run(
-    ran: Run, names: Mapping[str, FolderFiles], found: Survey, options: GateOptions
+    ran: Run, names: Mapping[str, FolderFiles], state: Survey, options: GateOptions
 ) -> Iterator[Change]:
     """Yield the changes of the cases that were run."""
-    again = {scan.folder: hashed_again(scan, options.baseline) for scan in found.running}
+    again = {scan.folder: hashed_again(scan, options.baseline) for scan in state.running}
     # After a failed declaration only the folder is known; the baseline gives the system's name.
     systems = {str(scan.folder): name for name, scan in names.items()}
     for case in ran.results.cases:
@@ -149,28 +149,28 @@ def _of_run(
             case,
             ran.measured.get((case.folder, case.id)),
             scan,
-            found.baseline.get(system),
-            found.versions,
+            state.baseline.get(system),
+            state.versions,
             options.resolution,
             stale=again[scan.folder] != scan,
         )
 
 
 def _of_the_rest(
-    ran: Sequence[Change], names: Mapping[str, FolderFiles], found: Survey, options: GateOptions
+    ran: Sequence[Change], names: Mapping[str, FolderFiles], state: Survey, options: GateOptions
 ) -> Iterator[Change]:
     """Yield the changes of accepted cases that were not run: unchanged, or gone."""
     seen = {change.id for change in ran}
     # A declaration or a sidecar that cannot be read makes its cases fail; they are not gone.
     failed = {(c.id.system, c.id.model) for c in ran if c.status is Status.NOT_RUN}
-    for system, one in sorted(found.baseline.items()):
+    for system, system_baseline in sorted(state.baseline.items()):
         scan = names.get(system)
-        if scan is None and not is_expected(one, options):
+        if scan is None and not is_expected(system_baseline, options):
             continue
-        for case, entry in one.cases.items():
-            if case in seen or case.engine in found.left_out:
+        for case, entry in system_baseline.cases.items():
+            if case in seen or case.engine in state.left_out:
                 continue
-            if scan is not None and was_left_alone(scan, one, case, found):
+            if scan is not None and was_left_alone(scan, system_baseline, case, state):
                 yield _as_accepted(entry)
             elif not failed & {(system, "system.py"), (system, case.model)}:
                 yield Change(id=case, status=Status.GONE, messages=(_GONE,), entry=entry)

@@ -17,69 +17,69 @@ _QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
 """Statuses that need no attention."""
 
 
-def notes(found: GateResult) -> list[Annotation]:
+def notes(result: GateResult) -> list[Annotation]:
     """Return an annotation for each changed model and declaration, worst first, at the changed
     line.
     """
     alike: dict[tuple[str, str, Status], list[Change]] = {}
-    for change in found.changes:
+    for change in result.changes:
         if change.status not in _QUIET:
             about = change.id.system, change.id.model, change.status
             alike.setdefault(about, []).append(change)
-    return [_note(found, changes) for changes in alike.values()]
+    return [_note(result, changes) for changes in alike.values()]
 
 
-def _note(found: GateResult, alike: list[Change]) -> Annotation:
+def _note(result: GateResult, alike: list[Change]) -> Annotation:
     """Build the annotation of the first of several changes of one model."""
     change = alike[0]
-    place = _place(found, change)
+    place = _place(result, change)
     others = f" (and {counted(len(alike) - 1, 'case')} more)" if len(alike) > 1 else ""
-    said = [place.message] if place.message else []
+    message = [place.message] if place.message else []
     return Annotation(
         level="notice" if change.status is Status.IMPROVED else "error",
         file=place.file,
         line=place.line,
         title=f"{change.status}: {change.id}{others}",
-        message="; ".join([*sentences(change), *said]),
+        message="; ".join([*sentences(change), *message]),
     )
 
 
-def _place(found: GateResult, change: Change) -> ChangedLine:
+def _place(result: GateResult, change: Change) -> ChangedLine:
     """Return where to show a change: the diagnosed cause, a changed line, or the model file."""
     model = change.id.model
     if change.case is not None and change.case.outcome is Outcome.DIFFERS:
-        note = case_note(change.case, found.model_of(change.case))
+        note = case_note(change.case, result.model_of(change.case))
         if note.line is not None:
             return ChangedLine(note.file, note.line, note.message)
     first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
-    mine = [d for d in found.file_diffs if d.system == change.id.system and model in d.models]
+    mine = [d for d in result.file_diffs if d.system == change.id.system and model in d.models]
     mine.sort(key=lambda diff: first.index(diff.name) if diff.name in first else 2)
     changed = [line for diff in mine for line in diff.lines]
-    return _of_finding(change, changed) or next(iter(changed), None) or _whole(found, change)
+    return _of_finding(change, changed) or next(iter(changed), None) or _whole(result, change)
 
 
 def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | None:
     """Return the line of an audit finding: a changed line, or any if nothing else is wrong."""
     wrong = [
-        (Path(one.location.file), one.location.line)
-        for one in change.findings
-        if one.location is not None and one.location.line is not None
+        (Path(changed_line.location.file), changed_line.location.line)
+        for changed_line in change.findings
+        if changed_line.location is not None and changed_line.location.line is not None
     ]
     names = {(file.name, line) for file, line in wrong}
-    for one in changed:
-        if (one.file.name, one.line) in names:
-            return one
+    for changed_line in changed:
+        if (changed_line.file.name, changed_line.line) in names:
+            return changed_line
     if not wrong or change.kinds != ("audit",):
         return None
     return ChangedLine(*wrong[0], "")
 
 
-def _whole(found: GateResult, change: Change) -> ChangedLine:
-    return ChangedLine(_file(found, change), 1, "")
+def _whole(result: GateResult, change: Change) -> ChangedLine:
+    return ChangedLine(_file(result, change), 1, "")
 
 
-def _file(found: GateResult, change: Change) -> Path:
-    scan = found.folders.get(change.id.system)
+def _file(result: GateResult, change: Change) -> Path:
+    scan = result.folders.get(change.id.system)
     if scan is None:
         return Path(".")
     file = scan.base / change.id.model

@@ -93,10 +93,10 @@ def _case(change: Change) -> GateChange:
     )
 
 
-def _file(one: FileDiff) -> GateFile:
+def _file(diff: FileDiff) -> GateFile:
     return GateFile(
-        system=one.system,
-        file=one.name,
-        models=one.models,
-        changes=tuple(GateLine(line=each.line, message=each.message) for each in one.lines),
+        system=diff.system,
+        file=diff.name,
+        models=diff.models,
+        changes=tuple(GateLine(line=each.line, message=each.message) for each in diff.lines),
     )

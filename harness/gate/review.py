@@ -44,13 +44,13 @@ class Review:
     """An interactive pass through a gate's result.
 
     Args:
-        found: result of the gate.
+        result: result of the gate.
         ask: function that asks the user.
         tell: function that prints a line.
     """
 
-    def __init__(self, found: GateResult, ask: Ask, tell: Tell) -> None:
-        self._found, self._ask, self._tell = found, ask, tell
+    def __init__(self, result: GateResult, ask: Ask, tell: Tell) -> None:
+        self._found, self._ask, self._tell = result, ask, tell
         self._decided = Decisions()
         self._reason = ""
         self._told: set[tuple[str, str]] = set()
@@ -104,10 +104,10 @@ class Review:
         """Ask for a reason; an empty line repeats the last one."""
         again = f" [{self._reason}]" if self._reason else ""
         while True:
-            said = " ".join(self._ask(f"Why is this right?{again} ").split()) or self._reason
-            if said:
-                self._reason = said
-                return said
+            reason = " ".join(self._ask(f"Why is this right?{again} ").split()) or self._reason
+            if reason:
+                self._reason = reason
+                return reason
 
     def _unmoved(self) -> None:
         """Ask once about all cases whose files changed but whose motions did not."""
@@ -133,5 +133,5 @@ def by_file(changes: Sequence[Change]) -> Iterator[Change]:
         yield from (one for one in changes if (one.id.system, one.id.model) == file)
 
 
-def _of_one_file(one: Change, other: Change) -> bool:
-    return (one.id.system, one.id.model) == (other.id.system, other.id.model)
+def _of_one_file(first: Change, second: Change) -> bool:
+    return (first.id.system, first.id.model) == (second.id.system, second.id.model)

@@ -82,15 +82,17 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
     versions = {name: engine.version() for name, engine in engines().items()}
     pairs = [_scan(target, baseline, options) for target in targets]
     scans = tuple(scan for scan, _ in pairs)
-    matched = {scan.folder: one for scan, one in pairs}
-    accepted = {case.engine for one in baseline.values() for case in one.cases}
+    matched = {scan.folder: system_baseline for scan, system_baseline in pairs}
+    accepted = {
+        case.engine for system_baseline in baseline.values() for case in system_baseline.cases
+    }
     declared = {name for scan in scans for model in scan.models for name in model.engines}
     left_out = options.left_out(accepted | declared)
     chosen = frozenset(
-        one
+        system_baseline
         for scan in scans
-        for one in _chosen(scan, matched[scan.folder], versions, options)
-        if one[2] not in left_out
+        for system_baseline in _chosen(scan, matched[scan.folder], versions, options)
+        if system_baseline[2] not in left_out
     )
     return Survey(
         baseline=baseline,
@@ -112,18 +114,20 @@ def _scan(
 
 def _chosen(
     scan: FolderFiles,
-    one: SystemBaseline | None,
+    system_baseline: SystemBaseline | None,
     versions: Mapping[str, str | None],
     options: GateOptions,
 ) -> Iterator[ModelInEngine]:
     """Yield the models of a folder that must run, in any engine: changed ones, or all."""
     for model in scan.models:
         for engine in model.engines:
-            if options.every or stale(scan, model, engine, one, versions, options.resolution):
+            if options.every or stale(
+                scan, model, engine, system_baseline, versions, options.resolution
+            ):
                 yield str(scan.folder), model.model, engine
 
 
-def by_name(found: Survey, results: Results | None, baseline: Path) -> dict[str, FolderFiles]:
+def by_name(state: Survey, results: Results | None, baseline: Path) -> dict[str, FolderFiles]:
     """Return the folders by the name of their system, as loaded or as accepted.
 
     A robot file is named by its path, not by the robot's name.
@@ -133,12 +137,14 @@ def by_name(found: Survey, results: Results | None, baseline: Path) -> dict[str,
     """
     loaded = {system.folder: system.name for system in results.systems} if results else {}
     names: dict[str, FolderFiles] = {}
-    for scan in found.scans:
-        one = found.matched[scan.folder]
+    for scan in state.scans:
+        system_baseline = state.matched[scan.folder]
         if scan.robot is not None:
             name = robot_name(scan.folder, baseline)
         else:
-            name = loaded.get(str(scan.folder)) or (one.system if one else scan.folder.name)
+            name = loaded.get(str(scan.folder)) or (
+                system_baseline.system if system_baseline else scan.folder.name
+            )
         if name in names:
             raise FolderError(
                 f"{scan.folder} and {names[name].folder} both hold the system {name!r};"
@@ -148,22 +154,24 @@ def by_name(found: Survey, results: Results | None, baseline: Path) -> dict[str,
     return names
 
 
-def is_expected(one: SystemBaseline, options: GateOptions) -> bool:
+def is_expected(system_baseline: SystemBaseline, options: GateOptions) -> bool:
     """Return whether a system of the baseline should be among the given folders and robot files."""
-    file = (options.baseline / one.declared.folder).resolve()
-    if one.robot is not None and file.exists():
+    file = (options.baseline / system_baseline.declared.folder).resolve()
+    if system_baseline.robot is not None and file.exists():
         return False
     if options.parents is None:
         return True
-    if one.robot is not None:
+    if system_baseline.robot is not None:
         return any(file.is_relative_to(path.resolve()) for path in options.parents)
-    parent = one.declared.folder.rpartition("/")[0]
+    parent = system_baseline.declared.folder.rpartition("/")[0]
     return parent in {location(path, options.baseline) for path in options.parents}
 
 
-def was_left_alone(scan: FolderFiles, one: SystemBaseline, case: CaseId, found: Survey) -> bool:
+def was_left_alone(
+    scan: FolderFiles, system_baseline: SystemBaseline, case: CaseId, state: Survey
+) -> bool:
     """Return whether an accepted case still exists and was not run because nothing changed."""
-    if case.scenario not in one.declared.scenarios:
+    if case.scenario not in system_baseline.declared.scenarios:
         return False
     here = any(m.model == case.model and case.engine in m.engines for m in scan.models)
-    return here and (str(scan.folder), case.model, case.engine) not in found.chosen
+    return here and (str(scan.folder), case.model, case.engine) not in state.chosen

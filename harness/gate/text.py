@@ -43,53 +43,53 @@ breaks it.
 """
 
 
-def gate_lines(found: GateResult, width: int = 80, given: Sequence[str] = ()) -> list[str]:
+def gate_lines(result: GateResult, width: int = 80, given: Sequence[str] = ()) -> list[str]:
     """Return the lines for a terminal: the verdict, the edit, the remedy, each case, and a total.
 
     Args:
-        found: result of the gate.
+        result: result of the gate.
         width: columns of the terminal.
         given: options that `crosscheck accept` needs to see the same cases.
     """
-    if not found.changes:
-        return [*_headline(found, width), *_failures(found, width)]
-    if found.passes:
-        return [*_headline(found, width), *_remarks(found, width)]
-    lines = [*_headline(found, width), *_edit_list(found, width), *_remedy(found, width, given)]
-    lines += _failures(found, width)
-    for text in _causes(found):
+    if not result.changes:
+        return [*_headline(result, width), *_failures(result, width)]
+    if result.passes:
+        return [*_headline(result, width), *_remarks(result, width)]
+    lines = [*_headline(result, width), *_edit_list(result, width), *_remedy(result, width, given)]
+    lines += _failures(result, width)
+    for text in _causes(result):
         lines += wrapped(text, width)
-    bad = [change for change in found.changes if not change.status.passes]
-    groups, place = _groups(bad), _sole_edit(found, bad)
+    bad = [change for change in result.changes if not change.status.passes]
+    groups, place = _groups(bad), _sole_edit(result, bad)
     for group in groups[:MAX_GROUPS]:
         named = bool(place) and place[0].file.name == group[0].id.model
         lines += _group_lines(group, width, with_audit=not named)
     if len(groups) > MAX_GROUPS:
         more = counted(len(groups) - MAX_GROUPS, "model")
         lines.append(f"  and {more} more, listed in gate.json")
-    return [*lines, *wrapped(total(found), width)]
+    return [*lines, *wrapped(total(result), width)]
 
 
-def verdict(found: GateResult) -> str:
+def verdict(result: GateResult) -> str:
     """Return the first word of the output: `ok`, `FAIL` or `ERROR`."""
-    if found.passes:
+    if result.passes:
         return "ok"
-    cannot_tell = found.of(Status.NOT_RUN) or not found.changes or found.failures
+    cannot_tell = result.of(Status.NOT_RUN) or not result.changes or result.failures
     return "ERROR" if cannot_tell else "FAIL"
 
 
-def _headline(found: GateResult, width: int) -> list[str]:
+def _headline(result: GateResult, width: int) -> list[str]:
     """Return the verdict with its cause: one edit, one engine upgrade, or the counts."""
-    word = verdict(found)
-    if not found.changes:
+    word = verdict(result)
+    if not result.changes:
         remedy = "Name a system folder or a robot file: crosscheck gate robot.urdf"
         return wrapped(f"{word}  no cases found. {remedy}", width)
     if word == "ok":
-        return wrapped(f"ok  {total(found)}", width)
-    bad = [change for change in found.changes if not change.status.passes]
-    what = f"{len(bad)} of {counted(len(found.changes), 'case')}"
+        return wrapped(f"ok  {total(result)}", width)
+    bad = [change for change in result.changes if not change.status.passes]
+    what = f"{len(bad)} of {counted(len(result.changes), 'case')}"
     status = _one({change.status for change in bad})
-    if place := _sole_edit(found, bad):
+    if place := _sole_edit(result, bad):
         edit = ", ".join(line.edit for line in place)
         effect = "broke" if status is Status.NOT_RUN else "changed"
         where = f"{_relative(place[0].file)}:{place[0].line}"
@@ -99,7 +99,7 @@ def _headline(found: GateResult, width: int) -> list[str]:
     if status is Status.CHANGED and (upgrade := _one({_upgrade(change) for change in bad})):
         return wrapped(f"{word}  {upgrade} changed {what}", width)
     if not bad:
-        return wrapped(f"{word}  {counted(len(found.failures), 'check')} failed", width)
+        return wrapped(f"{word}  {counted(len(result.failures), 'check')} failed", width)
     if status is Status.NEW:
         return wrapped(f"{word}  {what} {_be(bad)} new: the baseline has no entry for them", width)
     if status is not None:
@@ -130,28 +130,28 @@ def _upgrade(change: Change) -> str:
     return f"{was.engine_version} -> {now.engine_version}"
 
 
-def _concerned(found: GateResult, bad: Sequence[Change]) -> list[FileDiff]:
-    return [diff for diff in found.file_diffs if any(map(diff.concerns, bad))]
+def _concerned(result: GateResult, bad: Sequence[Change]) -> list[FileDiff]:
+    return [diff for diff in result.file_diffs if any(map(diff.concerns, bad))]
 
 
-def _sole_edit(found: GateResult, bad: Sequence[Change]) -> list[ChangedLine]:
+def _sole_edit(result: GateResult, bad: Sequence[Change]) -> list[ChangedLine]:
     """Return the edits of one line, if it is the only one and concerns every case that fails.
 
     Files outside of the folder, such as an engine's own modules, do not count.
     """
-    diffs = [diff for diff in _concerned(found, bad) if not diff.is_outside]
+    diffs = [diff for diff in _concerned(result, bad) if not diff.is_outside]
     lines = [line for diff in diffs for line in diff.lines]
     places = {(line.file, line.line) for line in lines}
     whole = len(diffs) == 1 and all(map(diffs[0].concerns, bad)) and not diffs[0].more
     return lines if whole and len(places) == 1 and all(line.edit for line in lines) else []
 
 
-def _edit_list(found: GateResult, width: int) -> list[str]:
+def _edit_list(result: GateResult, width: int) -> list[str]:
     """Return the edits, except one in the headline; other files share one line."""
-    bad = [change for change in found.changes if not change.status.passes]
-    diffs = _concerned(found, bad)
+    bad = [change for change in result.changes if not change.status.passes]
+    diffs = _concerned(result, bad)
     edits = [line for diff in diffs for line in diff.lines if line.edit]
-    shown = [] if _sole_edit(found, bad) else edits[:MAX_EDITS]
+    shown = [] if _sole_edit(result, bad) else edits[:MAX_EDITS]
     lines = []
     for line in shown:
         lines += wrapped(f"  {_relative(line.file)}:{line.line} {line.edit}", width)
@@ -168,13 +168,13 @@ def _edit_list(found: GateResult, width: int) -> list[str]:
     return lines
 
 
-def _remedy(found: GateResult, width: int, given: Sequence[str]) -> list[str]:
+def _remedy(result: GateResult, width: int, given: Sequence[str]) -> list[str]:
     """Return the remedy: undo the edit, or accept the changes, with the command."""
-    bad = [change for change in found.changes if not change.status.passes]
+    bad = [change for change in result.changes if not change.status.passes]
     usable = [change for change in bad if change.status is not Status.NOT_RUN]
     if len(usable) < len(bad) or not bad:
         return wrapped("Fix: correct the error below and run crosscheck gate again.", width)
-    place = _sole_edit(found, bad)
+    place = _sole_edit(result, bad)
     if len(place) == 1 and place[0].old:
         undo = f"set it back to {place[0].old}, or accept the change:"
     else:
@@ -194,36 +194,36 @@ def _patterns(changes: Sequence[Change]) -> list[str]:
     return [] if len(models) > MAX_PATTERNS else [shlex.quote(one) for one in models]
 
 
-def _failures(found: GateResult, width: int) -> list[str]:
-    lines = [f"ERROR  {with_code(part_code(), failure)}" for failure in found.failures]
+def _failures(result: GateResult, width: int) -> list[str]:
+    lines = [f"ERROR  {with_code(part_code(), failure)}" for failure in result.failures]
     return [each for line in lines for each in wrapped(line, width)]
 
 
-def _remarks(found: GateResult, width: int) -> list[str]:
+def _remarks(result: GateResult, width: int) -> list[str]:
     """Return a line for the cases that pass but are not simply as accepted."""
     lines = []
-    if better := _groups(found.of(Status.IMPROVED)):
+    if better := _groups(result.of(Status.IMPROVED)):
         names = ", ".join(group[0].id.path for group in better)
         lines += wrapped(f"  improved: {names}; crosscheck accept keeps the improvement", width)
-    known = Counter(
+    known_differences = Counter(
         f"{change.id.path}: {change.entry.outcome} ({change.entry.reason})"
-        for change in found.of(Status.KNOWN)
+        for change in result.of(Status.KNOWN)
         if change.entry is not None
     )
-    for text, number in known.most_common(MAX_KNOWN):
+    for text, number in known_differences.most_common(MAX_KNOWN):
         lines += wrapped(f"  {counted(number, 'known difference')} in {text}", width)
-    if len(known) > MAX_KNOWN:
-        lines.append(f"  and {len(known) - MAX_KNOWN} more, listed in gate.json")
+    if len(known_differences) > MAX_KNOWN:
+        lines.append(f"  and {len(known_differences) - MAX_KNOWN} more, listed in gate.json")
     return lines
 
 
 def _groups(changes: Sequence[Change]) -> list[list[Change]]:
     """Group cases by model, status and code, in the order of the worst."""
-    found: dict[tuple[str, str, Status, str], list[Change]] = {}
+    groups: dict[tuple[str, str, Status, str], list[Change]] = {}
     for change in changes:
         key = change.id.system, change.id.model, change.status, change_code(change)
-        found.setdefault(key, []).append(change)
-    return list(found.values())
+        groups.setdefault(key, []).append(change)
+    return list(groups.values())
 
 
 def change_code(change: Change) -> str:
@@ -231,10 +231,10 @@ def change_code(change: Change) -> str:
     return gate_code(change.status, change.kinds)
 
 
-def code_hint(found: GateResult) -> str:
+def code_hint(result: GateResult) -> str:
     """Return how to explain the first code that a failing gate prints; "" otherwise."""
-    codes = [change_code(change) for change in found.changes if not change.status.passes]
-    return explain_hint([*codes, *(part_code() for _ in found.failures)])
+    codes = [change_code(change) for change in result.changes if not change.status.passes]
+    return explain_hint([*codes, *(part_code() for _ in result.failures)])
 
 
 def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> list[str]:
@@ -248,19 +248,19 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
     first = group[0]
     name = with_code(change_code(first), first.id.path)
     lines = wrapped(f"{first.status}  {name}", width)
-    said = [
+    messages = [
         [text for text in sentences(one) if with_audit or not text.startswith("the audit")]
         for one in group
     ]
-    shared = [text for text in said[0] if all(text in others for others in said)]
-    own: dict[str, list[str]] = {}
-    for change, texts in zip(group, said, strict=True):
+    shared = [text for text in messages[0] if all(text in others for others in messages)]
+    details: dict[str, list[str]] = {}
+    for change, texts in zip(group, messages, strict=True):
         text = "; ".join(text for text in texts if text not in shared)
-        own.setdefault(text, []).append(f"{change.id.scenario} [{change.id.engine}]")
-    for text, names in list(own.items())[:MAX_CASES]:
+        details.setdefault(text, []).append(f"{change.id.scenario} [{change.id.engine}]")
+    for text, names in list(details.items())[:MAX_CASES]:
         lines += wrapped(f"  {', '.join(names)}{': ' if text else ''}{text}", width)
-    if len(own) > MAX_CASES:
-        lines.append(f"  and {counted(len(own) - MAX_CASES, 'case')} more, listed in gate.json")
+    if len(details) > MAX_CASES:
+        lines.append(f"  and {counted(len(details) - MAX_CASES, 'case')} more, listed in gate.json")
     for text in shared:
         lines += wrapped(f"  {text}", width)
     return lines
@@ -306,14 +306,14 @@ def diff_lines(diff: FileDiff) -> list[str]:
     return [*lines, f"  and {counted(diff.more, 'more line')}"] if diff.more else lines
 
 
-def total(found: GateResult) -> str:
+def total(result: GateResult) -> str:
     """Return one line: the number of cases of each kind, of cases that ran, and the time."""
-    if not found.changes:
+    if not result.changes:
         return "no cases found"
-    counts = Counter(change.status for change in found.changes)
-    ran = sum(change.case is not None for change in found.changes)
-    cost = f"({ran} run, {found.seconds:.1f} s)"
-    cases = counted(len(found.changes), "case")
+    counts = Counter(change.status for change in result.changes)
+    ran = sum(change.case is not None for change in result.changes)
+    cost = f"({ran} run, {result.seconds:.1f} s)"
+    cases = counted(len(result.changes), "case")
     parts = [_counted(status, counts[status]) for status in Status if counts[status]]
     if len(parts) == 1:
         return f"{cases} {parts[0].partition(' ')[2]} {cost}"
@@ -327,19 +327,19 @@ def _counted(status: Status, number: int) -> str:
     return f"{number} with {status}" if status is Status.WITHIN else f"{number} {status}"
 
 
-def summary(found: GateResult) -> str:
+def summary(result: GateResult) -> str:
     """Return the result as Markdown."""
-    lines = [f"## crosscheck gate: {verdict(found)}", "", total(found), ""]
-    told = [change for change in found.changes if change.status not in QUIET]
-    if told:
+    lines = [f"## crosscheck gate: {verdict(result)}", "", total(result), ""]
+    listed = [change for change in result.changes if change.status not in QUIET]
+    if listed:
         lines += ["| case | | what changed | |", "|---|---|---|---|"]
-        for change in told[:MAX_ROWS]:
-            said = "<br>".join(_cell(sentence) for sentence in sentences(change))
+        for change in listed[:MAX_ROWS]:
+            message = "<br>".join(_cell(sentence) for sentence in sentences(change))
             kinds = ", ".join(change.kinds)
-            lines.append(f"| {_cell(str(change.id))} | {change.status} | {kinds} | {said} |")
-        if len(told) > MAX_ROWS:
-            lines += ["", f"and {len(told) - MAX_ROWS} more"]
-    for diff in found.file_diffs:
+            lines.append(f"| {_cell(str(change.id))} | {change.status} | {kinds} | {message} |")
+        if len(listed) > MAX_ROWS:
+            lines += ["", f"and {len(listed) - MAX_ROWS} more"]
+    for diff in result.file_diffs:
         lines += ["", f"**{_cell(model_path(diff.system, diff.name))}**", ""]
         lines += [
             f"- {_code(f'{_relative(one.file)}:{one.line}')} {_cell(one.message)}"
@@ -347,7 +347,7 @@ def summary(found: GateResult) -> str:
         ]
         if diff.more:
             lines.append(f"- and {counted(diff.more, 'more line')}")
-    causes = [*_causes(found), *(f"FAILED {failure}" for failure in found.failures)]
+    causes = [*_causes(result), *(f"FAILED {failure}" for failure in result.failures)]
     if causes:
         lines += ["", *(f"- {_cell(cause.strip())}" for cause in causes)]
     return "\n".join(lines) + "\n"
@@ -360,10 +360,10 @@ def sentences(change: Change) -> Sequence[str]:
     return change.messages
 
 
-def _causes(found: GateResult) -> list[str]:
+def _causes(result: GateResult) -> list[str]:
     """Return the causes that the diagnosis found for models that differ."""
     lines: list[str] = []
-    for alike in explained_alike(found.results.models if found.results else ()):
+    for alike in explained_alike(result.results.models if result.results else ()):
         diagnosis = alike[0].diagnosis
         if diagnosis and diagnosis.explained and diagnosis.explanations:
             best = diagnosis.explanations[0]
@@ -384,7 +384,7 @@ def _relative(path: Path) -> str:
 def _cell(text: str) -> str:
     """Escape one line of text for Markdown: no markup, link, mention or issue reference."""
     text = " ".join(visible_lines(text)).replace("&", "&amp;")
-    text = _MARKUP.sub(lambda found: f"&#{ord(found[0])};", text)
+    text = _MARKUP.sub(lambda result: f"&#{ord(result[0])};", text)
     return _REFERENCE.sub(r"\g<0><!-- -->", text)
 
 

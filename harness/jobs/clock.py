@@ -17,10 +17,10 @@ def processor_seconds(pid: int) -> float:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
     with contextlib.suppress(OSError, ValueError):  # macOS: [[days-]hours:]minutes:seconds
-        told = subprocess.run(
+        answer = subprocess.run(
             ["ps", "-o", "time=", "-p", str(pid)], capture_output=True, text=True, check=False
         ).stdout.strip()
-        days, _, rest = told.rpartition("-")
+        days, _, rest = answer.rpartition("-")
         seconds = 0.0
         for part in rest.split(":"):
             seconds = 60 * seconds + float(part)

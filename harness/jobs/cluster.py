@@ -111,14 +111,14 @@ class Cluster(Executor):
         self._address, self._jobs = address, jobs
         self._run = f"crosscheck-{uuid.uuid4().hex[:16]}"
         self._places = frozenset(os.path.abspath(file) for file in files)
-        terms = Terms(
+        config = Terms(
             run=self._run,
             limits=limits or Limits(),
             cwd=str(Path.cwd()),
             versions=installed(tuple(engines)),
             engines=tuple(engines),
         )
-        self._told = pickle.dumps((terms, _luggage(files)))
+        self._told = pickle.dumps((config, _luggage(files)))
         self._flying: dict[Any, _Sent] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._threads, self._looked = 0, -LOOK
@@ -161,9 +161,9 @@ class Cluster(Executor):
 
     def _check(self, client: Any) -> None:
         """Reject other versions of the communication libraries, Python first."""
-        found = client.get_versions()
-        here = _talking(found["client"])
-        others = {"its scheduler": found["scheduler"], **found["workers"]}
+        installed = client.get_versions()
+        here = _talking(installed["client"])
+        others = {"its scheduler": installed["scheduler"], **installed["workers"]}
         for name, there in others.items():
             other = [
                 f"{what} {version} (here {here[what]})"
@@ -195,9 +195,9 @@ class Cluster(Executor):
             if isinstance(answer, OSError) and workers is not None:
                 continue  # the worker is gone; its tasks go elsewhere
             if isinstance(answer, BaseException):
-                said = f"{type(answer).__name__}: {answer}"
+                message = f"{type(answer).__name__}: {answer}"
                 raise ClusterError(
-                    f"--scheduler {self._address}: {worker} can't take the run: {said}"
+                    f"--scheduler {self._address}: {worker} can't take the run: {message}"
                 )
             if answer:
                 raise self._other(worker, answer)
@@ -240,9 +240,9 @@ class Cluster(Executor):
         """
         message: list[_Sent] = []
         size = 0
-        for one in sent:
-            message.append(one)
-            size += len(one[1])
+        for task in sent:
+            message.append(task)
+            size += len(task[1])
             if size > MESSAGE:
                 self._fly_together(message)
                 message, size = [], 0
@@ -355,18 +355,18 @@ def _connected(address: str) -> Any:
                 address, timeout=ANSWER, set_as_default=False, name="physics-crosscheck"
             )
     except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
-        said = " ".join(str(error).split()) or type(error).__name__
+        message = " ".join(str(error).split()) or type(error).__name__
         raise ClusterError(
-            f"--scheduler {address}: no scheduler answers there ({said}). Start one "
+            f"--scheduler {address}: no scheduler answers there ({message}). Start one "
             "with `dask scheduler`, which prints its address (tcp://HOST:8786)"
         ) from None
 
 
-def _talking(found: Any) -> dict[str, str]:
+def _talking(installed: Any) -> dict[str, str]:
     """Return the versions that must be equal for communication."""
-    if not isinstance(found, dict):
-        return {"dask.distributed": f"of an unknown version ({found})"}
-    host, packages = found["host"], found["packages"]
+    if not isinstance(installed, dict):
+        return {"dask.distributed": f"of an unknown version ({installed})"}
+    host, packages = installed["host"], installed["packages"]
     return {
         "Python": ".".join(host["python"].split(".")[:2]),
         "dask.distributed": str(packages["distributed"]),
@@ -380,10 +380,10 @@ def _sent(name: str) -> Callable[..., Any]:
     a worker must bind the names to our packages before it looks them up.
     """
 
-    def receive(told: bytes, dask_worker: Any = None) -> Any:
+    def receive(packet: bytes, dask_worker: Any = None) -> Any:
         from physics_crosscheck.harness.jobs import remote_workers
 
-        return remote_workers.receive(told, dask_worker.local_directory)
+        return remote_workers.receive(packet, dask_worker.local_directory)
 
     def do(run: str, data: bytes) -> Any:
         import distributed as there

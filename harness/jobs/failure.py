@@ -50,8 +50,10 @@ def failure_of(error: BaseException, reason: str = "") -> Failure:
         reason: text of the reason; empty: the text of the error.
     """
     files = [error, *getattr(error, "obstacles", ())]
-    found = [(getattr(one, "file", None), getattr(one, "line", None)) for one in files]
-    locations = tuple(SourceLine(file=str(file), line=line or None) for file, line in found if file)
+    places = [(getattr(one, "file", None), getattr(one, "line", None)) for one in files]
+    locations = tuple(
+        SourceLine(file=str(file), line=line or None) for file, line in places if file
+    )
     kind: CaseKind = getattr(error, "kind", "")  # other engines may define kinds
     kind = kind if kind in get_args(CaseKind) else ""
     return Failure(reason or str(error), "", locations=locations, kind=kind)

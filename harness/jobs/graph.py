@@ -45,8 +45,8 @@ def work(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = None) 
 
     def start(some: Iterable[Job[Any]], *, first: bool) -> None:
         for job in reversed(list(some)) if first else some:
-            asked = workers.submit(job.task.function, job.task.argument, first=first)
-            waiting[asked] = job
+            submitted = workers.submit(job.task.function, job.task.argument, first=first)
+            waiting[submitted] = job
 
     start(jobs, first=False)
     while waiting and not (stop and stop.asked):

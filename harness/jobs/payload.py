@@ -145,11 +145,11 @@ def _within(path: Path) -> Iterable[Path]:
     """Return a file, or the files in a folder except hidden files and bytecode."""
     if not path.is_dir():
         return [path]
-    found = []
+    paths = []
     for folder, inner, names in os.walk(path):
         inner[:] = [name for name in inner if not (name[0] == "." or name == "__pycache__")]
-        found += [one for name in names if (one := Path(folder, name)).is_file()]
-    return found
+        paths += [inner_path for name in names if (inner_path := Path(folder, name)).is_file()]
+    return paths
 
 
 def unload(packet: bytes, root: Path) -> None:

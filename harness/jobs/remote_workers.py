@@ -70,16 +70,16 @@ def installed(only: tuple[str, ...] = ()) -> dict[str, str]:
     Args:
         only: engines to include; empty: all.
     """
-    known = {"python": ".".join(platform.python_version_tuple()[:2])}
+    versions = {"python": ".".join(platform.python_version_tuple()[:2])}
     for name in ("physics-crosscheck", "numpy", "scipy", "sympy", "msgspec"):
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            known[name] = importlib.metadata.version(name)
-    known["physics-crosscheck's files"] = _sources()
+            versions[name] = importlib.metadata.version(name)
+    versions["physics-crosscheck's files"] = _sources()
     for name, engine in engines().items():
         version = engine.version() if not only or name in only else None
         if version is not None:
-            known[name] = version
-    return known
+            versions[name] = version
+    return versions
 
 
 @functools.cache
@@ -95,12 +95,12 @@ def _sources() -> str:
     return whole.hexdigest()[:12]
 
 
-def _misfit(terms: Terms) -> str:
+def _misfit(config: Terms) -> str:
     """Describe the differences between this machine's versions and the run's; "" if they agree."""
-    here = installed(terms.engines)
+    here = installed(config.engines)
     return ", ".join(
         f"{name} {here.get(name, 'not installed')} (here {version})"
-        for name, version in terms.versions.items()
+        for name, version in config.versions.items()
         if here.get(name) != version
     )
 
@@ -114,11 +114,11 @@ class Post:
 
     Args:
         root: folder for the copies.
-        terms: configuration of the run.
+        config: configuration of the run.
     """
 
-    def __init__(self, root: Path, terms: Terms) -> None:
-        self._root, self._terms = str(root), terms
+    def __init__(self, root: Path, config: Terms) -> None:
+        self._root, self._terms = str(root), config
         self._asked: queue.SimpleQueue[tuple[bytes, Future[object]] | None] = queue.SimpleQueue()
         self._woken, self._wake = multiprocessing.Pipe(duplex=False)
         self._asking = threading.Lock()
@@ -164,25 +164,25 @@ class Post:
         """Start tasks until the run leaves; only this thread uses multiprocessing."""
         flying: dict[Pending[Any], Future[object]] = {}
         while not self._closed:
-            asked = self._next(IDLE)
-            if asked is None:
+            request = self._next(IDLE)
+            if request is None:
                 continue
             try:
                 with self._workers() as workers:
-                    self._work(workers, flying, asked)
+                    self._work(workers, flying, request)
             except Exception as error:
-                said = f"its machine runs no tasks: {type(error).__name__}: {error}"
+                reason = f"its machine runs no tasks: {type(error).__name__}: {error}"
                 for future in flying.values():
-                    future.set_result(Failure(said, ""))
+                    future.set_result(Failure(reason, ""))
                 flying.clear()
         for future in flying.values():
             future.set_result(None)
-        while (asked := self._next(0.0)) is not None:
-            asked[1].set_result(None)
+        while (request := self._next(0.0)) is not None:
+            request[1].set_result(None)
 
     def _workers(self) -> Workers:
         cwd = Path(self._root + self._terms.cwd)
-        return Workers(_MANY, self._terms.limits, cwd=cwd, wake=self._woken, alone=True)
+        return Workers(_MANY, self._terms.limits, cwd=cwd, wake=self._woken, hide_main=True)
 
     def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
         """Return the next task, if one arrives in time and the run has not left."""
@@ -194,63 +194,63 @@ class Post:
         self,
         workers: Workers,
         flying: dict[Pending[Any], Future[object]],
-        asked: tuple[bytes, Future[object]] | None,
+        request: tuple[bytes, Future[object]] | None,
     ) -> None:
         """Run this task and the following ones, until none arrives for a while."""
         while True:
-            while asked is not None:
-                data, future = asked
+            while request is not None:
+                data, future = request
                 flying[workers.submit(payload.done, (data, self._root))] = future
-                asked = self._next(0.0)
+                request = self._next(0.0)
             if self._closed:
                 return
             if not flying:
-                asked = self._next(IDLE)
-                if asked is None:
+                request = self._next(IDLE)
+                if request is None:
                     return
                 continue
             while self._woken.poll():
                 self._woken.recv_bytes()
             for pending in workers.turn():
                 flying.pop(pending).set_result(pending.value)
-            asked = self._next(0.0)
+            request = self._next(0.0)
 
 
-def receive(told: bytes, beside: str) -> str:
+def receive(pickled: bytes, temporary: str) -> str:
     """Accept a run; a repeated call has no effect.
 
     Args:
-        told: pickled configuration and copies of the files.
-        beside: folder for temporary files.
+        pickled: pickled configuration and copies of the files.
+        temporary: folder for temporary files.
 
     Returns:
         The differences between the versions; empty if they agree, and the run is accepted.
     """
-    terms, packet = cast(tuple[Terms, bytes], pickle.loads(told))
-    if other := _misfit(terms):
+    config, packet = cast(tuple[Terms, bytes], pickle.loads(pickled))
+    if other := _misfit(config):
         return other
     with _lock:
-        if terms.run not in _posts:
-            root = Path(tempfile.mkdtemp(prefix="crosscheck-", dir=beside)).resolve()
+        if config.run not in _posts:
+            root = Path(tempfile.mkdtemp(prefix="crosscheck-", dir=temporary)).resolve()
             payload.unload(packet, root)
-            (root / terms.cwd.lstrip(os.sep)).mkdir(parents=True, exist_ok=True)
+            (root / config.cwd.lstrip(os.sep)).mkdir(parents=True, exist_ok=True)
             # multiprocessing's rule is about processes that it starts, not the present one.
             multiprocessing.current_process().daemon = False
-            _posts[terms.run] = Post(root, terms)
+            _posts[config.run] = Post(root, config)
             # Run before multiprocessing waits for children, which it does when a process ends.
-            Finalize(None, leave, args=(terms.run,), exitpriority=10)
+            Finalize(None, leave, args=(config.run,), exitpriority=10)
     return ""
 
 
 def do(run: str, data: bytes) -> bytes | Failure | None:
     """Run a task; return None if this worker does not know the run."""
-    post = _posts.get(run)
-    return None if post is None else post.do(data)
+    pool = _posts.get(run)
+    return None if pool is None else pool.do(data)
 
 
 def leave(run: str) -> None:
     """End a run."""
     with _lock:
-        post = _posts.pop(run, None)
-    if post is not None:
-        post.close()
+        pool = _posts.pop(run, None)
+    if pool is not None:
+        pool.close()

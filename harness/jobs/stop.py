@@ -72,8 +72,8 @@ def _handled(handler: Any) -> Iterator[Any]:
     """Install a handler for all signals that are not ignored; yield a function that removes it."""
     before = {}
     if threading.current_thread() is threading.main_thread():  # Python allows it in no other thread
-        taken = [n for n in SIGNALS if signal.getsignal(n) not in (signal.SIG_IGN, None)]
-        before = {number: signal.signal(number, handler) for number in taken}
+        handled = [n for n in SIGNALS if signal.getsignal(n) not in (signal.SIG_IGN, None)]
+        before = {number: signal.signal(number, handler) for number in handled}
 
     def restore() -> None:
         while before:

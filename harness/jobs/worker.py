@@ -60,20 +60,20 @@ class Station:
     limits: Limits
 
 
-def serve(tasks: Connection, station: Station) -> NoReturn:
+def serve(tasks: Connection, config: Station) -> NoReturn:
     """Run tasks until no more arrive: the main function of a worker process."""
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)  # child processes of a task end with it; only the program handles Ctrl-C
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # blocked by the parent process
-    threading.Thread(target=_end_with_the_program, args=[station.scratch], daemon=True).start()
+    threading.Thread(target=_end_with_the_program, args=[config.scratch], daemon=True).start()
     with contextlib.suppress(OSError):
-        os.chdir(station.cwd)
-    tempfile.tempdir = str(station.scratch)
-    _redirect(station)
-    _limit(station.limits)
-    found = _Surroundings.now()
+        os.chdir(config.cwd)
+    tempfile.tempdir = str(config.scratch)
+    _redirect(config)
+    _limit(config.limits)
+    initial = _Surroundings.now()
     while True:
         try:
             function, argument = tasks.recv()
@@ -82,10 +82,10 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
         except Exception as error:
             _answer(tasks, Failure(f"its task can't be sent: {_said(error)}", ""), last=False)
             continue
-        value, full = _done(function, argument, station)
-        if os.getpid() != found.process:
+        value, full = _done(function, argument, config)
+        if os.getpid() != initial.process:
             os._exit(0)  # a forked copy of a task has no answer
-        found.restore(station)
+        initial.restore(config)
         # After an out-of-memory error memory is not released, so the next task gets another worker.
         _answer(tasks, value, last=full)
 
@@ -105,16 +105,16 @@ class _Surroundings:
             process=os.getpid(), path=tuple(sys.path), environment=dict(os.environ)
         )
 
-    def restore(self, station: Station) -> None:
+    def restore(self, config: Station) -> None:
         """Restore the state."""
         sys.path[:] = self.path
         if os.environ != self.environment:
             os.environ.clear()
             os.environ.update(self.environment)
         with contextlib.suppress(OSError):
-            os.chdir(station.cwd)
+            os.chdir(config.cwd)
         sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
-        _redirect_streams(station)
+        _redirect_streams(config)
 
 
 def _end_with_the_program(scratch: Path) -> None:
@@ -126,12 +126,12 @@ def _end_with_the_program(scratch: Path) -> None:
         os._exit(1)
 
 
-def _redirect(station: Station) -> None:
+def _redirect(config: Station) -> None:
     """Redirect all output to the log, and the stack of a crash to the trace."""
     sys.stdout.flush()
     sys.stderr.flush()
-    _redirect_streams(station)
-    trace = os.open(station.trace, _APPEND)
+    _redirect_streams(config)
+    trace = os.open(config.trace, _APPEND)
     faulthandler.enable(trace, all_threads=False)
     for name in ("SIGPROF", "SIGTERM"):
         if hasattr(signal, name) and hasattr(faulthandler, "register"):
@@ -146,8 +146,8 @@ def _redirect(station: Station) -> None:
     os._exit = told
 
 
-def _redirect_streams(station: Station) -> None:
-    log = os.open(station.log, _APPEND)
+def _redirect_streams(config: Station) -> None:
+    log = os.open(config.log, _APPEND)
     os.dup2(log, 1)
     os.dup2(log, 2)
     if log > 2:  # a closed descriptor may already have this number
@@ -159,15 +159,15 @@ def _limit(limits: Limits) -> None:
     if not _LIMITED:
         return
     data = int(limits.memory * 2**30) + _held()
-    for kind, most in (
+    for kind, limit in (
         (resource.RLIMIT_DATA, data),
         (resource.RLIMIT_FSIZE, MOST_WRITTEN),
         (resource.RLIMIT_CORE, 0),
     ):
         _, highest = resource.getrlimit(kind)
-        most = most if highest == resource.RLIM_INFINITY else min(most, highest)
+        limit = limit if highest == resource.RLIM_INFINITY else min(limit, highest)
         with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(kind, (most, highest))
+            resource.setrlimit(kind, (limit, highest))
 
 
 def _held() -> int:
@@ -180,22 +180,20 @@ def _held() -> int:
         return 0
 
 
-def _done(
-    function: Callable[[Any], Any], argument: object, station: Station
-) -> tuple[object, bool]:
+def _done(function: Callable[[Any], Any], argument: object, config: Station) -> tuple[object, bool]:
     """Return the value or the `Failure` of a task, and whether memory ran out.
 
     Convert every exception to a sentence: some exceptions cannot be pickled, and a `sys.exit` in a
     model file would end the process.
     """
-    for file in (station.log, station.trace):
+    for file in (config.log, config.trace):
         with contextlib.suppress(OSError):
             os.truncate(file, 0)
-    _count_down(station.limits.seconds)
+    _count_down(config.limits.seconds)
     try:
         return function(argument), False
     except BaseException as error:
-        return _failure(error, station.limits), _shortage(error) is not None
+        return _failure(error, config.limits), _shortage(error) is not None
     finally:
         _count_down(0.0)
         with contextlib.suppress(Exception):
@@ -219,8 +217,8 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     if ours and isinstance(error, ValueError | RuntimeError):
         return failure_of(error, _words(error))
     # Other BaseExceptions would normally end the program: name the file that raised them.
-    said = _said(error)
-    return Failure(said if isinstance(error, Exception) else _at(error, said), "")
+    message = _said(error)
+    return Failure(message if isinstance(error, Exception) else _at(error, message), "")
 
 
 def _shortage(error: BaseException) -> MemoryError | None:

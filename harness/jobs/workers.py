@@ -149,7 +149,7 @@ class Workers(Executor):
         limits: limits of each task.
         cwd: working folder; None: that of this process.
         wake: a pipe whose data interrupts the wait of `turn`; another part reads it.
-        alone: whether to hide the program's main module from them.
+        hide_main: whether to hide the program's main module from them.
     """
 
     def __init__(
@@ -159,11 +159,11 @@ class Workers(Executor):
         *,
         cwd: Path | None = None,
         wake: Connection | None = None,
-        alone: bool = False,
+        hide_main: bool = False,
     ) -> None:
         super().__init__()
         self._jobs, self._limits = jobs, limits or Limits()
-        self._cwd, self._wake, self._alone = cwd, wake, alone
+        self._cwd, self._wake, self._alone = cwd, wake, hide_main
         self._context = _context()
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._crew: list[_Worker] = []
@@ -208,18 +208,18 @@ class Workers(Executor):
     def _new(self) -> _Worker:
         self._started += 1
         ours, theirs = self._context.Pipe()
-        station = Station(
+        config = Station(
             cwd=str(self._cwd or Path.cwd()),
             scratch=self._scratch,
             log=self._scratch / f"{self._started}.log",
             trace=self._scratch / f"{self._started}.trace",
             limits=self._limits,
         )
-        process = self._context.Process(target=serve, args=(theirs, station))
+        process = self._context.Process(target=serve, args=(theirs, config))
         with without_main() if self._alone else contextlib.nullcontext():
             _start(process)
         theirs.close()
-        worker = _Worker(process, ours, station)
+        worker = _Worker(process, ours, config)
         self._crew.append(worker)
         return worker
 
@@ -255,8 +255,8 @@ class Workers(Executor):
         try:
             value, last = ForkingPickler.loads(data)
         except Exception as error:
-            said = f"its value can't be read: {type(error).__name__}: {error}"
-            value, last = Failure(said, ""), False
+            message = f"its value can't be read: {type(error).__name__}: {error}"
+            value, last = Failure(message, ""), False
         if isinstance(value, Failure):
             value = replace(value, stdout=worker.printed())
         pending.end(value)
@@ -279,16 +279,16 @@ class Workers(Executor):
         self._end()
 
 
-def _dismiss(crew: list[_Worker], scratch: Path) -> None:
+def _dismiss(workers: list[_Worker], scratch: Path) -> None:
     """End workers, and remove their files."""
-    for worker in crew:
+    for worker in workers:
         worker.tasks.close()
-    for worker in crew:
+    for worker in workers:
         if worker.pending is None:
             worker.let_go()
         else:
             worker.kill()
-    crew.clear()
+    workers.clear()
     shutil.rmtree(scratch, ignore_errors=True)
 
 

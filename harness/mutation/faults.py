@@ -15,16 +15,16 @@ FACTORS = {"left out": 0.0, "sign": -1.0, "double": 2.0, "half": 0.5}
 FAULTS = SIZES | FACTORS
 
 
-def literal_faults(found: Sequence[Binding], joints: Sequence[str]) -> Iterator[Mistake]:
+def literal_faults(literals: Sequence[Binding], joints: Sequence[str]) -> Iterator[Mistake]:
     """Yield every nonzero bound literal, multiplied by each factor.
 
     Args:
-        found: the bound literals.
+        literals: the bound literals.
         joints: names of the engine's coordinates.
     """
     # A number with the opposite sign may be equivalent to a reversed axis.
     mirrored = frozenset(CauseId(kind="axis", subject=(name,)) for name in joints)
-    for b in found:
+    for b in literals:
         for label, factor in FAULTS.items() if b.value else ():
             causes = literal_causes(b.address) | (mirrored if factor < 0 else frozenset())
             yield Mistake(label, b.address, Edit({b.address: b.value * factor}), causes)

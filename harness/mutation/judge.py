@@ -104,16 +104,16 @@ def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutat
     model, coordinates = load(wrong.system, wrong.sidecar, wrong.engine)
     n = len(wrong.system.q)
     reached = np.concatenate([motion.start[:, :n] for motion in wrong.motions.values()])
-    found = check_poses(wrong.system, wrong.sidecar, model, coordinates, reached).findings
-    if not found:
+    findings = check_poses(wrong.system, wrong.sidecar, model, coordinates, reached).findings
+    if not findings:
         return row
-    told = "; ".join(one.message for one in found)
-    right = bool(task.fault.told) and task.fault.told in told
+    message = "; ".join(one.message for one in findings)
+    right = bool(task.fault.told) and task.fault.told in message
     return msgspec.structs.replace(
         row,
         verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,
-        message=told,
-        first_caught=number(min(one.share for one in found)),
+        message=message,
+        first_caught=number(min(one.share for one in findings)),
     )
 
 
@@ -121,14 +121,14 @@ def _near(task: MutationTask) -> dict[CauseId, Array] | None:
     """Return the sound model's slopes if the fault is so small that they still hold."""
     if task.fault.name not in SIZES:
         return None
-    known = zip(task.survey.addresses, task.survey.slopes, strict=True)
-    return {CauseId(kind="literal", subject=(address,)): slope for address, slope in known}
+    slopes = zip(task.survey.addresses, task.survey.slopes, strict=True)
+    return {CauseId(kind="literal", subject=(address,)): slope for address, slope in slopes}
 
 
 def _resolved(uncertainty: Array, sound: Survey) -> bool:
     """Return whether the uncertainty of motions is small enough for agreement."""
-    enough = max(RESOLUTION, BESIDE * float(np.max(sound.uncertainty)))
-    return float(np.max(uncertainty)) <= enough
+    allowed = max(RESOLUTION, BESIDE * float(np.max(sound.uncertainty)))
+    return float(np.max(uncertainty)) <= allowed
 
 
 def _row(
@@ -143,9 +143,9 @@ def _row(
 
     `share` is the detectable share of a known mistake. The survey has those of literals.
     """
-    model, fault, known = task.model, task.fault, task.survey
+    model, fault, survey = task.model, task.fault, task.survey
     if task.kind is FaultKind.LITERAL:
-        share = float(known.first_caught[known.addresses.index(fault.location)])
+        share = float(survey.first_caught[survey.addresses.index(fault.location)])
     return Mutation(
         system=model.system.name,
         model=model.sidecar.model.name,
@@ -176,8 +176,8 @@ def _named(row: Mutation, task: MutationTask, ranking: Ranking) -> Mutation:
     if not ranking.fits:
         return row
     first, wanted = ranking.fits[0], task.fault.causes
-    alone = len(first.causes) == 1
-    right = wanted.issuperset(first.causes) or (alone and bool(wanted & {*first.tied_with}))
+    is_single = len(first.causes) == 1
+    right = wanted.issuperset(first.causes) or (is_single and bool(wanted & {*first.tied_with}))
     return msgspec.structs.replace(
         row,
         verdict=FaultVerdict.NAMED if right and ranking.explained else FaultVerdict.CAUGHT,
@@ -191,8 +191,8 @@ def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
     address = task.fault.location
     if task.kind is not FaultKind.LITERAL:
         return None
-    found = bindings(task.model.system, task.model.sidecar)
-    value = next(b.value for b in found if b.address == address)
+    literals = bindings(task.model.system, task.model.sidecar)
+    value = next(b.value for b in literals if b.address == address)
     wrong = task.fault.edit.literals[address]
     cause = CauseId(kind="literal", subject=(address,))
     fits = (fit for fit in ranking.fits if fit.causes == (cause,))

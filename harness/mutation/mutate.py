@@ -157,11 +157,11 @@ class _Plan:
             unsound = partial(_unsound, task.sidecar.model)
             yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
 
-    def _faults(self, model: DiagnosisTask, found: Survey) -> Iterator[Job[Mutation]]:
+    def _faults(self, model: DiagnosisTask, survey: Survey) -> Iterator[Job[Mutation]]:
         self.unknown -= 1
-        for fault in found.faults:
+        for fault in survey.faults:
             # Sent once for each fault, so drop the other faults.
-            task = MutationTask(model=model, survey=replace(found, faults=()), fault=fault)
+            task = MutationTask(model=model, survey=replace(survey, faults=()), fault=fault)
             yield Job(
                 task=Task(mutated, task),
                 done=partial(self._row, self.known),
@@ -178,9 +178,9 @@ class _Plan:
                 failed=partial(_unsound, sidecar.model),
             )
 
-    def _tree_faults(self, found: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+    def _tree_faults(self, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
         self.unknown -= 1
-        for fault in found:
+        for fault in faults:
             yield Job(
                 task=Task(mutated_tree, fault),
                 done=partial(self._row, self.known),

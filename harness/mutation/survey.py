@@ -43,7 +43,7 @@ def survey(task: DiagnosisTask) -> Survey:
     Raises:
         MutationError: for a model that is not sound.
     """
-    found = bindings(task.system, task.sidecar)
+    literals = bindings(task.system, task.sidecar)
     with trial_model(task) as (whole, uncertainty):
         wrong = float(np.max(np.abs(whole.defect({})) - uncertainty))
         if wrong > 0:
@@ -53,15 +53,15 @@ def survey(task: DiagnosisTask) -> Survey:
             )
         bound = tuple(s for s in whole.candidates if s.hypothesis.id.kind == "literal")
         slopes = replace(whole, candidates=bound).slopes({})
-        known = known_mistakes(Subject(task, whole.model, whole.coordinates, found))
-    sizes = np.array([abs(b.value) or 1.0 for b in found])
+        mistakes = known_mistakes(Subject(task, whole.model, whole.coordinates, literals))
+    sizes = np.array([abs(b.value) or 1.0 for b in literals])
     return Survey(
-        addresses=tuple(b.address for b in found),
+        addresses=tuple(b.address for b in literals),
         slopes=slopes,
         first_caught=_first_caught(np.abs(slopes) * sizes[:, None], uncertainty),
         ends=whole.ends,
         uncertainty=uncertainty,
-        faults=(*literal_faults(found, whole.model.coordinates), *known),
+        faults=(*literal_faults(literals, whole.model.coordinates), *mistakes),
     )
 
 

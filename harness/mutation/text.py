@@ -71,8 +71,8 @@ def _literals(rows: Sequence[Mutation], width: int, columns: int) -> Iterator[st
         seen = "untested" if first is None else f"{first:.0e}"
         if narrow:
             marked = ", ".join(f"{name} {MARKS[row.verdict]}" for name, row in faults.items())
-            known = seen if first is None else f"detected from {seen}; {marked}"
-            yield f"  {location}: {known}"
+            result = seen if first is None else f"detected from {seen}; {marked}"
+            yield f"  {location}: {result}"
             continue
         cells = "".join(
             f"{MARKS[faults[label].verdict] if label in faults else '':>10}" for label in FAULTS
@@ -112,13 +112,13 @@ def _unnamed(rows: Sequence[Mutation]) -> Iterator[str]:
     """Yield faults with a wrong cause and missed faults, including known mistakes that were
     refused.
     """
-    made = [row for row in rows if row.kind is not FaultKind.NONE]
-    none, known = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
+    planted = [row for row in rows if row.kind is not FaultKind.NONE]
+    none, mistakes = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
     chosen = {
-        "caught, but with another cause:": _with(made, FaultVerdict.CAUGHT),
+        "caught, but with another cause:": _with(planted, FaultVerdict.CAUGHT),
         "missed:": _with(rows, FaultVerdict.MISSED),
         "false alarms:": [row for row in none if row.verdict is not FaultVerdict.AGREES],
-        "refused by the engine:": _with(known, FaultVerdict.REFUSED),
+        "refused by the engine:": _with(mistakes, FaultVerdict.REFUSED),
     }
     for title, some in chosen.items():
         if some:
@@ -135,14 +135,14 @@ def _with(rows: Sequence[Mutation], verdict: FaultVerdict) -> list[Mutation]:
 
 def summary(rows: Sequence[Mutation]) -> str:
     """Return one line: how many of the visible faults were caught, and how many named."""
-    literal, known = _of(rows, FaultKind.LITERAL), _of(rows, FaultKind.MISTAKE)
+    literal, mistakes = _of(rows, FaultKind.LITERAL), _of(rows, FaultKind.MISTAKE)
     small = [row for row in literal if row.name in SIZES]
     large = [row for row in literal if row.name not in SIZES]
     none = _of(rows, FaultKind.NONE)
     agree = len(_with(none, FaultVerdict.AGREES))
     unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNTESTED)}
     return (
-        f"small faults: {_counts(small)}; mistakes: {_counts([*known, *large])};"
+        f"small faults: {_counts(small)}; mistakes: {_counts([*mistakes, *large])};"
         f" another dt or integrator: {agree} of {len(none)} agree;"
         f" {counted(len(unseen), 'literal')} untested (no effect on motion)"
     )

@@ -80,7 +80,7 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
             f"{task.file}: it does not agree with its equations in {task.engine}; to show what"
             " would be caught it must be right: see `crosscheck run`"
         )
-    known = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
+    uncertainty = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
     numbers = robot_numbers(task.file, task.settings)
     problem = problem_of(task, numbers, is_reference=False)
     return tuple(
@@ -88,20 +88,20 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
             model=task,
             index=index,
             size=size,
-            first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), known),
-            uncertainty=known,
+            first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), uncertainty),
+            uncertainty=uncertainty,
         )
         for k, index in enumerate(numbers.relevant_numbers)
         for size in SIZES
     )
 
 
-def _size(one: Number) -> float:
+def _size(entry: Number) -> float:
     """Return a number's size, or that of its neighbours if it is practically zero."""
-    return abs(one.value) if abs(one.value) > SMALL else one.scale
+    return abs(entry.value) if abs(entry.value) > SMALL else entry.scale
 
 
-def _first(slope: Array | None, size: float, known: float) -> float:
+def _first(slope: Array | None, size: float, uncertainty: float) -> float:
     """Return the smallest detectable change as a share of a number's size; inf without any effect.
 
     Return 0 if the slope is unknown: then the engine has to show the effect.
@@ -109,25 +109,25 @@ def _first(slope: Array | None, size: float, known: float) -> float:
     if slope is None:
         return 0.0
     effect = float(np.max(np.abs(slope), initial=0.0)) * size
-    return known / effect if effect > EPSILON else np.inf
+    return uncertainty / effect if effect > EPSILON else np.inf
 
 
 def mutated_tree(fault: TreeFault) -> Mutation:
     """Plant one wrong number in a model, and judge it."""
     began = time.process_time()
     numbers = robot_numbers(fault.model.file, fault.model.settings)
-    one = numbers.numerals[fault.index]
-    value = one.value + fault.share * _size(one)
-    row = _row(fault, one.address, FaultVerdict.UNTESTED)
+    entry = numbers.numerals[fault.index]
+    value = entry.value + fault.share * _size(entry)
+    row = _row(fault, entry.address, FaultVerdict.UNTESTED)
     if np.isfinite(fault.first_seen):
         with scratch() as copies:
             copy = copy_with_texts(fault.model.file, numbers.texts({fault.index: value}), copies)
             try:
-                row = _judged(fault, one, value, replace(fault.model, file=copy))
+                row = _judged(fault, entry, value, replace(fault.model, file=copy))
             except (EngineError, BlownUpError) as error:
-                row = _row(fault, one.address, FaultVerdict.REFUSED, str(error))
-            said = original_paths(row.message, copy.parent, fault.model.file.parent)
-            row = msgspec.structs.replace(row, message=said)
+                row = _row(fault, entry.address, FaultVerdict.REFUSED, str(error))
+            message = original_paths(row.message, copy.parent, fault.model.file.parent)
+            row = msgspec.structs.replace(row, message=message)
     return msgspec.structs.replace(row, seconds=time.process_time() - began)
 
 
@@ -137,22 +137,22 @@ def died(fault: TreeFault, reason: str) -> Mutation:
     return _row(fault, numbers.numerals[fault.index].address, FaultVerdict.REFUSED, reason)
 
 
-def _judged(fault: TreeFault, one: Number, value: float, wrong: RobotTask) -> Mutation:
+def _judged(fault: TreeFault, entry: Number, value: float, wrong: RobotTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
     case = run_robot(wrong)
     size = None if case.verdict is None else case.verdict.largest_discrepancy
     if case.outcome is not Outcome.DIFFERS:
         verdict = FaultVerdict.UNTESTED if _is_faint(fault, value) else FaultVerdict.MISSED
-        return _row(fault, one.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
+        return _row(fault, entry.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
     ranking = ranked(RobotDiagnosisTask(task=wrong, is_reference=False))
     if not ranking.fits:
-        return _row(fault, one.address, FaultVerdict.CAUGHT, "", size)
-    first, cause = ranking.fits[0], CauseId(kind="literal", subject=(one.address,))
+        return _row(fault, entry.address, FaultVerdict.CAUGHT, "", size)
+    first, cause = ranking.fits[0], CauseId(kind="literal", subject=(entry.address,))
     right = len(first.causes) == 1 and cause in (*first.causes, *first.tied_with)
     verdict = FaultVerdict.NAMED if right and ranking.explained else FaultVerdict.CAUGHT
-    row = _row(fault, one.address, verdict, " and ".join(map(str, first.causes)), size)
+    row = _row(fault, entry.address, verdict, " and ".join(map(str, first.causes)), size)
     fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
-    off = None if fit is None else abs(fit.estimates[0] - one.value) / abs(value - one.value)
+    off = None if fit is None else abs(fit.estimates[0] - entry.value) / abs(value - entry.value)
     return msgspec.structs.replace(row, estimate_error=number(off))
 
 

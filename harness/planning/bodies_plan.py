@@ -39,8 +39,8 @@ class BodiesModel(ModelPlan):
     def _states(self, case: CaseId) -> Iterator[Job[Any]]:
         def done(value: Case) -> Jobs:
             self.work.found.add(value)
-            asked = self.options.diagnosed
-            return self._named() if asked and value.outcome is Outcome.DIFFERS else ()
+            is_diagnosed = self.options.diagnosed
+            return self._named() if is_diagnosed and value.outcome is Outcome.DIFFERS else ()
 
         def failed(failure: Failure) -> Jobs:
             return done(failed_case(case, self.folder, failure))
@@ -53,8 +53,8 @@ class BodiesModel(ModelPlan):
 
     def _coverage(self) -> Iterator[Job[Any]]:
         def done(value: Coverage) -> Jobs:
-            known = self.work.found.models[self.key].coverage or Coverage()
-            coverage = structs.replace(value, left_out=known.left_out)
+            counted = self.work.found.models[self.key].coverage or Coverage()
+            coverage = structs.replace(value, left_out=counted.left_out)
             self.work.found.amend(self.key, coverage=coverage)
             return ()
 
@@ -65,8 +65,8 @@ class BodiesModel(ModelPlan):
 
     def _audit(self) -> Iterator[Job[Any]]:
         def done(value: FileSurvey) -> Jobs:
-            known = self.work.found.models[self.key].coverage or Coverage()
-            coverage = structs.replace(known, left_out=value.left_out)
+            counted = self.work.found.models[self.key].coverage or Coverage()
+            coverage = structs.replace(counted, left_out=value.left_out)
             self.work.found.amend(self.key, audit=value.findings, coverage=coverage)
             return ()
 

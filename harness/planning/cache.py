@@ -108,44 +108,42 @@ class Cache:
                 write_whole(place / ".gitignore", "*\n")
             self._prune()
 
-    def find(self, piece: Piece) -> Any | None:
+    def find(self, key: Piece) -> Any | None:
         """Return the cached value if its dependencies are unchanged, otherwise None."""
-        path = self._path(piece)
-        if not piece.inputs:
+        path = self._path(key)
+        if not key.inputs:
             return None
         with contextlib.suppress(
             OSError, msgspec.MsgspecError, RecursionError, UnicodeDecodeError, ValueError
         ):
             entry = msgspec.json.decode(path.read_bytes(), type=_Entry)
-            if entry.piece != piece or not _as_they_were(Path(piece.folder), entry.reads):
+            if entry.piece != key or not _as_they_were(Path(key.folder), entry.reads):
                 return None
-            value = msgspec.json.decode(entry.value, type=KINDS[piece.kind])
+            value = msgspec.json.decode(entry.value, type=KINDS[key.kind])
             os.utime(path)
             return value
         return None
 
-    def keep(self, piece: Piece, value: Any, reads: Mapping[str, str]) -> None:
+    def keep(self, key: Piece, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value; the run continues if that fails.
 
         Args:
-            piece: key of the value.
+            key: key of the value.
             value: value of the key's kind.
             reads: states of the files that were read, by name relative to the folder.
         """
-        if self.trouble or not piece.inputs:
+        if self.trouble or not key.inputs:
             return
         if UNREADABLE in reads.values():
             return
-        entry = _Entry(
-            piece=piece, reads=dict(reads), value=msgspec.Raw(msgspec.json.encode(value))
-        )
+        entry = _Entry(piece=key, reads=dict(reads), value=msgspec.Raw(msgspec.json.encode(value)))
         with self._writing():
-            path = self._path(piece)
+            path = self._path(key)
             path.parent.mkdir(exist_ok=True)
             write_whole(path, msgspec.json.encode(entry).decode())
 
-    def _path(self, piece: Piece) -> Path:
-        name = hashlib.sha256(msgspec.json.encode(piece)).hexdigest()
+    def _path(self, key: Piece) -> Path:
+        name = hashlib.sha256(msgspec.json.encode(key)).hexdigest()
         return self._place / name[:2] / f"{name[2:]}.json"
 
     @contextlib.contextmanager
@@ -175,19 +173,21 @@ def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
 def piece_of_folder(folder: Path, *, described: bool, motion: float = 0.0) -> Piece:
     """Return the key of a folder's preparation; without `described` it has no derivation."""
     try:
-        known = f"{folder_files(folder).system} {described} {motion!r} {_surroundings()}"
+        folder_hash = f"{folder_files(folder).system} {described} {motion!r} {_surroundings()}"
     except OSError:
-        known = ""
-    return Piece(kind="folder", folder=str(folder), inputs=known and digest_of(known.encode()))
+        folder_hash = ""
+    return Piece(
+        kind="folder", folder=str(folder), inputs=folder_hash and digest_of(folder_hash.encode())
+    )
 
 
-def models_inputs(known: Mapping[ModelKey, str], motion: float = 0.0) -> dict[ModelKey, str]:
+def models_inputs(hashes: Mapping[ModelKey, str], motion: float = 0.0) -> dict[ModelKey, str]:
     """Extend the hashes of models in engines from `harness.baseline.inputs` with the options of a
     run.
     """
     return {
         key: digest_of(f"{one} {motion!r} {_surroundings()} {_adapter(key[-1])}".encode())
-        for key, one in known.items()
+        for key, one in hashes.items()
     }
 
 
@@ -196,36 +196,38 @@ def piece_of_robot(file: Path, options: Mapping[str, object]) -> Piece:
     names.
     """
     try:
-        beside = file.with_name(f"{file.name}.toml").is_file()  # reported as not read
-        told = (part_digests(file), options, beside, VERSION, _surroundings())
-        known = digest_of(msgspec.json.encode(told))
+        has_sidecar = file.with_name(f"{file.name}.toml").is_file()  # reported as not read
+        dependencies = (part_digests(file), options, has_sidecar, VERSION, _surroundings())
+        file_hash = digest_of(msgspec.json.encode(dependencies))
     except OSError:
-        known = ""
-    return Piece(kind="robot", folder=str(file), inputs=known)
+        file_hash = ""
+    return Piece(kind="robot", folder=str(file), inputs=file_hash)
 
 
 def robot_inputs(prepared: Piece, engine: str, resolution: float) -> str:
     """Return the hash of a robot file in an engine, based on its preparation; "" if unknown."""
-    known = prepared.inputs
-    return known and digest_of(f"{known} {engine} {resolution!r} {_adapter(engine)}".encode())
+    file_hash = prepared.inputs
+    return file_hash and digest_of(
+        f"{file_hash} {engine} {resolution!r} {_adapter(engine)}".encode()
+    )
 
 
-def with_snapshot(known: str, snapshot: Snapshot | None) -> str:
+def with_snapshot(model_hash: str, snapshot: Snapshot | None) -> str:
     """Add a snapshot that the model must repeat to its hash."""
-    return known and digest_of(known.encode() + msgspec.json.encode(snapshot))
+    return model_hash and digest_of(model_hash.encode() + msgspec.json.encode(snapshot))
 
 
 @lru_cache(maxsize=1)
 def _surroundings() -> str:
     """Return a hash of this package's source and of its libraries' versions."""
-    known = [
+    version_list = [
         platform.machine(),
         sys.platform,
         *(f"{name} {importlib.metadata.version(name)}" for name in LIBRARIES),
         *(f"{name} {version}" for name, version in versions().items() if version is not None),
         *map(_source, SOURCES),
     ]
-    return digest_of(msgspec.json.encode(known))
+    return digest_of(msgspec.json.encode(version_list))
 
 
 @lru_cache(maxsize=64)
@@ -242,10 +244,10 @@ def _engine_file(name: str) -> Path | None:
 
 
 def _source(folder: Path) -> str:
-    found = hashlib.sha256()
+    hasher = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
-        found.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()
+        hasher.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return hasher.hexdigest()
 
 
 class Told(msgspec.Struct):

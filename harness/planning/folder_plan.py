@@ -24,7 +24,7 @@ class FolderWork(PlaceWork[FolderFacts]):
         folder: the system folder.
         options: options of the run.
         before: accepted results, if any.
-        found: results of the jobs.
+        results: results of the jobs.
     """
 
     def __init__(
@@ -32,19 +32,19 @@ class FolderWork(PlaceWork[FolderFacts]):
         folder: Path,
         options: Options,
         before: Accepted | None,
-        found: Collected,
+        results: Collected,
     ) -> None:
         cache = options.cache
-        piece = (
+        key = (
             piece_of_folder(folder, described=options.described, motion=options.motion)
             if cache
             else None
         )
-        super().__init__(folder, options, found, piece, before)
+        super().__init__(folder, options, results, key, before)
         # Hash the folder before running anything, so that later changes do not count.
-        wanted = found.keeps or cache
-        known = inputs(folder, options.resolution, options.baseline) if wanted else {}
-        self._known = models_inputs(known, options.motion) if wanted else {}
+        wanted = results.keeps or cache
+        hashes = inputs(folder, options.resolution, options.baseline) if wanted else {}
+        self._known = models_inputs(hashes, options.motion) if wanted else {}
 
     @property
     def stand_in(self) -> CaseId:
@@ -58,11 +58,11 @@ class FolderWork(PlaceWork[FolderFacts]):
 
     def _known_facts(self) -> FolderFacts | None:
         """Return the cached facts; those with a derivation also serve if none is needed."""
-        known = super()._known_facts()
-        if known is None and self.options.cache and not self.options.described:
+        facts = super()._known_facts()
+        if facts is None and self.options.cache and not self.options.described:
             whole = piece_of_folder(self.place, described=True, motion=self.options.motion)
-            known = self._had(whole)
-        return known
+            facts = self._had(whole)
+        return facts
 
     def _preparing(self) -> Task[Any, Any]:
         options = self.options

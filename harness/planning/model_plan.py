@@ -25,8 +25,8 @@ class ModelPlan(ABC):
     """The jobs of a model in an engine.
 
     Args:
-        work: plan of its folder.
-        known: all engines.
+        folder_plan: plan of its folder.
+        adapters: all engines.
         sidecar: the model.
         engine: name of the engine.
         cases: cases to run.
@@ -34,16 +34,16 @@ class ModelPlan(ABC):
 
     def __init__(
         self,
-        work: FolderWork,
-        known: Mapping[str, Engine],
+        folder_plan: FolderWork,
+        adapters: Mapping[str, Engine],
         sidecar: Sidecar,
         engine: str,
         cases: Sequence[CaseId],
     ) -> None:
-        self.work, self.sidecar, self.engine, self.cases = work, sidecar, engine, cases
-        self.folder, self.options = str(work.place), work.options
+        self.work, self.sidecar, self.engine, self.cases = folder_plan, sidecar, engine, cases
+        self.folder, self.options = str(folder_plan.place), folder_plan.options
         self.key = self.folder, sidecar.model.name, engine
-        self._engines = known
+        self._engines = adapters
 
     def jobs(self) -> Iterator[Job[Any]]:
         """Yield all jobs; report a model that cannot run at once."""

@@ -43,9 +43,15 @@ def check_names(value: object, name: str) -> None:
 
 
 def check_number(
-    value: object, name: str, least: float, most: float, unit: str = "", *, whole: bool = False
+    value: object,
+    name: str,
+    smallest: float,
+    largest: float,
+    unit: str = "",
+    *,
+    whole: bool = False,
 ) -> float:
-    """Return an argument that is a number from `least` to `most`; numpy's numbers are accepted.
+    """Return an argument that is a number from `smallest` to `largest`; numpy numbers are valid.
 
     Raises:
         TypeError: for anything but a number, or a whole number if `whole`.
@@ -56,8 +62,8 @@ def check_number(
     if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
         raise TypeError(f"{expected}, not {quote(value)}")
     number = float(value)
-    if not least <= number <= most:
-        raise ValueError(f"{expected} from {least:g} to {most:g}, not {quote(value)}")
+    if not smallest <= number <= largest:
+        raise ValueError(f"{expected} from {smallest:g} to {largest:g}, not {quote(value)}")
     return number
 
 
@@ -90,8 +96,8 @@ def check_limits(seconds: object, memory: object, options: str) -> Limits:
 
 def resolvable(resolution: float) -> bool:
     """Return whether double precision can serve a resolution."""
-    least, most = RESOLVED
-    return least <= resolution <= most
+    smallest, largest = RESOLVED
+    return smallest <= resolution <= largest
 
 
 @dataclass(frozen=True)

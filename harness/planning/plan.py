@@ -31,29 +31,29 @@ from physics_crosscheck.harness.records.case import CaseId
 
 
 class Plan:
-    """The plan of a run; values go to `found`.
+    """The plan of a run; values go to `results`.
 
     Args:
         options: options of the run.
         before: accepted results, if any.
-        found: results of the jobs.
+        results: results of the jobs.
     """
 
-    def __init__(self, options: Options, before: Accepted | None, found: Collected) -> None:
-        self._options, self._before, self._found = options, before, found
+    def __init__(self, options: Options, before: Accepted | None, results: Collected) -> None:
+        self._options, self._before, self._found = options, before, results
         self._engines = engines()
 
     def folder(self, folder: Path) -> Iterator[Job[Any]]:
         """Prepare a folder, then run its models."""
         self._found.expect(str(folder), [stand_in(folder)])
-        work = FolderWork(folder, self._options, self._before, self._found)
-        yield from work.begun(partial(self._models, work))
+        folder_plan = FolderWork(folder, self._options, self._before, self._found)
+        yield from folder_plan.begun(partial(self._models, folder_plan))
 
-    def _models(self, work: FolderWork) -> Iterator[Job[Any]]:
+    def _models(self, folder_plan: FolderWork) -> Iterator[Job[Any]]:
         """Yield the jobs of every model in every engine; report those that cannot run at once."""
-        self._found.systems.append(work.facts.record)
-        name, folder = work.facts.record.name, str(work.place)
-        files = list(model_files(work.place))
+        self._found.systems.append(folder_plan.facts.record)
+        name, folder = folder_plan.facts.record.name, str(folder_plan.place)
+        files = list(model_files(folder_plan.place))
         unread = [
             (CaseId(system=name, model=one.model, scenario="-", engine="-"), one.reason)
             for one in files
@@ -65,27 +65,27 @@ class Plan:
             for sidecar in files
             if isinstance(sidecar, Sidecar)
             for engine in self._chosen(folder, sidecar)
-            if (cases := self._wanted(work, sidecar, engine))
+            if (cases := self._wanted(folder_plan, sidecar, engine))
         ]
         awaited = [case for *_, cases in chosen for case in cases]
         self._found.expect(folder, [*(case for case, _ in bad), *awaited])
         for case, reason in bad:
             self._found.add(failed_case(case, folder, Failure(reason, "", kind="sidecar")))
-        model = BodiesModel if work.facts.bodies else EnergiesModel
+        model = BodiesModel if folder_plan.facts.bodies else EnergiesModel
         for sidecar, engine, cases in chosen:
-            yield from model(work, self._engines, sidecar, engine, cases).jobs()
+            yield from model(folder_plan, self._engines, sidecar, engine, cases).jobs()
 
-    def _wanted(self, work: FolderWork, sidecar: Sidecar, engine: str) -> list[CaseId]:
+    def _wanted(self, folder_plan: FolderWork, sidecar: Sidecar, engine: str) -> list[CaseId]:
         """Return the requested cases of a model in an engine, in the order of the declared
         scenarios.
         """
-        record = work.facts.record
+        record = folder_plan.facts.record
         cases = [
             CaseId(system=record.name, model=sidecar.model.name, scenario=one.name, engine=engine)
             for one in record.scenarios
         ]
         choice = self._options.choice
-        return [case for case in cases if choice.includes(str(work.place), case)]
+        return [case for case in cases if choice.includes(str(folder_plan.place), case)]
 
     def _chosen(self, folder: str, sidecar: Sidecar) -> list[str]:
         """Return the engines in which a model must run."""

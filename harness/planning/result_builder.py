@@ -86,14 +86,14 @@ class Collected:
         self.cases.append(case)
         self._progress(len(self.cases), len(self.cases) + len(self.left), case)
 
-    def known(self, work: Work) -> Any | None:
+    def known(self, key: Work) -> Any | None:
         """Return a value from the journal, if it has one."""
-        return None if self._journal is None else self._journal.kept.get(work)
+        return None if self._journal is None else self._journal.kept.get(key)
 
-    def keep(self, work: Work, value: Any) -> None:
+    def keep(self, key: Work, value: Any) -> None:
         """Store a value in the journal, if there is one."""
         if self._journal is not None:
-            self._journal.keep(work, value)
+            self._journal.keep(key, value)
 
     def forget(self, folder: str) -> None:
         """Remove the remaining cases of a folder."""

@@ -41,16 +41,16 @@ class RobotWork(PlaceWork[RobotFacts]):
         file: the model file.
         options: options of the run.
         before: accepted results, if any.
-        found: results of the jobs.
+        results: results of the jobs.
     """
 
     def __init__(
-        self, file: Path, options: Options, before: Accepted | None, found: Collected
+        self, file: Path, options: Options, before: Accepted | None, results: Collected
     ) -> None:
-        wanted = found.keeps or options.cache
+        wanted = results.keeps or options.cache
         self._robot = {**structs.asdict(options.robot(file)), "motion": options.motion}
-        known = piece_of_robot(file, self._robot) if wanted else None
-        super().__init__(file, options, found, known, before)
+        key = piece_of_robot(file, self._robot) if wanted else None
+        super().__init__(file, options, results, key, before)
 
     @property
     def stand_in(self) -> CaseId:
@@ -92,16 +92,16 @@ class RobotWork(PlaceWork[RobotFacts]):
 
 
 class RobotPlan:
-    """The plan of a run for robot files; values go to `found`."""
+    """The plan of a run for robot files; values go to `results`."""
 
-    def __init__(self, options: Options, before: Accepted | None, found: Collected) -> None:
-        self._options, self._before, self._found = options, before, found
+    def __init__(self, options: Options, before: Accepted | None, results: Collected) -> None:
+        self._options, self._before, self._found = options, before, results
 
     def readable(self, files: Sequence[Path]) -> list[Path]:
         """Return the files that may be XML; the others fail before a worker process starts for
         them.
         """
-        found = []
+        files_read = []
         for file in files:
             self._found.expect(str(file), [_stand_in(file)])
         for file in files:
@@ -109,35 +109,35 @@ class RobotPlan:
                 failure = Failure(f"{why}; {GIVE_XML}", "", kind="file")
                 self._found.add(failed_case(_stand_in(file), str(file), failure))
             else:
-                found.append(file)
-        return found
+                files_read.append(file)
+        return files_read
 
     def file(self, file: Path) -> Iterator[Job[Any]]:
         """Prepare a file, then run it."""
-        work = RobotWork(file, self._options, self._before, self._found)
-        yield from work.begun(partial(self._engines, work))
+        robot_plan = RobotWork(file, self._options, self._before, self._found)
+        yield from robot_plan.begun(partial(self._engines, robot_plan))
 
-    def _engines(self, work: RobotWork) -> Iterator[Job[Any]]:
+    def _engines(self, robot_plan: RobotWork) -> Iterator[Job[Any]]:
         """Yield the jobs of a file in every requested engine, or in all that read its format."""
-        file, facts = work.place, work.facts
+        file, facts = robot_plan.place, robot_plan.facts
         self._found.systems.append(facts.record)
         adapters = engines()
-        found = [(adapters[name], work.case_id(name)) for name in self._wanted(file)]
+        cases = [(adapters[name], robot_plan.case_id(name)) for name in self._wanted(file)]
         choice = self._options.choice
-        chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
-        self._found.left.pop((str(file), work.stand_in), None)
+        chosen = [(engine, case) for engine, case in cases if choice.includes(str(file), case)]
+        self._found.left.pop((str(file), robot_plan.stand_in), None)
         self._found.expect(str(file), [case for _, case in chosen])
-        begun: list[ModelKey] = []
+        started: list[ModelKey] = []
         for engine, case in chosen:
             if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue
-            model = work.model(engine.name)
+            model = robot_plan.model(engine.name)
             self._found.models[model.key] = model
-            begun.append(model.key)
-            yield from self._case(work, model.key, case)
-        if begun and self._options.selection is None:
-            yield from self._coverage(work, begun)
+            started.append(model.key)
+            yield from self._case(robot_plan, model.key, case)
+        if started and self._options.selection is None:
+            yield from self._coverage(robot_plan, started)
 
     def _wanted(self, file: Path) -> list[str]:
         """Return the engines in which a file must run."""
@@ -147,23 +147,23 @@ class RobotPlan:
         names = [engine.name for engine in engines_reading(file.suffix)]
         return [name for name in names if selection.includes((str(file), file.name, name))]
 
-    def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
+    def _case(self, robot_plan: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
         """Run a case, diagnose it if it differs, and measure it if requested."""
 
         def done(value: Case) -> Iterator[Job[Any]]:
             self._found.add(value)
             if value.outcome is not Outcome.REFUSED:
-                yield from work.measure(case)
+                yield from robot_plan.measure(case)
             if self._options.diagnosed and value.outcome is Outcome.DIFFERS:
-                yield from self._diagnosis(work, key)
+                yield from self._diagnosis(robot_plan, key)
 
         def failed(failure: Failure) -> Jobs:
-            self._found.add(failed_case(case, str(work.place), failure))
+            self._found.add(failed_case(case, str(robot_plan.place), failure))
             return ()
 
-        return work.do("case", key, done, failed, scenario=case.scenario)
+        return robot_plan.do("case", key, done, failed, scenario=case.scenario)
 
-    def _diagnosis(self, work: RobotWork, key: ModelKey) -> Iterator[Job[Any]]:
+    def _diagnosis(self, robot_plan: RobotWork, key: ModelKey) -> Iterator[Job[Any]]:
         def done(value: Diagnosis) -> Jobs:
             self._found.amend(key, diagnosis=value)
             return ()
@@ -171,21 +171,21 @@ class RobotPlan:
         def failed(failure: Failure) -> Jobs:
             return done(Diagnosis(failure=failure.reason))
 
-        return work.do("diagnosis", key, done, failed)
+        return robot_plan.do("diagnosis", key, done, failed)
 
-    def _coverage(self, work: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
+    def _coverage(self, robot_plan: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
         """Count the tested numbers of a file, once for all engines."""
 
         def done(value: Coverage) -> Jobs:
             for key in keys:
-                known = self._found.models[key].coverage or Coverage()
-                self._found.amend(key, coverage=structs.replace(value, left_out=known.left_out))
+                coverage = self._found.models[key].coverage or Coverage()
+                self._found.amend(key, coverage=structs.replace(value, left_out=coverage.left_out))
             return ()
 
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        return work.do("coverage", keys[0], done, failed)
+        return robot_plan.do("coverage", keys[0], done, failed)
 
 
 def _stand_in(file: Path) -> CaseId:

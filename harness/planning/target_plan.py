@@ -39,24 +39,24 @@ class PlaceWork(ABC, Generic[Facts]):
     Args:
         place: the folder or the file.
         options: options of the run.
-        found: results of the jobs.
-        piece: cache key of its preparation; None: reuse nothing.
+        results: results of the jobs.
+        key: cache key of its preparation; None: reuse nothing.
         before: accepted results, if any; their cases are measured unless a selection decides.
 
     Attributes:
-        place, options, found: as given.
+        place, options, results: as given.
     """
 
     def __init__(
         self,
         place: Path,
         options: Options,
-        found: Collected,
-        piece: Piece | None,
+        results: Collected,
+        key: Piece | None,
         before: Accepted | None = None,
     ) -> None:
-        self.place, self.options, self.found = place, options, found
-        self._piece, self._cache, self._before = piece, options.cache, before
+        self.place, self.options, self.found = place, options, results
+        self._piece, self._cache, self._before = key, options.cache, before
         self._facts: Facts | None = None
         self._solved: object = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
@@ -95,21 +95,21 @@ class PlaceWork(ABC, Generic[Facts]):
         """Return the journal's key of a task; None without a journal."""
         if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
             return None
-        known = self._inputs_of_journal(key)
+        inputs = self._inputs_of_journal(key)
         folder, model, engine = key
         what: Any = kind
-        work = Work(
-            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=known
+        journal_entry = Work(
+            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=inputs
         )
-        return work if known else None
+        return journal_entry if inputs else None
 
     def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """Yield the jobs of its models, after its preparation if needed."""
-        known = self._known_facts()
-        if known is None:
+        facts = self._known_facts()
+        if facts is None:
             yield self._preparation(models)
             return
-        self._know(known)
+        self._know(facts)
         self._waiting = []
         yield from models()  # jobs of the models wait
         if self._waiting:
@@ -163,12 +163,15 @@ class PlaceWork(ABC, Generic[Facts]):
             scenario: scenario of a case or a measurement.
             snapshot: snapshot that a measurement repeats.
         """
-        work = self._work(kind, key, scenario)
-        if work is not None and (value := self._sound(self.found.known(work))) is not None:
+        journal_key = self._work(kind, key, scenario)
+        if (
+            journal_key is not None
+            and (value := self._sound(self.found.known(journal_key))) is not None
+        ):
             yield from done(value)
             return
-        piece = self._piece_of(kind, key, scenario, snapshot)
-        if (value := self._had(piece)) is not None:
+        cache_key = self._piece_of(kind, key, scenario, snapshot)
+        if (value := self._had(cache_key)) is not None:
             self.found.cached += kind == "case"
             yield from done(value)
             return
@@ -184,14 +187,16 @@ class PlaceWork(ABC, Generic[Facts]):
         def job() -> Job[Any]:
             task = Task(task_function(kind, task=arguments), self._solved)
             # The files that a model in code reads are not known in advance.
-            if piece is not None and Path(piece.model).suffix == ".py":
+            if cache_key is not None and Path(cache_key.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument)
 
-            def ended(told: Any) -> Jobs:
-                value, reads = (told.value, told.reads) if isinstance(told, Told) else (told, {})
-                if work is not None:
-                    self.found.keep(work, value)
-                self._keep(piece, value, reads)
+            def ended(outcome: Any) -> Jobs:
+                value, reads = (
+                    (outcome.value, outcome.reads) if isinstance(outcome, Told) else (outcome, {})
+                )
+                if journal_key is not None:
+                    self.found.keep(journal_key, value)
+                self._keep(cache_key, value, reads)
                 return done(value)
 
             return Job(task=task, done=ended, failed=failed)
@@ -201,10 +206,10 @@ class PlaceWork(ABC, Generic[Facts]):
         else:
             self._waiting.append(job)
 
-    def _had(self, piece: Piece | None) -> Any | None:
-        if piece is None or self._cache is None:
+    def _had(self, key: Piece | None) -> Any | None:
+        if key is None or self._cache is None:
             return None
-        return self._sound(self._cache.find(piece))
+        return self._sound(self._cache.find(key))
 
     def _sound(self, value: Any | None) -> Any | None:
         """Return a stored value; ignore a case that contradicts its own numbers."""
@@ -212,10 +217,10 @@ class PlaceWork(ABC, Generic[Facts]):
             return None
         return value
 
-    def _keep(self, piece: Piece | None, value: Any, reads: Mapping[str, str]) -> None:
+    def _keep(self, key: Piece | None, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value, with the files that it read in addition to those of `system.py`."""
-        if piece is not None and self._cache is not None:
-            self._cache.keep(piece, value, merged(self.reads, reads))
+        if key is not None and self._cache is not None:
+            self._cache.keep(key, value, merged(self.reads, reads))
 
     def _piece_of(
         self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
@@ -223,20 +228,20 @@ class PlaceWork(ABC, Generic[Facts]):
         if self._cache is None:
             return None
         folder, model, engine = key
-        known = self._inputs(key)
+        inputs = self._inputs(key)
         return Piece(
             kind=kind,
             folder=folder,
             model=model,
             engine=engine,
             scenario=scenario,
-            inputs=with_snapshot(known, snapshot) if kind == "measurement" else known,
+            inputs=with_snapshot(inputs, snapshot) if kind == "measurement" else inputs,
         )
 
     def snapshot(self, case: CaseId) -> Snapshot | None:
         """Return the accepted snapshot of a case, or the one to repeat."""
-        known = self.options.selection or self._before
-        return None if known is None else known.snapshot(str(self.place), case)
+        source = self.options.selection or self._before
+        return None if source is None else source.snapshot(str(self.place), case)
 
     def is_measured(self, case: CaseId) -> bool:
         """Return whether a case must be measured."""

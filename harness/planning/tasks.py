@@ -99,8 +99,8 @@ def diagnosis(solved: Solved, task: ModelTask) -> Diagnosis:
     """Find the numbers that explain a discrepancy."""
     if isinstance(solved, Prepared):
         return diagnose_model(diagnosis_task(solved, _sidecar(task), task.engine))
-    own = isinstance(solved, PreparedRobot)
-    return diagnose_robot(RobotDiagnosisTask(task=_robot_task(solved, task), is_reference=own))
+    is_standalone = isinstance(solved, PreparedRobot)
+    return diagnose_robot(RobotDiagnosisTask(task=_robot_task(solved, task), is_reference=is_standalone))
 
 
 def coverage(solved: Solved, task: ModelTask) -> Coverage:

@@ -27,9 +27,9 @@ def degrees(subject: Subject) -> Iterator[Mistake]:
         }
         compiler = next((e for e in subject.elements if e.tag == "compiler"), None)
         if stated and compiler is not None:
-            said = None if radian(subject) else "radian"
-            name = "degrees for radians" if said is None else "radians for degrees"
-            edit = Edit(attributes=(Attribute(compiler.start, "angle", said),))
+            stated_unit = None if radian(subject) else "radian"
+            name = "degrees for radians" if stated_unit is None else "radians for degrees"
+            edit = Edit(attributes=(Attribute(compiler.start, "angle", stated_unit),))
             yield Mistake(name, "compiler@angle", edit, causes | literal_causes(*stated))
     elif subject.suffix == ".urdf":
         kinds = r"springReference|origin@rpy"

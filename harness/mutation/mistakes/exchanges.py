@@ -15,20 +15,20 @@ from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 def exchanges(subject: Subject) -> Iterator[Mistake]:
     """Yield each pair of such constants in the model, exchanged in all of their literals."""
     system, sidecar = subject.task.system, subject.task.sidecar
-    for one, other in combinations(system.constants, 2):
-        if one.unit != other.unit or one.value == other.value:
+    for first, second in combinations(system.constants, 2):
+        if first.unit != second.unit or first.value == second.value:
             continue
         try:
-            swapped = at_constants(system, {one.name: other.value, other.name: one.value})
+            swapped = at_constants(system, {first.name: second.value, second.name: first.value})
         except DeclarationError:
             continue  # only one of them is positive
         changed = {b.address: b.expected for b in bindings(swapped, sidecar) if not b.exact}
-        if not all(_stated(subject, c.name) for c in (one, other)):
+        if not all(_stated(subject, c.name) for c in (first, second)):
             continue
-        names = f"{one.name}, {other.name}"
+        names = f"{first.name}, {second.name}"
         causes = literal_causes(*changed) | {
-            CauseId(kind="exchange", subject=(one.name, other.name)),
-            *(CauseId(kind="constant", subject=(c.name,)) for c in (one, other)),
+            CauseId(kind="exchange", subject=(first.name, second.name)),
+            *(CauseId(kind="constant", subject=(c.name,)) for c in (first, second)),
         }
         yield Mistake("two constants exchanged", names, Edit(changed), causes)
 

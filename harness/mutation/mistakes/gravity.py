@@ -21,10 +21,10 @@ def gravity(subject: Subject) -> Iterator[Mistake]:
     """Yield changes of a model's gravity; changes of its size only if the equations have gravity
     too.
     """
-    own = subject.model.gravity
-    if not any(own):
+    present = subject.model.gravity
+    if not any(present):
         return
-    vector = [*map(float, own), 0.0][:3]
+    vector = [*map(float, present), 0.0][:3]
     size = float(np.linalg.norm(vector))
     constants = {c.name for c in subject.task.system.constants if c.unit in ACCELERATION}
     if constants:
@@ -34,7 +34,7 @@ def gravity(subject: Subject) -> Iterator[Mistake]:
                 yield _changed(subject, f"gravity {other:g}", vector, turned, constants)
         yield _changed(subject, "gravity off", vector, [0.0, 0.0, 0.0], constants)
     down = int(np.argmax(np.abs(vector)))
-    for axis in range(len(own)):
+    for axis in range(len(present)):
         if axis != down and not vector[axis]:
             turned = [0.0, 0.0, 0.0]
             turned[axis] = vector[down]
@@ -53,12 +53,12 @@ def _changed(
     pulled = [c.name for c in subject.task.system.coordinates]
     causes |= {CauseId(kind="offset force", subject=(name,)) for name in pulled}
     if all(i in addresses for i in moved):
-        own, signs = (
+        present, signs = (
             [addresses[i] for i in moved],
             [_sign(subject, addresses[i], old[i]) for i in moved],
         )
-        literals = {a: s * new[i] for a, s, i in zip(own, signs, moved, strict=True)}
-        return Mistake(name, ", ".join(own), Edit(literals), literal_causes(*own) | causes)
+        literals = {a: s * new[i] for a, s, i in zip(present, signs, moved, strict=True)}
+        return Mistake(name, ", ".join(present), Edit(literals), literal_causes(*present) | causes)
     edit = Edit(settings={"gravity": list(new)})
     return Mistake(name, "gravity", edit, literal_causes(*addresses.values()) | causes)
 
@@ -75,12 +75,12 @@ def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
     if subject.suffix == ".xml":
         stated = subject.numbers("option@gravity")
         return dict(enumerate(stated)) if len(stated) == 3 else {}
-    found: dict[int, str] = {}
+    addresses: dict[int, str] = {}
     for b in subject.found:
         names = {c.name for c in subject.task.system.constants if c.unit in ACCELERATION}
         if b.expression.strip(" -") in names:
-            found |= {i: b.address for i in range(3) if abs(old[i]) == abs(b.value)}
-    return found
+            addresses |= {i: b.address for i in range(3) if abs(old[i]) == abs(b.value)}
+    return addresses
 
 
 def _sign(subject: Subject, address: str, component: float) -> float:

@@ -26,12 +26,12 @@ URDF: tuple[tuple[str, str, CauseKind], ...] = (
 def left_in(subject: Subject) -> Iterator[Mistake]:
     """Yield each of these effects at each moving joint without it."""
     for name, joint in subject.joints():
-        owner, terms = (joint, MJCF) if subject.suffix == ".xml" else (None, URDF)
+        owner, attributes = (joint, MJCF) if subject.suffix == ".xml" else (None, URDF)
         if owner is None:
             owner = next((c for c in joint.children if c.tag == "dynamics"), None)
             if owner is None:
                 continue
-        for what, attribute, kind in terms:
+        for what, attribute, kind in attributes:
             if f"{owner.tag}@{attribute}" in subject.engine.ignores:
                 continue
             if float(owner.attributes.get(attribute, "0").split()[0]):

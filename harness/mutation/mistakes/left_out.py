@@ -26,6 +26,11 @@ def _left_out(subject: Subject, usual: LeftOut) -> Iterator[Mistake]:
             edit = Edit(attributes=tuple(Attribute(element.start, key, None) for key in stated))
             yield Mistake(usual.name, element.spelled(2), edit, causes)
     settings = subject.task.sidecar.spec(subject.task.engine).settings
-    own = {key: value for key, value in usual.defaults.items() if key in settings}
-    if own:
-        yield Mistake(usual.name, f"settings.{next(iter(own))}", Edit(settings=own), causes)
+    stated_settings = {key: value for key, value in usual.defaults.items() if key in settings}
+    if stated_settings:
+        yield Mistake(
+            usual.name,
+            f"settings.{next(iter(stated_settings))}",
+            Edit(settings=stated_settings),
+            causes,
+        )
