@@ -100,7 +100,9 @@ def diagnosis(solved: Solved, task: ModelTask) -> Diagnosis:
     if isinstance(solved, Prepared):
         return diagnose_model(diagnosis_task(solved, _sidecar(task), task.engine))
     is_standalone = isinstance(solved, PreparedRobot)
-    return diagnose_robot(RobotDiagnosisTask(task=_robot_task(solved, task), is_reference=is_standalone))
+    return diagnose_robot(
+        RobotDiagnosisTask(task=_robot_task(solved, task), is_reference=is_standalone)
+    )
 
 
 def coverage(solved: Solved, task: ModelTask) -> Coverage:

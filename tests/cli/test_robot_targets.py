@@ -142,7 +142,7 @@ def test_audit_reports_a_file_that_can_t_be_read_and_needs_no_engine(
     (place / "robots" / "arm.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
     done = crosscheck("audit", "robots/arm.urdf", cwd=place)
     assert done.returncode == 3
-    assert done.stdout.startswith("arm/arm.urdf [-]\n  ERROR    robots/arm.urdf:2: ")
+    assert done.stdout.startswith("arm/arm.urdf [-]\n  ERROR    XC613 robots/arm.urdf:2: ")
     monkeypatch.setattr(MujocoEngine, "version", lambda _: None)
     (place / "robots" / "arm.urdf").write_text(ARM)
     done = crosscheck("audit", "robots/arm.urdf", "--engine", "mujoco", cwd=place)
