@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 HARNESS = Path(os.path.abspath(__file__)).parent
-"""As it was imported: in a checkout `physics_crosscheck/harness` is a link to `harness`."""
+"""Folder of this package as imported: in a checkout, a link to `harness`."""
 
 PACKAGE = HARNESS.parent
 

@@ -1,11 +1,11 @@
-"""Hold physics models against their equations, to nine digits, in every engine that runs them.
+"""Compare physics models with their equations, to nine digits, in every engine that runs them.
 
 This is the one name to import from: in a `system.py`, in tests, in notebooks.
 
     from physics_crosscheck import Constant, Coordinate, Scenario, System
     from physics_crosscheck import check, compare, simulate, solve
 
-`physics_crosscheck.records` has the types of what comes out, `physics_crosscheck.engine` what an
+`physics_crosscheck.records` has the types of results, `physics_crosscheck.engine` what an
 adapter of another engine is made of.
 """
 

@@ -77,21 +77,21 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 
 
 class CrosscheckHooks:
-    """What a project's conftest.py may implement."""
+    """Hooks that a project's conftest.py can implement."""
 
     @pytest.hookspec
     def pytest_crosscheck_case(self, record: Case) -> str | Iterable[str] | None:
         """Demand more of a case than that it agrees, such as a global error below one per cent.
 
-        Called with the record of each case that agrees, as in results.json; the case fails with
-        the sentences that are returned, one or a list. A conftest.py is asked for the system
-        folders and robot files below it.
+        Called with the record of each case that agrees, as in results.json. The case fails with
+        the returned sentences, one or a list. A conftest.py covers the system folders and robot
+        files below it.
         """
 
 
 @pytest.fixture(scope="session")
 def crosscheck(request: pytest.FixtureRequest) -> Checker:
-    """What runs models in a test of yours, as `physics_crosscheck.check` does.
+    """Return a function that runs models in a test, as `physics_crosscheck.check` does.
 
     `result = crosscheck("models/arm", engines=["NAME"])`, then `assert result, str(result)`. The
     resolution, limits and baseline are those of the command line, paths are from the root folder.

@@ -1,4 +1,4 @@
-"""The types of what comes out: results, cases, models, systems, findings, and how to read them."""
+"""The types of results: runs, cases, models, systems, findings, and how to read them."""
 
 from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseId, FullRun, ModelId, Series, Verdict

@@ -46,11 +46,11 @@ class Review:
     Args:
         result: result of the gate.
         ask: function that asks the user.
-        tell: function that prints a line.
+        show: function that prints a line.
     """
 
-    def __init__(self, result: GateResult, ask: Ask, tell: Tell) -> None:
-        self._found, self._ask, self._tell = result, ask, tell
+    def __init__(self, result: GateResult, ask: Ask, show: Tell) -> None:
+        self._found, self._ask, self._tell = result, ask, show
         self._decided = Decisions()
         self._reason = ""
         self._told: set[tuple[str, str]] = set()

@@ -108,7 +108,7 @@ def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutat
     if not findings:
         return row
     message = "; ".join(one.message for one in findings)
-    right = bool(task.fault.told) and task.fault.told in message
+    right = bool(task.fault.audit_words) and task.fault.audit_words in message
     return msgspec.structs.replace(
         row,
         verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,

@@ -103,7 +103,7 @@ def test_a_sound_robot_passes_and_one_that_can_t_be_read_fails_by_its_line(
     names = ("robots/arm.urdf", "robots/broken.urdf")
     done = project.run("--crosscheck", *names, "-k", "mujoco or audit or broken")
     done.assert_outcomes(passed=2, failed=1, deselected=len(SWING) - 2)
-    done.stdout.fnmatch_lines(["FAILED: *robots/broken.urdf:2: *", "1 ok, 1 ERROR; largest*"])
+    done.stdout.fnmatch_lines(["XC401 FAILED: *robots/broken.urdf:2: *", "1 ok, 1 ERROR; largest*"])
 
 
 def test_what_an_engine_drops_fails_with_its_cause_and_line_and_the_audit_finds_it(
@@ -113,10 +113,10 @@ def test_what_an_engine_drops_fails_with_its_cause_and_line_and_the_audit_finds_
     done = project.run("--crosscheck", "robots/arm.urdf", "-k", "mujoco or audit", "-rf")
     done.assert_outcomes(failed=2, deselected=len(SWING) - 2)
     done.stdout.fnmatch_lines([
-        "cause: moments of link[[]tip]/inertial/inertia (arm.urdf:5): in the file, but 0 in *",
+        "cause: XC205 moments of link[[]tip]/inertial/inertia (arm.urdf:5): in the file, *",
         "DIFFERS: hinge_dot is off by *",
         "audit: 1 finding",
-        "  finding  massless *robots/arm.urdf:5: link 'tip' has inertia, *, but no mass; *",
+        "  finding  XC104 *robots/arm.urdf:5: link 'tip' has inertia, *, but no mass; *",
     ])  # fmt: skip
 
 

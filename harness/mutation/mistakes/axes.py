@@ -28,4 +28,4 @@ def axes(subject: Subject) -> Iterator[Mistake]:
             mine = {a: v for a, v in written.items() if a.split("@")[0].endswith(f"joint[{name}]")}
         if len(mine) == 3 and any(mine.values()) and joint.identity == name:
             edit = Edit({address: -value for address, value in mine.items() if value})
-            yield Mistake("axis flipped", name, edit, causes, told="an axis is flipped")
+            yield Mistake("axis flipped", name, edit, causes, audit_words="an axis is flipped")

@@ -29,12 +29,12 @@ def bases(subject: Subject) -> Iterator[Mistake]:
     with suppress(ValueError):
         x, y, z = map(float, element.attributes.get(key, "0 0 0").split())
         raised = Attribute(element.start, key, f"{x!r} {y!r} {z + UP!r}")
-        yield Mistake("base moved", where, Edit(attributes=(raised,)), told="moved by")
+        yield Mistake("base moved", where, Edit(attributes=(raised,)), audit_words="moved by")
     if not any(map(float, element.attributes.get("rpy", "0").split())) and not any(
         one in element.attributes for one in _ORIENTED
     ):
         edit = Edit(attributes=(Attribute(element.start, *turned),))
-        yield Mistake("plane of motion turned", where, edit, told="turned")
+        yield Mistake("plane of motion turned", where, edit, audit_words="turned")
 
 
 def _hung(subject: Subject) -> tuple[RawElement, str] | None:

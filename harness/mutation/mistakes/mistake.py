@@ -59,7 +59,7 @@ class Mistake:
         location: a joint, a literal or a setting.
         edit: the edit that plants it.
         causes: the right causes; a diagnosis may name any of them.
-        told: words that the audit must report on the frames if no motion shows the mistake.
+        audit_words: words that the audit must report on the frames if no motion shows the mistake.
         sound: whether it only changes the error of a time step and not the mechanism.
     """
 
@@ -68,4 +68,4 @@ class Mistake:
     edit: Edit
     causes: frozenset[CauseId] = frozenset()
     sound: bool = False
-    told: str = ""
+    audit_words: str = ""
