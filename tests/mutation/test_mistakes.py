@@ -201,7 +201,7 @@ def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
     for model in models:
         found = known_mistakes(subject(*model))
         assert len({(m.name, m.location) for m in found}) == len(found)
-        assert all(m.causes or m.sound or m.told for m in found)
+        assert all(m.causes or m.sound or m.audit_words for m in found)
         names |= {m.name for m in found}
     assert names >= {
         "axis flipped",
