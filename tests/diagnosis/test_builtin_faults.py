@@ -100,7 +100,7 @@ def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(
     path.write_text(re.sub(r'diaginertia="[\d. ]+"', 'diaginertia="0.03 0.03 0.03"', text))
     done = crosscheck("audit", path.parent, "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert re.search(r"finding +literal +\S*mujoco.xml:\d+", done.stdout)
+    assert re.search(r"finding +XC101 \S*mujoco.xml:\d+", done.stdout)
     run = crosscheck("run", path.parent, "--engine", "mujoco", cwd=tmp_path)
     assert run.returncode == 1
     assert "All 6 cases agree" in run.stdout

@@ -112,7 +112,7 @@ def test_a_motion_is_that_of_the_formulas_within_both_bounds(
     system = dataclasses.replace(written.system, scenarios=(scenario,))
     one = solve(derive(system), scenario)
     other = solve(as_tree(system), scenario)
-    assert other.method == "Gauss collocation of order 16, checked by DOP853"
+    assert other.method == "multiple shooting by Gauss collocation, checked by DOP853"
     assert len(one.t) == len(other.t)
     allowed = one.global_bound + other.global_bound
     assert np.all(np.abs(one.start - other.start) <= allowed[:-1] + 1e-300)

@@ -320,7 +320,7 @@ def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
     declared = tmp_path / "m" / "arm" / "system.py"
     declared.write_text(declared.read_text().replace("mass=3.0,", "mass=3.001,"))
     done = crosscheck(tmp_path, "gate", "--jobs", "1")
-    assert "model and equations changed in the same way, and agree" in done.stdout
+    assert "model and equations changed alike, and agree" in done.stdout
     tests = subprocess.run(
         [sys.executable, "-m", "pytest", "--crosscheck", "m", "-q", "-p", "no:cacheprovider"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
