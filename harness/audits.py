@@ -89,12 +89,11 @@ def audits(
         model=model,
     )
     planned = [
-        (_FolderAudits if model_id.is_dir() else _RobotAudits)(model_id, options)
-        for model_id in targets
+        (_FolderAudits if target.is_dir() else _RobotAudits)(target, options) for target in targets
     ]
     with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
-        work(chain.from_iterable(model_id.jobs() for model_id in planned), workers)
-    return tuple(chain.from_iterable(model_id.results() for model_id in planned))
+        work(chain.from_iterable(plan.jobs() for plan in planned), workers)
+    return tuple(chain.from_iterable(plan.results() for plan in planned))
 
 
 class _TargetAudits(ABC):

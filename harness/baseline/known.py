@@ -234,7 +234,7 @@ def changes_since(
 def _missing(cases: Sequence[Case], baseline: Accepted) -> Iterator[CaseId]:
     """Yield accepted cases that no longer exist in the folders, unless a failure explains it."""
     seen = {baseline.id_of(case) for case in cases}
-    barred = {accepted_system for case in cases for accepted_system in _stands_for(case, baseline)}
+    barred = {case_id for case in cases for case_id in _stands_for(case, baseline)}
     for _, accepted_system in baseline.folders.values():
         for case in accepted_system.cases if accepted_system is not None else ():
             if baseline.meant(case.engine) and case not in seen and case not in barred:

@@ -15,7 +15,7 @@ from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class RecordedWarning:
     """A warning from a declaration or from a library that it imports."""
 
     message: str
@@ -35,7 +35,7 @@ class Declared:
 
     name: str
     scenarios: tuple[str, ...]
-    warned: tuple[Told, ...]
+    warned: tuple[RecordedWarning, ...]
 
 
 def declared(target: Path, *, floating: bool = False, model: str = "") -> Declared:
@@ -62,7 +62,7 @@ def declared(target: Path, *, floating: bool = False, model: str = "") -> Declar
         system.name,
         scenarios,
         tuple(
-            Told(
+            RecordedWarning(
                 message=str(w.message), category=w.category.__name__, file=w.filename, line=w.lineno
             )
             for w in warned

@@ -19,7 +19,11 @@ from physics_crosscheck.harness.checks.robot_case import (
     motion_from_rest,
     tree_states,
 )
-from physics_crosscheck.harness.checks.robot_record import robot_findings, told, tree_record
+from physics_crosscheck.harness.checks.robot_record import (
+    format_omission,
+    robot_findings,
+    tree_record,
+)
 from physics_crosscheck.harness.checks.robot_task import RobotTask
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.readers import read_robot
@@ -150,5 +154,6 @@ def survey_file(sidecar: Sidecar) -> FileSurvey:
         model=str(sidecar.settings.get("model", "")),
     )
     return FileSurvey(
-        findings=robot_findings(robot), left_out=tuple(told(one) for one in robot.left_out)
+        findings=robot_findings(robot),
+        left_out=tuple(format_omission(one) for one in robot.left_out),
     )

@@ -19,10 +19,10 @@ from physics_crosscheck.harness.checks.case_record import (
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.full_run_check import with_full_runs
 from physics_crosscheck.harness.checks.robot_record import (
+    format_omission,
     robot_findings,
     settings_of,
     sidecar_beside,
-    told,
     tree_record,
 )
 from physics_crosscheck.harness.checks.robot_task import (
@@ -169,7 +169,7 @@ def prepare_robot(
             motion,
         ),
         settings=settings_of(robot),
-        left_out=(*(told(one) for one in robot.left_out), *sidecar_beside(file)),
+        left_out=(*(format_omission(one) for one in robot.left_out), *sidecar_beside(file)),
         findings=robot_findings(robot),
         motion=solved,
     )

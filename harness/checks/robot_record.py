@@ -158,7 +158,7 @@ def sidecar_beside(file: Path) -> tuple[str, ...]:
     )
 
 
-def told(omission: Omission) -> str:
+def format_omission(omission: Omission) -> str:
     """Format an omission, such as: dry friction (7)."""
     return omission.what if omission.count == 1 else f"{omission.what} ({omission.count})"
 

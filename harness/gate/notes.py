@@ -61,9 +61,9 @@ def _place(result: GateResult, change: Change) -> ChangedLine:
 def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | None:
     """Return the line of an audit finding: a changed line, or any if nothing else is wrong."""
     wrong = [
-        (Path(changed_line.location.file), changed_line.location.line)
-        for changed_line in change.findings
-        if changed_line.location is not None and changed_line.location.line is not None
+        (Path(finding.location.file), finding.location.line)
+        for finding in change.findings
+        if finding.location is not None and finding.location.line is not None
     ]
     names = {(file.name, line) for file, line in wrong}
     for changed_line in changed:

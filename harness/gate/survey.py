@@ -89,10 +89,10 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
     declared = {name for scan in scans for model in scan.models for name in model.engines}
     left_out = options.left_out(accepted | declared)
     chosen = frozenset(
-        system_baseline
+        model
         for scan in scans
-        for system_baseline in _chosen(scan, matched[scan.folder], versions, options)
-        if system_baseline[2] not in left_out
+        for model in _chosen(scan, matched[scan.folder], versions, options)
+        if model[2] not in left_out
     )
     return Survey(
         baseline=baseline,

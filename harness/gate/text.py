@@ -384,7 +384,7 @@ def _relative(path: Path) -> str:
 def _cell(text: str) -> str:
     """Escape one line of text for Markdown: no markup, link, mention or issue reference."""
     text = " ".join(visible_lines(text)).replace("&", "&amp;")
-    text = _MARKUP.sub(lambda result: f"&#{ord(result[0])};", text)
+    text = _MARKUP.sub(lambda match: f"&#{ord(match[0])};", text)
     return _REFERENCE.sub(r"\g<0><!-- -->", text)
 
 

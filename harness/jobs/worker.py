@@ -138,12 +138,12 @@ def _redirect(config: Station) -> None:
             faulthandler.register(getattr(signal, name), trace, all_threads=False, chain=True)
     leave = os._exit
 
-    def told(status: int) -> NoReturn:
+    def report_exit(status: int) -> NoReturn:
         """Record the caller before `os._exit`, which leaves no trace."""
         faulthandler.dump_traceback(trace, all_threads=False)
         leave(status)
 
-    os._exit = told
+    os._exit = report_exit
 
 
 def _redirect_streams(config: Station) -> None:

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.batch import floored
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import RUNGS, weights
-from physics_crosscheck.harness.numerics.residual import FINEST
+from physics_crosscheck.harness.numerics.residual import FINEST, bounded_by_finest
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -181,8 +181,11 @@ class Accelerations:
             return Estimate(value=bad, uncertainty=np.full_like(bad, np.inf))
         each = np.tensordot(weights(LADDER, (1, 1)), np.stack(by_step), axes=1)
         carried = np.max(np.abs(each - each[-1]), axis=0)
-        found = Estimate(value=limit.value, uncertainty=limit.uncertainty + 2 * carried)
-        return _bounded_by_finest(found, np.stack(by_step)) if observed.vanishing else found
+        value, uncertainty = limit.value, limit.uncertainty + 2 * carried
+        if observed.vanishing:
+            finest = np.concatenate(by_step[-FINEST:])
+            value, uncertainty = bounded_by_finest(value, uncertainty, finest)
+        return Estimate(value=value, uncertainty=uncertainty)
 
     def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
         """Return the engine's mass matrices (B, n, n) and generalized forces (B, n) at states.
@@ -218,21 +221,6 @@ class Accelerations:
             Estimate(value=mass, uncertainty=mass_error),
             Estimate(value=force, uncertainty=_nan_to_infinity(force_error)),
         )
-
-
-def _bounded_by_finest(found: Estimate, rungs: Array) -> Estimate:
-    """Return an estimate near zero, with the finest rungs' own values as its largest uncertainty.
-
-    Args:
-        found: values (B, C).
-        rungs: accelerations by rung and step, (R, S, B, C).
-    """
-    finest = np.max(np.abs(rungs[-FINEST:]), axis=(0, 1))
-    closer = finest < found.uncertainty
-    return Estimate(
-        value=np.where(closer, rungs[-1, -1], found.value),
-        uncertainty=np.where(closer, finest, found.uncertainty),
-    )
 
 
 def _nan_to_infinity(uncertainty: Array) -> Array:

@@ -66,15 +66,28 @@ def residual_of(
         starts.last_digits(residuals[-1]),
         starts.epsilon,
     )
-    finest = np.max(np.abs(ends[-FINEST:]), axis=0)
-    closer = finest < limit.uncertainty
-    limit = replace(
-        limit,
-        value=np.where(closer, ends[-1], limit.value),
-        uncertainty=np.where(closer, finest, limit.uncertainty),
-    )
+    value, uncertainty = bounded_by_finest(limit.value, limit.uncertainty, ends[-FINEST:])
+    limit = replace(limit, value=value, uncertainty=uncertainty)
     limit.uncertainty[~finite] = np.inf
     return Residual(limit=limit, scale=scale)
+
+
+def bounded_by_finest(value: Array, uncertainty: Array, finest: Array) -> tuple[Array, Array]:
+    """Bound the limit of a quantity that the equations make zero by its finest rungs.
+
+    Rounding alone has no order and no limit, but is near zero.
+
+    Args:
+        value: the limit, (...).
+        uncertainty: of the limit, (...).
+        finest: values on the finest rungs, the best one last, (R, ...).
+
+    Returns:
+        The limit and its uncertainty.
+    """
+    largest = np.max(np.abs(finest), axis=0)
+    closer = largest < uncertainty
+    return np.where(closer, finest[-1], value), np.where(closer, largest, uncertainty)
 
 
 def _unit_movement(coordinates: CoordinateMap, batch: Batch) -> Array:

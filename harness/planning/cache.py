@@ -250,7 +250,7 @@ def _source(folder: Path) -> str:
     return hasher.hexdigest()
 
 
-class Told(msgspec.Struct):
+class TaskOutput(msgspec.Struct):
     """The value of a task, and the states of the files that it read, by name relative to a
     folder.
     """
@@ -265,8 +265,8 @@ class Reading:
     def __init__(self, task: Task[Any, Any], folder: Path) -> None:
         self._function, self._folder = task.function, folder
 
-    def __call__(self, argument: Any) -> Told:
+    def __call__(self, argument: Any) -> TaskOutput:
         """Call the function."""
         with record_reads(self._folder) as reads:
             value = self._function(argument)
-        return Told(value, reads.states())
+        return TaskOutput(value, reads.states())

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.cache import Piece, Reading, Told, with_snapshot
+from physics_crosscheck.harness.planning.cache import Piece, Reading, TaskOutput, with_snapshot
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import ModelTask, Preparation, task_function
 from physics_crosscheck.harness.planning.result_builder import Collected, Jobs
@@ -192,7 +192,9 @@ class PlaceWork(ABC, Generic[Facts]):
 
             def ended(outcome: Any) -> Jobs:
                 value, reads = (
-                    (outcome.value, outcome.reads) if isinstance(outcome, Told) else (outcome, {})
+                    (outcome.value, outcome.reads)
+                    if isinstance(outcome, TaskOutput)
+                    else (outcome, {})
                 )
                 if journal_key is not None:
                     self.found.keep(journal_key, value)

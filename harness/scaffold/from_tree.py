@@ -7,7 +7,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.checks.multibody import case_of, states_of
 from physics_crosscheck.harness.checks.robot_case import run_robot
-from physics_crosscheck.harness.checks.robot_record import settings_of, told
+from physics_crosscheck.harness.checks.robot_record import format_omission, settings_of
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
@@ -86,7 +86,7 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
     if unused := [path.name for path in others if path not in copied]:
         remarks.append(f"not copied, because no inertia depends on it: {_listed(unused)}")
     if robot.left_out:
-        remarks.append(f"left out: {', '.join(told(one) for one in robot.left_out)}")
+        remarks.append(f"left out: {', '.join(format_omission(one) for one in robot.left_out)}")
     return tuple(remarks)
 
 

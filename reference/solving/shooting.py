@@ -41,7 +41,7 @@ STALLED = 1e-9
 MAX_NEWTON_MOVE = 0.1
 """Newton's method is not tried if starts must move by more, relative to the motion's size."""
 
-KEPT_FLOW_MOVE = 1e-3
+TRANSITION_REUSE_MOVE = 1e-3
 """Starts that move by less keep their transition matrices, relative to the motion's size."""
 
 FIRST_SHOT_CHANGE = 1e-8
@@ -157,7 +157,7 @@ def _joined(
     for shot in range(MAX_SHOTS):
         # Newton's method corrects these starts, so few digits suffice.
         end, nodes = _segments(*solved, starts, FIRST_SHOT_CHANGE if shot == 0 else CONVERGED)
-        if worst > KEPT_FLOW_MOVE:
+        if worst > TRANSITION_REUSE_MOVE:
             flow = _transitions(*solved, starts)
         moved = _moves(flow, end[:-1] - starts[1:])
         worst, before = float(np.max(np.abs(moved) / size, initial=0.0)), worst

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from physics_crosscheck.harness.checks.derivation import derivation
-from physics_crosscheck.harness.checks.robot_record import told
+from physics_crosscheck.harness.checks.robot_record import format_omission
 from physics_crosscheck.harness.checks.tree_derivation import tree_derivation
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
@@ -56,7 +56,7 @@ def describe_file(file: Path, *, form: Form, floating: bool, model: str) -> str:
         RobotError: naming what is wrong and where.
     """
     robot = read_robot(file, floating=floating, model=model)
-    omitted = [told(one) for one in robot.left_out]
+    omitted = [format_omission(one) for one in robot.left_out]
     return describe(tree_derivation(robot_bodies(robot), omitted), form)
 
 
