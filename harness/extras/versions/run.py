@@ -25,8 +25,8 @@ from physics_crosscheck.harness.extras.versions.environments import (
     interpreter,
 )
 from physics_crosscheck.harness.extras.versions.launch import launch
-from physics_crosscheck.harness.extras.versions.place import cache
 from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.modelfiles.code_reads import user_cache
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import (
     EngineVersion,
@@ -139,7 +139,7 @@ def interpreter_of(
     wanted = Requirement(
         engine=engine, distribution=distribution(engine_class), version=requested.version
     )
-    return str(interpreter(environment(wanted, environments or cache(), show_line)))
+    return str(interpreter(environment(wanted, environments or default_cache(), show_line)))
 
 
 def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:
@@ -188,3 +188,8 @@ def _run(version: EngineVersion, task: VersionTask) -> VersionRun:
             task.engine, version.version, version.python, _CHILD, (str(task_file), str(result_file))
         )
         return decoded(result_file.read_bytes(), VersionRun)
+
+
+def default_cache() -> Path:
+    """Return the default folder of environments, in the user's cache."""
+    return user_cache() / "physics-crosscheck" / "environments"
