@@ -179,8 +179,6 @@ def test_accept_is_a_persons_decision_with_a_reason(
     sentence: str,
 ) -> None:
     monkeypatch.chdir(repository.root)
-    for name in ("CI", "GITHUB_ACTIONS"):
-        monkeypatch.delenv(name, raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     before = repository.file.read_bytes()
@@ -193,8 +191,6 @@ def test_accept_and_gate_work_from_the_command_line(
     repository: Repository, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(repository.root)
-    for name in ("CI", "GITHUB_ACTIONS"):
-        monkeypatch.delenv(name, raising=False)
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     assert cli.main(["gate"]) == DIFFER
     out = capsys.readouterr().out

@@ -11,12 +11,6 @@ from tests.pytest_plugin.conftest import Project
 pytest_plugins = ("pytester",)
 
 
-@pytest.fixture(autouse=True)
-def outside_ci(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("CI", "GITHUB_ACTIONS"):
-        monkeypatch.delenv(name, raising=False)
-
-
 @pytest.mark.slow
 def test_what_the_selected_cases_do_is_accepted_with_the_reason(project: Project) -> None:
     path = project.add() / "mujoco.xml"
