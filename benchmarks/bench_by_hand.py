@@ -15,8 +15,8 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from benchmarks.bench_segments import sidecar_of
-from physics_crosscheck.harness.checks.case import load
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
@@ -58,9 +58,9 @@ def by_hand(path: str, h: float, duration: float) -> tuple[float, float]:
 def ours(resolution: float) -> float:
     """Seconds that the harness takes: equations derived, solved, and the model's limits taken."""
     began = time.perf_counter()
-    prepared = prepare(builtin() / "mass_spring_damper", described=False)
+    prepared = prepare_system(builtin() / "mass_spring_damper", described=False)
     motion, scale = prepared.motions["free"], prepared.scales["free"]
-    sidecar = sidecar_of(prepared.folder, "mujoco.xml")
+    sidecar = sidecar_of(prepared.place, "mujoco.xml")
     model, coordinates = load(prepared.system, sidecar, "mujoco")
     found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
     assert float(np.max((found.limit.uncertainty + motion.bound) / scale)) < resolution

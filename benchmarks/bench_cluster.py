@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.clock import processor_seconds
@@ -25,7 +25,7 @@ from physics_crosscheck.harness.jobs.graph import Job, Task, work
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.plan import Plan
-from physics_crosscheck.harness.planning.result_builder import Collected
+from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from tests.schedule.clusters import Loopback, below
 
 FOLDER = builtin() / "drum_pendulum"
@@ -33,9 +33,9 @@ FOLDER = builtin() / "drum_pendulum"
 
 def size(folder: Path) -> dict[str, tuple[int, int]]:
     """Of each kind of task: how many, and bytes of the largest as it is sent."""
-    prepared = prepare(folder)
-    assert isinstance(prepared, Prepared)
-    (first,) = Plan(Options(), None, Collected(lambda *_: None)).folder(folder)
+    prepared = prepare_system(folder)
+    assert isinstance(prepared, PreparedSystem)
+    (first,) = Plan(Options(), None, ResultBuilder(lambda *_: None)).target(folder)
     found: dict[str, tuple[int, int]] = {}
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)

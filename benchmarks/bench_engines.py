@@ -18,8 +18,8 @@ import pybullet_data
 from rich.console import Console
 from rich.table import Table
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot
-from physics_crosscheck.harness.checks.robot_task import load_robot
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -198,10 +198,10 @@ def pendulums() -> Iterator[tuple[str, Model]]:
 
 def arms() -> Iterator[tuple[str, Model]]:
     """An arm of seven joints."""
-    robot = prepare_robot(ARM)
+    robot = prepare_tree(ARM)
     for name, engine in engines().items():
         if engine.version() is not None and ".urdf" in engine.formats:
-            yield name, load_robot(robot.task(name, 1e-9))
+            yield name, model_task(robot, name).load()[0]
 
 
 def costs(name: str, model: Model) -> tuple[str, ...]:

@@ -21,7 +21,9 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.scaffold.from_model import from_model
 
@@ -135,11 +137,11 @@ def _rows(table: Table, name: str, file: Path, *, floating: bool) -> None:
 
 def run(file: Path, floating: bool) -> str:
     """The file's equations, and it in every engine."""
-    prepared = prepare_robot(file, floating=floating)
+    prepared = prepare_tree(file, floating=floating)
     told = [f"{len(prepared.names)} coordinates"]
     for engine in engines_reading(file.suffix):
         if engine.version() is not None:
-            case = run_robot(prepared.task(engine.name, 1e-9))
+            case = run_case(model_task(prepared, engine.name))
             told.append(f"{engine.name} {case.outcome}")
     return ", ".join(told)
 

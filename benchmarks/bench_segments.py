@@ -14,8 +14,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from physics_crosscheck.harness.checks.case import load
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin, system_folders
@@ -150,12 +150,12 @@ def overhead(console: Console) -> dict[str, float]:
     cases = [("torsional_disc", "free"), ("torsional_disc", "beat"), ("mass_spring_damper", "free")]
     cases += [("drum_pendulum", "free")]
     for name, scenario in cases:
-        prepared = prepare(builtin() / name)
+        prepared = prepare_system(builtin() / name)
         motion, scale = prepared.motions[scenario], prepared.scales[scenario]
         for engine, file in MODELS.items():
             if engine == "pybullet" and name == "drum_pendulum":
                 file = "robot_folded.urdf"
-            sidecar = sidecar_of(prepared.folder, file)
+            sidecar = sidecar_of(prepared.place, file)
             model, coordinates = load(prepared.system, sidecar, engine)
             batch = Batch.of_motion(motion, scale)
             found = extrapolate(model, coordinates, batch, resolution=1e-9)
@@ -241,7 +241,7 @@ def certification(console: Console) -> dict[str, float]:
         title="steps to certify to 1e-9",
     )
     for folder in system_folders([]):
-        prepared = prepare(folder)
+        prepared = prepare_system(folder)
         motion, scale = prepared.motions["free"], prepared.scales["free"]
         for engine, file in MODELS.items():
             sidecar = sidecar_of(folder, file)
@@ -251,7 +251,7 @@ def certification(console: Console) -> dict[str, float]:
             )
             certified = float(np.max((found.limit.uncertainty + motion.bound) / scale))
             fewest = least(found, motion, scale, model.exponents(motion.varying))
-            run_at = partial(full_run, model, coordinates, motion, prepared.power)
+            run_at = partial(full_run, model, coordinates, motion, prepared.numeric_power)
             needed, order = refined(motion, run_at, model.step)
             table.add_row(
                 prepared.system.name,

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.baseline.snapshot import ends, segments_of, snapshot_of
-from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,

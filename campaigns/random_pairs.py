@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from campaigns.random_draws import pairings
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
-from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
+from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -43,14 +44,14 @@ class Trial:
 
 
 @cache
-def prepared(folder: Path) -> Prepared:
-    return prepare(folder)
+def prepared(folder: Path) -> PreparedSystem:
+    return prepare_system(folder)
 
 
 def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) -> Trial | None:
     """Draw two literals that motions depend on; None where the engine refuses the model."""
     physics = prepared(folder)
-    found = survey(diagnosis_task(physics, sidecar, engine))
+    found = survey(model_task(physics, engine, sidecar))
     seen = [
         b
         for b, first in zip(bindings(physics.system, sidecar), found.first_caught, strict=True)
@@ -67,7 +68,7 @@ def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) 
         copy = with_literals(sidecar, wrong, into)
         began = time.process_time()
         try:
-            ranking = ranked(diagnosis_task(physics, copy, engine))
+            ranking = ranked(model_task(physics, engine, copy))
         except EngineError:
             return None
         seconds = time.process_time() - began

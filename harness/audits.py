@@ -5,7 +5,6 @@ The jobs are those of a run's audits. With a cache, results of earlier runs and 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,7 +12,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.checks.not_run import hurdle
+from physics_crosscheck.harness.checks.not_run import cannot_run
 from physics_crosscheck.harness.engines.registry import engines as registered
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -24,15 +23,14 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
+    model_path,
 )
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.bodies_plan import BodiesModel
 from physics_crosscheck.harness.planning.cache import Cache
-from physics_crosscheck.harness.planning.energies_plan import EnergiesModel
-from physics_crosscheck.harness.planning.folder_plan import FolderWork
+from physics_crosscheck.harness.planning.model_plan import ModelPlan
 from physics_crosscheck.harness.planning.options import Options, Selection
-from physics_crosscheck.harness.planning.result_builder import Collected
-from physics_crosscheck.harness.planning.robot_plan import RobotPlan, RobotWork
+from physics_crosscheck.harness.planning.plan import Plan
+from physics_crosscheck.harness.planning.result_builder import ResultBuilder
+from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -88,25 +86,25 @@ def audits(
         floating=floating,
         model=model,
     )
-    planned = [
-        (_FolderAudits if target.is_dir() else _RobotAudits)(target, options) for target in targets
-    ]
+    planned = [_TargetAudits(target, options) for target in targets]
     with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
         work(chain.from_iterable(plan.jobs() for plan in planned), workers)
     return tuple(chain.from_iterable(plan.results() for plan in planned))
 
 
-class _TargetAudits(ABC):
+class _TargetAudits:
     """The audits of a target's models: their jobs and their results."""
 
     def __init__(self, target: Path, options: Options) -> None:
         self._target, self._options = target, options
-        self._found = Collected(lambda *_: None)
+        self._found = ResultBuilder(lambda *_: None)
         self._audits: list[ModelAudit] = []
 
-    @abstractmethod
     def jobs(self) -> Iterator[Job[Any]]:
         """Yield the jobs that prepare the target where needed, then audit its models."""
+        for place in Plan(self._options, None, self._found).readable([self._target]):
+            target = TargetPlan(place, self._options, self._found)
+            yield from target.jobs(partial(self._models, target))
 
     def results(self) -> Iterator[ModelAudit]:
         """Yield the audits in the order of the models, or the reason for a failed preparation."""
@@ -124,51 +122,32 @@ class _TargetAudits(ABC):
                 failure = Failure(record.audit_failure, "")
                 yield replace(audit, failure=failure.about(self._target / audit.id.model))
 
-
-class _RobotAudits(_TargetAudits):
-    def jobs(self) -> Iterator[Job[Any]]:
-        plan = RobotPlan(self._options, None, self._found)
-        for file in plan.readable([self._target]):
-            target = RobotWork(file, self._options, None, self._found)
-            yield from target.begun(partial(self._engines, target))
-
-    def _engines(self, target: RobotWork) -> tuple[()]:
-        """Take the findings of the file, which apply to every engine, also to missing ones."""
-        for engine in chosen_engines(self._target, self._options.engines):
-            model = target.model(engine)
-            self._found.models[model.key] = model
-            self._audits.append(ModelAudit(model.id, is_survey=True))
-        return ()
-
-
-class _FolderAudits(_TargetAudits):
-    def jobs(self) -> Iterator[Job[Any]]:
-        place = FolderWork(self._target, self._options, None, self._found)
-        yield from place.begun(partial(self._models, place))
-
-    def _models(self, place: FolderWork) -> Iterator[Job[Any]]:
-        system, adapters = place.facts.record.name, registered()
-        model = BodiesModel if place.facts.bodies else EnergiesModel
-        for file in model_files(self._target):
-            if not self._wants(file):
+    def _models(self, target: TargetPlan) -> Iterator[Job[Any]]:
+        system, adapters = target.facts.record.name, registered()
+        is_survey = target.facts.declares != "energies"
+        for file in [self._target] if target.standalone else model_files(self._target):
+            name = file.model if isinstance(file, UnreadModel) else model_path(file).name
+            if not self._wants(name):
                 continue
             if isinstance(file, UnreadModel):
-                unread = ModelId(system=system, model=file.model, engine="-")
+                unread = ModelId(system=system, model=name, engine="-")
                 self._audits.append(ModelAudit(unread, failure=file.reason))
                 continue
             for engine in chosen_engines(file, self._options.engines):
-                model_id = ModelId(system=system, model=file.model.name, engine=engine)
-                if not self._wants(file, engine):
+                model_id = ModelId(system=system, model=name, engine=engine)
+                if not self._wants(name, engine):
                     continue
-                if why := hurdle(adapters, engine, file):
+                # The findings of a robot file apply to every engine, also to missing ones.
+                if not target.standalone and (why := cannot_run(adapters, engine, file)):
                     absent = why.outcome is Outcome.ABSENT
                     self._audits.append(ModelAudit(model_id, failure=why.reason, absent=absent))
                     continue
                 # Its findings go to its record.
-                self._audits.append(ModelAudit(model_id, is_survey=place.facts.bodies))
-                yield from model(place, adapters, file, engine, ()).audit()
+                self._audits.append(ModelAudit(model_id, is_survey=is_survey))
+                model = ModelPlan(target, file, engine, ())
+                model.begin()
+                yield from model.audit()
 
-    def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
+    def _wants(self, model: str, engine: str = "") -> bool:
         """Return whether to audit a model, in an engine or in any."""
-        name = file.model if isinstance(file, UnreadModel) else file.model.name
-        return self._options.choice.includes_model(str(self._target), name, engine)
+        return self._options.choice.includes_model(str(self._target), model, engine)

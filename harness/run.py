@@ -32,13 +32,12 @@ from physics_crosscheck.harness.jobs.stop import Stop
 from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
-from physics_crosscheck.harness.planning.result_builder import Collected, Interruption, Progress
-from physics_crosscheck.harness.planning.robot_plan import RobotPlan
+from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder, RunControl
 from physics_crosscheck.harness.records.baseline import Measurement, RobotOptions
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 
-__all__ = ["Interruption", "Options", "Progress", "Run", "Selection", "run"]
+__all__ = ["Options", "Progress", "Run", "RunControl", "Selection", "run"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def run(
     folders: Sequence[Path],
     options: Options,
     progress: Progress,
-    interruption: Interruption = Interruption(),  # noqa: B008  # frozen
+    control: RunControl = RunControl(),  # noqa: B008  # frozen
     robots: Sequence[Path] = (),
 ) -> Run:
     """Run every model of every folder in every scenario, and robot files at sampled states.
@@ -82,21 +81,19 @@ def run(
             options.engines,
             RobotOptions(floating=options.floating, model=options.model),
         )
-    stop = interruption.stop or Stop()
-    builder = Collected(progress, interruption.journal)
+    stop = control.stop or Stop()
+    builder = ResultBuilder(progress, control.journal)
     plan = Plan(options, before, builder)
-    robot_plan = RobotPlan(options, before, builder)
-    readable = robot_plan.readable(robots)
+    readable = plan.readable((*folders, *robots))
     with executor(
         jobs=options.jobs,
         limits=options.limits,
         scheduler=options.scheduler,
         files=partial(input_files, (*folders, *robots)),
         engines=options.engines,
-        sure=options.cache is None and bool(folders or readable or not robots),
+        sure=options.cache is None and bool(readable or not robots),
     ) as workers:
-        planned = [*map(plan.folder, folders), *map(robot_plan.file, readable)]
-        work(chain.from_iterable(planned), workers, stop)
+        work(chain.from_iterable(map(plan.target, readable)), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
     cases = mark_known(_sorted_cases(builder, order), builder.measured, before)
@@ -131,7 +128,7 @@ def _changes(
     return replace(builder, changes=kept)
 
 
-def _sorted_cases(builder: Collected, order: Mapping[str, int]) -> list[Case]:
+def _sorted_cases(builder: ResultBuilder, order: Mapping[str, int]) -> list[Case]:
     """Sort cases by folder as given, model file, engine, and scenario as declared."""
     declared = {
         (system.folder, scenario.name): i

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.modelfiles.folders import builtin
 
 
 @cache
-def physics(name: str) -> Prepared:
+def physics(name: str) -> PreparedSystem:
     """A system, without the formulas of a report; nobody changes anything of it."""
-    return prepare(builtin() / name, described=False)
+    return prepare_system(builtin() / name, described=False)

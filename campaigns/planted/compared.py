@@ -24,7 +24,7 @@ MOST = 0.99
 
 def compared(ground: Ground, index: int, share: float) -> Planted:
     """One changed number, and what the comparison says of it."""
-    old = ground.prepared.file
+    old = ground.prepared.place
     return planted(ground, index, share, lambda new, one, *_: _fate(ground.engine, old, new, one))
 
 

@@ -13,11 +13,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.robot_case import PreparedRobot, judge_robot, prepare_robot
-from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.case import judge
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
-from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
+from physics_crosscheck.harness.diagnosis.robot_task import problem_of, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
@@ -94,7 +95,7 @@ class Ground:
             that out anew, of the changed copy.
     """
 
-    prepared: PreparedRobot
+    prepared: PreparedTree
     numbers: Numbers
     flow: Flow
     engine: str
@@ -122,7 +123,7 @@ class Ground:
             known: whether numbers are to be named by the equations.
             settings: of the engine, beside those of the robot.
         """
-        prepared = prepare_robot(file, floating=floating)
+        prepared = prepare_tree(file, floating=floating)
         drawn = prepared.samples
         some = replace(
             drawn, start=drawn.start[:STATES], forces=drawn.forces[:STATES], end=drawn.end[:STATES]
@@ -131,7 +132,7 @@ class Ground:
         tree = numbers.tree({})
         assert tree is not None  # it was prepared
         prepared = replace(prepared, samples=some, settings={**prepared.settings, **settings})
-        task = prepared.task(engine, RESOLUTION)
+        task = model_task(prepared, engine, resolution=RESOLUTION)
         problem = problem_of(task, numbers, is_reference=True) if known and not edited else None
         if problem is not None:
             problem.slopes({})
@@ -161,7 +162,7 @@ def plant(ground: Ground, index: int, share: float) -> Planted:
     """One fault, and what comes of it."""
 
     def judged(copy: Path, one: Number, value: float, effect: float) -> tuple[Fate, str]:
-        task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
+        task = model_task(ground.prepared, ground.engine, resolution=RESOLUTION).with_file(copy)
         return _fate(ground, task, one, value, effect)
 
     return planted(ground, index, share, judged)
@@ -181,7 +182,7 @@ def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted
     if effect > ROUNDING:
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
             copy = copy_with_texts(
-                ground.prepared.file, ground.numbers.texts({index: value}), Path(folder)
+                ground.prepared.place, ground.numbers.texts({index: value}), Path(folder)
             )
             fate, said = judged(copy, one, value, effect)
     return Planted(
@@ -202,10 +203,10 @@ def wrong(one: Number, share: float) -> float:
 
 
 def _fate(
-    ground: Ground, task: RobotTask, one: Number, value: float, effect: float
+    ground: Ground, task: TreeTask, one: Number, value: float, effect: float
 ) -> tuple[Fate, str]:
     try:
-        verdict = judge_robot(task)
+        verdict = judge(task)
     except EngineError as error:
         return Fate.REFUSED, str(error)
     # What is larger shows, whichever way the engine's ends are uncertain; so does what follows.
@@ -215,9 +216,7 @@ def _fate(
     if verdict.outcome is not Outcome.DIFFERS:
         return Fate.MISSED, f"{verdict.outcome} {verdict.reason}"
     edited = ground.known is None
-    ranking = ranked(
-        RobotDiagnosisTask(task=task, is_reference=not edited), known_problem=ground.known
-    )
+    ranking = ranked(task, is_reference=not edited, known_problem=ground.known)
     aim = one.value if edited else value, abs(value - one.value)
     if not ranking.fits:
         return Fate.CAUGHT, "nothing fits"

@@ -12,10 +12,11 @@ from typing import Any
 from msgspec import structs
 
 from campaigns.real_models.entry import STILL, Came, Entry
+from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.not_run import absent
-from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
-from physics_crosscheck.harness.checks.robot_task import RobotTask
-from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task
@@ -86,22 +87,22 @@ class Check:
         self._entry, self._began = entry, time.perf_counter()
         if not entry.tree or not entry.freedoms or any(STILL in one for one in entry.obstacles):
             return self._end()
-        prepare = partial(prepare_robot, floating=self._floating)
+        prepare = partial(prepare_tree, floating=self._floating)
         failed = partial(self._failed, "-")
         return iter([Job(task=Task(prepare, self._file), done=self._run, failed=failed)])
 
-    def _run(self, prepared: PreparedRobot) -> Jobs:
+    def _run(self, prepared: PreparedTree) -> Jobs:
         there = [engine for engine in engines_reading(self._file.suffix) if not absent(engine)]
         self._left = len(there)
         for engine in there:
-            task = prepared.task(engine.name, self._resolution)
+            task = model_task(prepared, engine.name, resolution=self._resolution)
             yield Job(
-                task=Task(run_robot, task),
+                task=Task(run_case, task),
                 done=partial(self._ran, task),
                 failed=partial(self._failed, engine.name),
             )
 
-    def _ran(self, task: RobotTask, case: Case) -> Jobs:
+    def _ran(self, task: TreeTask, case: Case) -> Jobs:
         known = case.verdict
         came = Came(
             engine=case.engine,
@@ -112,10 +113,9 @@ class Check:
         )
         if case.outcome is not Outcome.DIFFERS or not self._causes:
             return self._came(came)
-        inquiry = RobotDiagnosisTask(task=task)
         return iter([
             Job(
-                task=Task(diagnose_robot, inquiry),
+                task=Task(partial(diagnose_robot, is_reference=True), task),
                 done=partial(self._explained, came),
                 failed=lambda failure: self._came(structs.replace(came, cause=failure.reason)),
             )

@@ -6,14 +6,12 @@ attributed to the model or to the equations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import msgspec
 import numpy as np
 
 from physics_crosscheck.harness.baseline.movement import of_equations
 from physics_crosscheck.harness.baseline.snapshot import (
+    PICKED,
     PickedSegments,
     ends,
     inputs_of,
@@ -21,12 +19,11 @@ from physics_crosscheck.harness.baseline.snapshot import (
     segments_of,
     snapshot_of,
 )
-from physics_crosscheck.harness.checks.case import CaseTask, load
-from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
+from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import rows
 from physics_crosscheck.harness.records.baseline import (
     Identified,
@@ -34,10 +31,10 @@ from physics_crosscheck.harness.records.baseline import (
     OnAccepted,
     Snapshot,
 )
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.samples import ends_of
 from physics_crosscheck.reference.solving.variants import Variants
 
 TIED = 1e-6
@@ -49,77 +46,92 @@ ITERATIONS = 6
 NUDGE = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasureTask:
-    """The inputs that a worker needs.
-
-    `accepted` is the snapshot of the baseline, if any; `reads` holds the states of the files that
-    `system.py` read.
-    """
-
-    system: System
-    sidecar: Sidecar
-    engine: str
-    scenario: str
-    motion: Motion
-    scale: Array
-    components: tuple[str, ...]
-    variants: Variants
-    accepted: Snapshot | None
-    reads: Mapping[str, str]
-
-
-def measure_task(case: CaseTask, prepared: Prepared, accepted: Snapshot | None) -> MeasureTask:
-    """Build the task for measuring a case, from the task for its verdict."""
-    return MeasureTask(
-        system=case.system,
-        sidecar=case.sidecar,
-        engine=case.engine,
-        scenario=case.scenario,
-        motion=case.motion,
-        scale=case.scale,
-        components=case.components,
-        variants=prepared.variants,
-        accepted=accepted,
-        reads=prepared.reads,
-    )
-
-
-def measure(task: MeasureTask) -> Measurement:
+def measure(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measurement:
     """Measure one case: on the accepted snapshot if comparable, and on its own.
 
+    Args:
+        task: the case.
+        accepted: the snapshot of the baseline, if there is one.
+
     Raises:
-        EngineError, SidecarError, BlownUpError: naming the model that cannot run.
+        EngineError, SidecarError, BlownUpError, ReferenceError: naming the model that cannot run.
     """
-    folder = task.sidecar.model.parent
-    with record_reads(folder) as reads:
-        measurement = _measured(task)
-    return msgspec.structs.replace(measurement, reads=merged(task.reads, reads.states()))
+    if task.sidecar is None:
+        return _measured(task, accepted)  # a file alone is hashed with all files that it names
+    with record_reads(task.target.place) as reads:
+        measurement = _measured(task, accepted)
+    return msgspec.structs.replace(measurement, reads=merged(task.target.reads, reads.states()))
 
 
-def _measured(task: MeasureTask) -> Measurement:
-    model, coordinates = load(task.system, task.sidecar, task.engine)
-    present = snapshot_of(task.system, task.scenario, task.motion, task.scale, task.components)
-    accepted, on_accepted = task.accepted, None
+def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measurement:
+    model, coordinates = task.load()
+    present, on_accepted = _snapshot(task), None
     if accepted is not None and comparable(present, accepted):
         segments = segments_of(accepted)
         end, uncertainty = ends(model, coordinates, segments)
         on_accepted = OnAccepted(
             end=rows(end.tolist()),
             uncertainty=rows(uncertainty.tolist()),
-            equations=rows(_flow(task.variants, task.variants.nominal[None], segments)[0].tolist()),
+            equations=rows(_by_equations(task.target, segments).tolist()),
         )
         if is_accepted(present, accepted, on_accepted):
             present = accepted
     if present is not accepted:
         segments = segments_of(present)
         end, uncertainty = ends(model, coordinates, segments)
+    target, constants = task.target, dict[str, Identified]()
+    # Of bodies the diagnosis finds the changed number.
+    if isinstance(target, PreparedSystem):
+        constants = identify(target.variants, segments, end, uncertainty)
     return Measurement(
         snapshot=present,
         end=rows(end.tolist()),
         uncertainty=rows(uncertainty.tolist()),
-        constants=identify(task.variants, segments, end, uncertainty),
+        constants=constants,
         on_accepted=on_accepted,
+    )
+
+
+def _snapshot(task: ModelTask[Prepared]) -> Snapshot:
+    target, scenario = task.target, task.scenario
+    if isinstance(target, PreparedSystem):
+        motion, scale = target.motions[scenario], target.scales[scenario]
+        return snapshot_of(target.system, scenario, motion, scale, target.components)
+    assert isinstance(target, PreparedTree)
+    return snapshot_of_states(target)
+
+
+def _by_equations(target: Prepared, segments: PickedSegments) -> Array:
+    """Return the ends of segments by the present equations, (K, 2n)."""
+    if isinstance(target, PreparedSystem):
+        ends: Array = _flow(target.variants, target.variants.nominal[None], segments)[0]
+        return ends
+    assert isinstance(target, PreparedTree)
+    forces, length = np.concatenate(segments.inputs), float(segments.length[0])
+    return ends_of(TreeEquations(target.system), segments.start, forces, length)
+
+
+def snapshot_of_states(target: PreparedTree) -> Snapshot:
+    """Build a snapshot of the first sampled states, each with its own forces."""
+    drawn, names = target.samples, target.names
+    count = min(PICKED, len(drawn.start))
+
+    def table(values: Array) -> tuple[tuple[float, ...], ...]:
+        return tuple(tuple(row) for row in values[:count].tolist())
+
+    return Snapshot(
+        scenario=target.scenario,
+        components=target.components,
+        duration=drawn.length,
+        inputs=tuple(f"a force on {name}, held" for name in names),
+        fastest=drawn.fastest,
+        varying=False,
+        t=(None,) * count,
+        length=(drawn.length,) * count,
+        start=table(drawn.start),
+        input_nodes=tuple((row,) for row in table(drawn.forces)),
+        end=table(drawn.end),
+        scale=tuple(target.scale.tolist()),
     )
 
 

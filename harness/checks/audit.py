@@ -8,54 +8,71 @@ from dataclasses import replace
 import msgspec
 
 from physics_crosscheck.harness.checks.audit_finding import finding
-from physics_crosscheck.harness.checks.audit_task import AuditTask
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.literals import declared_bindings, literal_findings
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.remarks import where
-from physics_crosscheck.harness.checks.robot_record import negative_findings
+from physics_crosscheck.harness.checks.robot_record import (
+    format_omission,
+    negative_findings,
+    robot_findings,
+)
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
 
 
-def run_audit(task: AuditTask) -> Audit:
-    """Audit a model: its literals, compiled terms, poses and the engine's own defaults.
+def audit_file(sidecar: Sidecar) -> Audit:
+    """Audit a model of declared bodies by reading its file without the declaration."""
+    robot = read_robot(
+        sidecar.model,
+        floating=bool(sidecar.settings.get("floating", False)),
+        model=str(sidecar.settings.get("model", "")),
+    )
+    return Audit(
+        findings=robot_findings(robot),
+        left_out=tuple(format_omission(one) for one in robot.left_out),
+    )
+
+
+def audit_declared(task: SystemTask) -> Audit:
+    """Audit a model of declared energies: literals, compiled terms, poses, the engine's defaults.
 
     Raises:
         EngineError, SidecarError: naming file, place and remedy.
     """
-    declared, lost = declared_bindings(task.system, task.sidecar)
+    declared, lost = declared_bindings(task.target.system, task.declared)
     literals = (*literal_findings(declared), *lost)
     engine = engines()[task.engine]
-    model = engine.load(task.sidecar.spec(task.engine))
-    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    model, coordinates = task.load()
     rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
     compiled = [
         _explained(one, rounded) for one in Compiled.of(task, model, coordinates).findings()
     ]
-    z, w = coordinates.to_engine(task.states)
-    remarks = (*model.remarks(z, w), *engine.file_remarks(task.sidecar.model))
+    z, w = coordinates.to_engine(task.target.visited)
+    remarks = (*model.remarks(z, w), *engine.file_remarks(task.declared.model))
     compiled = _without_lost_digits(compiled, remarks, task)
     wrong = _wrong(compiled)
     defaults = (_default(remark, wrong, task) for remark in remarks)
     poses, elsewhere = _poses(task, model, coordinates)
-    signs = negative_findings(task.sidecar.model)
+    signs = negative_findings(task.declared.model)
     return Audit(findings=(*literals, *compiled, *elsewhere, *signs, *defaults), poses=poses)
 
 
 def _poses(
-    task: AuditTask, model: Model, coordinates: CoordinateMap
+    task: SystemTask, model: Model, coordinates: CoordinateMap
 ) -> tuple[Poses, tuple[AuditFinding, ...]]:
     """Return the poses of the bodies, and a finding for frames that cannot be looked up."""
-    reached = task.states[:, : len(task.system.q)]
+    reached = task.target.visited[:, : len(task.target.system.q)]
     try:
-        checked = check_poses(task.system, task.sidecar, model, coordinates, reached)
+        checked = check_poses(task.target.system, task.declared, model, coordinates, reached)
     except SidecarError as error:
         return Poses(note="[frames] can't be read"), (finding("frames", ("frames",), str(error)),)
     return checked.record, tuple(
@@ -69,16 +86,14 @@ def _wrong(compiled: Sequence[AuditFinding]) -> set[str]:
 
 
 def _without_lost_digits(
-    compiled: list[AuditFinding], remarks: Sequence[Remark], task: AuditTask
+    compiled: list[AuditFinding], remarks: Sequence[Remark], task: SystemTask
 ) -> list[AuditFinding]:
     """Turn differences into notes where they vanish in an engine that keeps all digits."""
     wrong = _wrong(compiled)
     undo = {k: v for r in remarks if wrong & set(r.shows_in) for k, v in r.undone_by.items()}
     if not undo:
         return compiled
-    spec = task.sidecar.spec(task.engine)
-    model = engines()[task.engine].load(replace(spec, settings={**spec.settings, **undo}))
-    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    model, coordinates = task.with_settings(**undo).load()
     differences = list(Compiled.of(task, model, coordinates).findings())
     shown = {kind for remark in remarks if remark.undone_by for kind in remark.shows_in}
     return [
@@ -112,7 +127,7 @@ def _explained(difference: AuditFinding, rounded: float) -> AuditFinding:
     return _note(difference, "the rounded numbers of the file explain it")
 
 
-def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
+def _default(remark: Remark, wrong: Set[str], task: SystemTask) -> AuditFinding:
     """Return a finding for an engine default that enters a wrong term, or a note if the terms are
     right.
     """
@@ -120,12 +135,12 @@ def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
     message = remark.message
     if remark.related_address:
         related = replace(remark, address=remark.related_address)
-        message += f" ({where(related, task.sidecar, task.engine)})"
+        message += f" ({where(related, task.declared, task.engine)})"
     return finding(
         remark.kind,
         remark.subject or (remark.message,),
         message,
-        location=where(remark, task.sidecar, task.engine),
+        location=where(remark, task.declared, task.engine),
         found=remark.value,
         severity="finding" if blamed else "note",
     )

@@ -3,52 +3,40 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
+from msgspec import structs
 
 from physics_crosscheck.harness.checks.accelerations import with_dynamics
 from physics_crosscheck.harness.checks.case_record import (
     dynamics_record,
     full_run_record,
-    linearization_record,
     series_record,
     stepping_record,
     verdict_record,
 )
 from physics_crosscheck.harness.checks.full_run_check import with_full_runs
-from physics_crosscheck.harness.checks.prepare import Equilibrium, Prepared
-from physics_crosscheck.harness.checks.verdict import judged
+from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
+from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
+from physics_crosscheck.harness.checks.verdict import Verdict, judged
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.batch import Batch, even_indices, over
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
-from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION, linearize_step
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
     forward_dynamics,
     mixed,
 )
 from physics_crosscheck.harness.numerics.full_run import why_no_run
-from physics_crosscheck.harness.numerics.linearization import linearize_engine
-from physics_crosscheck.harness.numerics.segments import BlownUpError, extrapolate
+from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import study_step
 from physics_crosscheck.harness.numerics.stepping import step_engine
-from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case, CaseId, Stepping
-from physics_crosscheck.harness.records.model import EngineLinearization
-from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
-from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.motion import Motion
-from physics_crosscheck.reference.solving.next_state import SteppedEquations
-
-STEPPED = 100
-"""Maximum number of states of a motion from which single steps are taken."""
 
 
 class StepError(ValueError):
@@ -60,247 +48,237 @@ class StepError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseTask:
-    """The inputs that a worker needs for one case; `folder` is the system folder."""
+class Followed:
+    """Segments of a scenario in an engine.
 
-    folder: str
-    system: System
-    sidecar: Sidecar
-    engine: str
-    scenario: str
-    motion: Motion
-    scale: Array
-    amplitude: Array
-    power: NumericFunction
-    stepped: SteppedEquations | None
-    components: tuple[str, ...]
-    resolution: float
+    Attributes:
+        model: the loaded model.
+        map: map from the equations' coordinates to the engine's.
+        limits: ends of the segments in the engine as h -> 0.
+        claimed: order that the engine claims.
+    """
 
-    @property
-    def id(self) -> CaseId:
-        """Name of the case."""
-        return CaseId(
-            system=self.system.name,
-            model=self.sidecar.model.name,
-            scenario=self.scenario,
-            engine=self.engine,
-        )
+    model: Model
+    map: CoordinateMap
+    limits: Extrapolated
+    claimed: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinearizationTask:
-    """The inputs that a worker needs for the linearizations of one model in one engine."""
+def follow(
+    task: ModelTask[Prepared],
+    rungs: tuple[int, ...] = (),
+    loaded: tuple[Model, CoordinateMap] | None = None,
+) -> Followed:
+    """Run every segment in the engine as h -> 0.
 
-    system: System
-    sidecar: Sidecar
-    engine: str
-    equilibria: tuple[Equilibrium, ...]
-    amplitude: Array
-    push: Array
-    stepped: SteppedEquations | None
-    resolution: float
-
-
-def case_task(
-    prepared: Prepared, sidecar: Sidecar, engine: str, scenario: str, resolution: float
-) -> CaseTask:
-    """Build the task of one case from its prepared system."""
-    return CaseTask(
-        folder=str(prepared.folder),
-        system=prepared.system,
-        sidecar=sidecar,
-        engine=engine,
-        scenario=scenario,
-        motion=prepared.motions[scenario],
-        scale=prepared.scales[scenario],
-        amplitude=prepared.amplitude,
-        power=prepared.power,
-        stepped=prepared.stepped,
-        components=prepared.components,
-        resolution=resolution,
-    )
-
-
-def linearization_task(
-    prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float
-) -> LinearizationTask:
-    """Build the task for the linearizations of one model in one engine."""
-    return LinearizationTask(
-        system=prepared.system,
-        sidecar=sidecar,
-        engine=engine,
-        equilibria=prepared.equilibria,
-        amplitude=prepared.amplitude,
-        push=prepared.push,
-        stepped=prepared.stepped,
-        resolution=resolution,
-    )
-
-
-def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:
-    """Load a model file, and build the map between its coordinates and the system's.
+    Args:
+        task: the task.
+        rungs: rungs of the step study; empty: as many as needed.
+        loaded: the loaded model and its map; None: load the file here.
 
     Raises:
-        EngineError, SidecarError: naming file, place and remedy.
+        EngineError, SidecarError, BlownUpError: naming the file.
     """
-    model = engines()[engine].load(sidecar.spec(engine))
-    return model, coordinate_map(system, sidecar, model.coordinates)
+    model, coordinates = loaded or task.load()
+    batch = task.target.batch(task.scenario)
+    try:
+        if rungs:
+            limits = extrapolate(model, coordinates, batch, rungs=rungs)
+        else:
+            limits = extrapolate(model, coordinates, batch, resolution=task.resolution)
+    except BlownUpError as error:
+        raise BlownUpError(_told(str(error), task, model)) from None
+    claimed = model.exponents(batch.varying)[0]
+    return Followed(model=model, map=coordinates, limits=limits, claimed=claimed)
 
 
-def run_case(task: CaseTask) -> Case:
+def run_case(task: ModelTask[Prepared]) -> Case:
     """Run and judge one case.
+
+    A robot file that an engine refuses becomes a REFUSED case, since other engines may judge it.
 
     Raises:
         EngineError, SidecarError, BlownUpError, StepError: the case is then FAILED with that
             message.
     """
     began = time.perf_counter()
-    model, coordinates = load(task.system, task.sidecar, task.engine)
-    motion = task.motion
-    if why := why_no_run(motion.duration, model.step):
-        raise StepError(f"{_place_of_step(task.sidecar, task.engine)}: {why}")
-    claimed = model.exponents(motion.varying)[0]
-    batch = Batch.of_motion(motion, task.scale)
     try:
-        limits = extrapolate(model, coordinates, batch, resolution=task.resolution)
-    except BlownUpError as error:
-        raise BlownUpError(_told(str(error), task.sidecar, model)) from None
-    verdict = judged(
-        limits,
-        motion,
-        scale=task.scale,
-        components=task.components,
-        coordinates=tuple(model.coordinates),
-        claimed=claimed,
-        resolution=task.resolution,
+        model, coordinates = task.load()
+    except RefusedError as error:
+        return _case(task, Outcome.REFUSED, failure_of(error), began)
+    motion, why = _motion(task, model)
+    if why and isinstance(task.target, PreparedSystem):
+        raise StepError(f"{_place_of_step(task)}: {why}")
+    shipped, verdict = _judged(task, (model, coordinates))
+    stepping = _stepping(task, shipped)  # with the integrator that the file selects
+    followed, verdict, dynamics = _decided(task, shipped, verdict)
+    outcome, reason, kind = verdict.outcome, verdict.reason, verdict.kind
+    full_run, series = None, None
+    if why:
+        reason = "; ".join(filter(None, (reason, f"no motion from rest: {why}")))
+    elif motion is not None:
+        amplitude = task.target.amplitude_of(motion)
+        study = study_step(
+            model,
+            coordinates,
+            motion,
+            power=task.target.power(),
+            amplitude=amplitude,
+            claimed=shipped.claimed,
+            agrees=outcome is Outcome.AGREES,
+        )
+        outcome, reason, kind = with_full_runs(verdict, study, motion, shipped.claimed)
+        if outcome is Outcome.FAILED:
+            reason = _told(reason, task, model)
+        full_run = full_run_record(study, model.step, model.integrator)
+        if isinstance(task.target, PreparedSystem):
+            series = series_record(
+                motion,
+                shipped.limits,
+                study,
+                scale=task.target.scales[task.scenario],
+                amplitude=amplitude,
+                components=task.target.components,
+            )
+    failure = Failure("; ".join(filter(None, (reason, *followed.model.reservations))), "")
+    case = _case(task, outcome, failure, began)
+    return structs.replace(
+        case,
+        kind=kind,
+        verdict=verdict_record(verdict, followed.limits, followed.claimed),
+        full_run=full_run,
+        series=series,
+        stepping=stepping,
+        forward_dynamics=dynamics_record(dynamics, tuple(followed.model.coordinates)),
     )
-    dynamics = _dynamics(task, model, coordinates)
-    verdict = with_dynamics(verdict, dynamics, tuple(model.coordinates), task.resolution)
-    amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
-    study = study_step(
-        model,
-        coordinates,
-        motion,
-        power=task.power,
-        amplitude=amplitude,
-        claimed=claimed,
-        agrees=verdict.outcome is Outcome.AGREES,
-    )
-    outcome, reason, kind = with_full_runs(verdict, study, motion, claimed)
-    if outcome is Outcome.FAILED:
-        reason = _told(reason, task.sidecar, model)
+
+
+def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None = None) -> Verdict:
+    """Judge every segment, without a run at the file's own time step.
+
+    Args:
+        task: the task.
+        loaded: the loaded model and its map, to judge with its own integrator only; None: load
+            the file here, and use its accelerations and other integrators too.
+
+    Raises:
+        EngineError, SidecarError, BlownUpError: if the engine cannot run it.
+    """
+    if loaded is not None:
+        return _judged(task, loaded)[1]
+    return _decided(task, *_judged(task))[1]
+
+
+def _case(task: ModelTask[Prepared], outcome: Outcome, why: Failure, began: float) -> Case:
     return Case(
-        system=task.system.name,
-        model=task.sidecar.model.name,
+        system=task.target.record.name,
+        model=task.file.name,
         scenario=task.scenario,
         engine=task.engine,
-        folder=task.folder,
+        folder=str(task.target.place),
         outcome=outcome,
-        reason="; ".join(filter(None, (reason, *model.reservations))),
-        kind=kind,
-        verdict=verdict_record(verdict, limits, claimed),
-        full_run=full_run_record(study, model.step, model.integrator),
-        series=series_record(
-            motion,
-            limits,
-            study,
-            scale=task.scale,
-            amplitude=amplitude,
-            components=task.components,
-        ),
-        stepping=_stepping(task, model, coordinates),
-        forward_dynamics=dynamics_record(dynamics, tuple(model.coordinates)),
+        reason=why.about(task.file) if outcome is Outcome.REFUSED else why.reason,
+        locations=why.locations,
+        kind=why.kind,
         seconds=time.perf_counter() - began,
     )
 
 
-def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepping | None:
-    """Compare single steps of the engine, from states spread over the motion."""
-    if task.stepped is None:
-        return None
-    states = _passed(task.motion)
-    stepping = step_engine(
-        model,
-        coordinates,
-        task.stepped,
-        *states,
-        task.resolution,
-        fastest=task.motion.fastest,
-        long=True,
+def _judged(
+    task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None = None
+) -> tuple[Followed, Verdict]:
+    """Run every segment in the engine, and derive the verdict."""
+    followed = follow(task, loaded=loaded)
+    batch = task.target.batch(task.scenario)
+    assert batch.scale is not None  # declared, or of the sampled states
+    verdict = judged(
+        followed.limits,
+        task.target.reference(task.scenario),
+        scale=batch.scale,
+        components=task.target.components,
+        coordinates=tuple(followed.model.coordinates),
+        claimed=followed.claimed,
+        resolution=task.resolution,
     )
-    return None if stepping is None else stepping_record(stepping, task.components)
+    return followed, verdict
 
 
-def _dynamics(
-    task: CaseTask, model: Model, coordinates: CoordinateMap
-) -> AccelerationComparison | None:
+def _decided(
+    task: ModelTask[Prepared], followed: Followed, verdict: Verdict
+) -> tuple[Followed, Verdict, AccelerationComparison | None]:
+    """Refine the verdict with the engine's accelerations, and with another integrator if needed."""
+    dynamics, names = _dynamics(task, followed), tuple(followed.model.coordinates)
+    if isinstance(task.target, PreparedTree) and verdict.outcome is Outcome.UNRESOLVED:
+        followed, verdict = _by_another_integrator(task, followed, verdict)
+    return followed, with_dynamics(verdict, dynamics, names, task.resolution), dynamics
+
+
+def _by_another_integrator(
+    task: ModelTask[Prepared], followed: Followed, verdict: Verdict
+) -> tuple[Followed, Verdict]:
+    """Judge with another integrator if only that resolves the case; the reason names both.
+
+    A servo that settles within microseconds moves its joint so little that rounding, multiplied by
+    the large weights of an extrapolation of order 1, hides the result. Order 4 needs a tenth of
+    these weights.
+    """
+    for name, settings in followed.model.integrators.items():
+        other, other_verdict = _judged(task.with_settings(**settings))
+        if other_verdict.outcome is not Outcome.UNRESOLVED:
+            message = f"stepped by {name}, since by {followed.model.integrator} {verdict.reason}"
+            return other, replace(
+                other_verdict, reason="; ".join(filter(None, [other_verdict.reason, message]))
+            )
+    return followed, verdict
+
+
+def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str]:
+    """Return the motion for full runs, and why there is none although one is asked for."""
+    motion = task.target.motion(task.scenario)
+    if isinstance(motion, str):
+        return None, motion
+    return motion, "" if motion is None else why_no_run(motion.duration, model.step)
+
+
+def _stepping(task: ModelTask[Prepared], followed: Followed) -> Stepping | None:
+    """Compare single steps of the engine."""
+    target = task.target
+    if target.stepped is None:
+        return None
+    stepping = step_engine(
+        followed.model,
+        followed.map,
+        target.stepped,
+        *target.states(task.scenario),
+        task.resolution,
+        fastest=target.reference(task.scenario).fastest,
+        long=isinstance(target, PreparedSystem),
+    )
+    return None if stepping is None else stepping_record(stepping, target.components)
+
+
+def _dynamics(task: ModelTask[Prepared], followed: Followed) -> AccelerationComparison | None:
     """Compare the engine's accelerations at those states, and at further states in the same
     positions.
     """
-    if task.stepped is None:
+    stepped = task.target.stepped
+    if stepped is None:
         return None
-    states, inputs = mixed(*_passed(task.motion))
-    return forward_dynamics(model, coordinates, task.stepped, states, inputs, task.resolution)
+    states, inputs = mixed(*task.target.states(task.scenario))
+    return forward_dynamics(followed.model, followed.map, stepped, states, inputs, task.resolution)
 
 
-def _passed(motion: Motion) -> tuple[Array, Array]:
-    """Select states spread over a motion, (B, 2n), and the inputs there, (B, m)."""
-    rows = even_indices(len(motion.t), STEPPED)
-    return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
-
-
-def _told(reason: str, sidecar: Sidecar, model: Model) -> str:
+def _told(reason: str, task: ModelTask[Prepared], model: Model) -> str:
     """Add the file's name and the engine's warnings, which may explain the failure, to a reason."""
-    return "; the engine warns: ".join((f"{sidecar.model}: {reason}", *model.warnings))
+    return "; the engine warns: ".join((f"{task.file}: {reason}", *model.warnings))
 
 
-def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
+def _place_of_step(task: ModelTask[Prepared]) -> SourceLine:
     """Return where the time step of a model is set: a line of its sidecar, or the model file."""
-    if "step" not in sidecar.spec(engine).settings:
-        return SourceLine(file=str(sidecar.model))
+    sidecar, engine = task.declared, task.engine
+    if "step" not in task.spec.settings:
+        return SourceLine(file=str(task.file))
     is_set = engine in sidecar.engine_settings and "step" in sidecar.engine_settings[engine]
-    file = Path(f"{sidecar.model}.toml")
+    file = Path(f"{task.file}.toml")
     address = f"settings.{engine}.step" if is_set else "settings.step"
     return SourceLine(file=str(file), line=line_of(file, address))
-
-
-def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ...]:
-    """Linearize the engine's model about each equilibrium, and compare with Taylor's series.
-
-    There is no linearization where a joint limit acts near the equilibrium, such as a spring that
-    presses a joint against its limit.
-    """
-    model, coordinates = load(task.system, task.sidecar, task.engine)
-    moved = 2 * MAX_PERTURBATION * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
-    return tuple(
-        _linearization(task, model, coordinates, e)
-        for e in task.equilibria
-        if not stopped(model, coordinates, e.position, moved)
-    )
-
-
-def _linearization(
-    task: LinearizationTask, model: Model, coordinates: CoordinateMap, about: Equilibrium
-) -> EngineLinearization:
-    """Linearize in the limit of a zero step, and for one step at the file's own time step."""
-    one_step = linearize_step(
-        model,
-        coordinates,
-        task.stepped,
-        position=about.position,
-        taylor=about.matrices,
-        amplitude=task.amplitude,
-        push=task.push,
-        resolution=task.resolution,
-    )
-    linearization = linearize_engine(
-        model,
-        coordinates,
-        equilibrium=about.name,
-        position=about.position,
-        taylor=about.matrices,
-        amplitude=task.amplitude,
-        push=task.push,
-        resolution=task.resolution,
-    )
-    return linearization_record(linearization, one_step)

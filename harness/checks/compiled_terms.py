@@ -9,8 +9,8 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.checks.audit_finding import finding
-from physics_crosscheck.harness.checks.audit_task import AuditTask
 from physics_crosscheck.harness.checks.prepare import Equilibrium
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.accelerations import (
     RESOLVED_SHARE,
@@ -44,32 +44,35 @@ class Compiled:
         inertia: the diagonal of M, a scale.
     """
 
-    task: AuditTask
+    task: SystemTask
     accelerations: Accelerations
     equations: NumericFunction
     names: tuple[str, ...]
     inertia: Array
 
     @staticmethod
-    def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> Compiled:
+    def of(task: SystemTask, model: Model, coordinates: CoordinateMap) -> Compiled:
         """Prepare the measurement of a loaded model's terms."""
-        equations = derive(task.system)
-        n = len(task.system.q)
-        speed = np.where(task.amplitude[n:] > 0, task.amplitude[n:], 1.0)
+        equations = derive(task.target.system)
+        n = len(task.target.system.q)
+        speed = np.where(task.target.amplitude[n:] > 0, task.target.amplitude[n:], 1.0)
         accelerations = Accelerations(
-            model=model, coordinates=coordinates, speed=speed, fastest=max(task.fastest, 1e-6)
+            model=model,
+            coordinates=coordinates,
+            speed=speed,
+            fastest=max(task.target.fastest, 1e-6),
         )
         entries: list[sp.Expr] = [*equations.mass, *equations.force]
-        names = tuple(c.name for c in task.system.coordinates)
+        names = tuple(c.name for c in task.target.system.coordinates)
         # The scale may come from any equilibrium.
-        inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
+        inertia = np.abs(np.diagonal(task.target.equilibria[0].matrices["M"]))
         return Compiled(task, accelerations, equations.compile(entries), names, inertia)
 
     def findings(self) -> Iterator[AuditFinding]:
         """Yield differences about each equilibrium, each term once, and of accelerations."""
         # A term is often wrong about every equilibrium; report it once.
         seen: dict[tuple[str, tuple[str, ...]], AuditFinding] = {}
-        for equilibrium in self.task.equilibria:
+        for equilibrium in self.task.target.equilibria:
             for difference in self._about(equilibrium):
                 seen.setdefault((difference.kind, difference.subject), difference)
         yield from seen.values()
@@ -86,9 +89,13 @@ class Compiled:
         random = np.random.default_rng(SEED)
         # Combine positions that the motions pass with velocities from other times. Coordinates
         # drawn one by one could be outside the range of motion.
-        places, speeds = random.integers(0, len(self.task.states), (2, DRAWS))
-        states = np.hstack([self.task.states[places, :n], self.task.states[speeds, n:]])
-        return states, random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
+        places, speeds = random.integers(0, len(self.task.target.visited), (2, DRAWS))
+        states = np.hstack(
+            [self.task.target.visited[places, :n], self.task.target.visited[speeds, n:]]
+        )
+        return states, random.uniform(
+            -1, 1, (DRAWS, len(self.task.target.push))
+        ) * self.task.target.push
 
     def _off_the_map(self, states: Array, inputs: Array) -> Iterator[AuditFinding]:
         """Yield each constrained engine coordinate that leaves the coordinate map."""
@@ -132,7 +139,9 @@ class Compiled:
     def _about(self, equilibrium: Equilibrium) -> Iterator[AuditFinding]:
         """Yield the terms that differ about an equilibrium."""
         n = len(self.names)
-        step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
+        step = MOVED * np.where(
+            self.task.target.amplitude[:n] > 0, self.task.target.amplitude[:n], 1.0
+        )
         going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
         position, still = self._smooth(equilibrium.position, step), np.zeros((1, n))
         yield from self._held(equilibrium, position, step)
@@ -151,7 +160,9 @@ class Compiled:
                 np.hstack([np.tile(position, (len(ends), 1)), ends]),
             ]
         )
-        masses, forces = self._reference(states, np.zeros((len(states), len(self.task.push))))
+        masses, forces = self._reference(
+            states, np.zeros((len(states), len(self.task.target.push)))
+        )
         sizes = (
             np.abs(np.diagonal(masses[0])) * self.accelerations.speed * self.accelerations.fastest
         )
@@ -198,7 +209,7 @@ class Compiled:
         forces_at_rest = self._times(
             rest, Estimate(value=mass.value[:k], uncertainty=mass.uncertainty[:k])
         )
-        wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
+        wanted = self._reference(rest, np.zeros((k, len(self.task.target.push))))[1]
         miss, miss_error = (
             forces_at_rest.value - wanted,
             forces_at_rest.uncertainty + 16 * EPSILON * np.abs(wanted),
@@ -255,7 +266,7 @@ class Compiled:
         The equations are evaluated at the same place, so any place will do. Return None if joint
         limits act everywhere.
         """
-        passed = self.task.states[:, : len(position)]
+        passed = self.task.target.visited[:, : len(position)]
         away = np.linalg.norm((passed - np.median(passed, axis=0)) / step, axis=1)
         for place in (position, *passed[np.argsort(away)]):
             if not stopped(*self._loaded, place, step):
@@ -264,7 +275,7 @@ class Compiled:
 
     def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Compute forces at states from the accelerations there and the known inertias."""
-        none = np.zeros((len(states), len(self.task.push)))
+        none = np.zeros((len(states), len(self.task.target.push)))
         accelerations = self.accelerations.measure(
             states, none, np.zeros((len(states), len(self.names)))
         )
@@ -293,7 +304,7 @@ class Compiled:
                 if differing[i, j]:
                     here, there = float(measured[i, j]), float(expected[i, j])
                     message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
-                    if len(self.task.equilibria) > 1:
+                    if len(self.task.target.equilibria) > 1:
                         message += f" (about {equilibrium!r})"
                     yield finding(kind, subject, message, expected=there, found=here)
                 elif not resolved[i, j]:

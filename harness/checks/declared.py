@@ -7,7 +7,7 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.robot_case import SCENARIO, scenario_of
+from physics_crosscheck.harness.checks.prepare import SCENARIO, scenario_of
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.reference.load import load_declaration

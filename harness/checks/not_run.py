@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 
 @dataclass(frozen=True)
-class Hurdle:
+class CannotRun:
     """A reason why a model cannot run in an engine: ABSENT, or FAILED with a kind."""
 
     outcome: Outcome
@@ -25,7 +25,9 @@ class Hurdle:
     kind: CaseKind
 
 
-def hurdle(adapters: Mapping[str, Engine], name: str, model: Sidecar | Path) -> Hurdle | None:
+def cannot_run(
+    adapters: Mapping[str, Engine], name: str, model: Sidecar | Path
+) -> CannotRun | None:
     """Return why a model can't run in an engine; None if it can.
 
     Args:
@@ -38,7 +40,7 @@ def hurdle(adapters: Mapping[str, Engine], name: str, model: Sidecar | Path) -> 
     sidecar, engine = model, adapters.get(name)
     if engine is None:
         names = ", ".join(sorted(adapters))
-        return Hurdle(
+        return CannotRun(
             Outcome.FAILED,
             f"{sidecar.model}.toml: unknown engine {name!r}; known engines: {names}",
             "engine",
@@ -48,20 +50,20 @@ def hurdle(adapters: Mapping[str, Engine], name: str, model: Sidecar | Path) -> 
     if sidecar.model.suffix not in engine.formats:
         reads = ", ".join(engine.formats)
         reason = f"{sidecar.model}: {name} reads only {reads} files"
-        return Hurdle(Outcome.FAILED, reason, "format")
+        return CannotRun(Outcome.FAILED, reason, "format")
     return None
 
 
-def absent(engine: Engine) -> Hurdle | None:
+def absent(engine: Engine) -> CannotRun | None:
     """Return the reason if an engine is not installed, otherwise None."""
     if engine.version() is None:
-        return Hurdle(
+        return CannotRun(
             Outcome.ABSENT, f"{engine.name} is not installed; {install_command(engine)}", ""
         )
     return None
 
 
-def barred_case(case_id: CaseId, folder: str, why: Hurdle) -> Case:
+def barred_case(case_id: CaseId, folder: str, why: CannotRun) -> Case:
     """Build the record of a case that was not started."""
     return replace(_case(case_id, folder, why.outcome, why.reason, ""), kind=why.kind)
 

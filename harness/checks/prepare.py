@@ -1,28 +1,154 @@
-"""Reference side of a folder, shared by all its cases: derive, linearize and solve."""
+"""Prepared targets: the equations of a system folder or a robot file, solved once for all checks.
+
+A folder declares energies, with motions, or bodies; a robot file states bodies. Models of bodies
+are checked at sampled states, since a robot has more joints than one motion can excite.
+"""
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 import numpy as np
 
+from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.robot_record import (
+    format_omission,
+    robot_findings,
+    settings_of,
+    sidecar_beside,
+    tree_record,
+)
 from physics_crosscheck.harness.checks.system_record import system_record
-from physics_crosscheck.harness.checks.verdict import component_scale, filled
+from physics_crosscheck.harness.checks.verdict import Reference, component_scale, filled
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.batch import Batch, even_indices, held, over
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import FLOOR
 from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.dynamics.linearize import linearize
-from physics_crosscheck.reference.load import load_system, with_location
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.load import load_declaration, load_system, with_location
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
+from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
 from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.motion import Motion
-from physics_crosscheck.reference.solving.next_state import SteppedEquations, stepped_equations
+from physics_crosscheck.reference.solving.next_state import (
+    Stepped,
+    SteppedBodies,
+    SteppedEquations,
+    stepped_equations,
+)
+from physics_crosscheck.reference.solving.samples import Samples, samples
 from physics_crosscheck.reference.solving.solve import solve
 from physics_crosscheck.reference.solving.variants import Variants, variants
+
+SCENARIO = "states"
+"""Name of the sampled states of bodies, in place of a scenario."""
+
+FLOATING = "floating states"
+"""The same for a URDF whose root link moves freely."""
+
+STATES = 40
+"""Number of segments of a check. They are selected so that each number shows as well as with a
+hundred random segments.
+"""
+
+SEED = 1
+
+STEPPED = 100
+"""Maximum number of states of a motion at which accelerations and single steps are compared."""
+
+
+VISITED = 200
+"""Number of states of all motions at which compiled terms and poses are compared."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared(ABC):
+    """A target's equations, solved; picklable.
+
+    Attributes:
+        place: the system folder, or the robot file.
+        record: its entry in results.json.
+        reads: states of the files that `system.py` read, by name relative to the folder.
+    """
+
+    place: Path
+    record: records.System
+    reads: Mapping[str, str]
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, (n,)."""
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the state's components: positions, then velocities, (2n,)."""
+        return (*self.names, *(f"{name}_dot" for name in self.names))
+
+    @abstractmethod
+    def spec(self, sidecar: Sidecar | None, engine: str) -> ModelSpec:
+        """Return what an engine loads: the model of a sidecar, or the file itself."""
+
+    @abstractmethod
+    def coordinates(
+        self, sidecar: Sidecar | None, file: Path, engine: str, there: tuple[str, ...]
+    ) -> CoordinateMap:
+        """Build the map to the coordinates `there` of a loaded model.
+
+        Raises:
+            SidecarError, EngineError: if they don't fit.
+        """
+
+    @abstractmethod
+    def reference(self, scenario: str) -> Reference:
+        """Return the segments of a scenario, solved."""
+
+    @abstractmethod
+    def batch(self, scenario: str) -> Batch:
+        """Return these segments as an engine runs them."""
+
+    @property
+    @abstractmethod
+    def stepped(self) -> Stepped | None:
+        """The equations in the form for integrators; None if they depend on time."""
+
+    @abstractmethod
+    def states(self, scenario: str) -> tuple[Array, Array]:
+        """Return states of these segments, (B, 2n), and the inputs there, (B, m)."""
+
+    @abstractmethod
+    def motion(self, scenario: str) -> Motion | str | None:
+        """Return the motion for full runs, or why it can't be solved; None without one."""
+
+    @abstractmethod
+    def amplitude_of(self, motion: Motion) -> Array:
+        """Return the scale of global errors of that motion, (2n,); nowhere zero."""
+
+    @abstractmethod
+    def power(self) -> VectorFunction:
+        """Return (energy, supplied, dissipated) as a function of (q, v, u, (t,))."""
 
 
 @dataclass(frozen=True)
@@ -34,64 +160,351 @@ class Equilibrium:
     matrices: Mapping[str, Array]
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """The physics of a folder, solved; picklable.
+@dataclass(frozen=True, kw_only=True)
+class PreparedSystem(Prepared):
+    """A folder that declares energies, solved.
 
     Attributes:
         motions: reference motion by scenario.
         scales: scale of the defects by scenario, (2n,) each.
         amplitude: largest magnitude over all scenarios, (2n,); nowhere zero.
         push: largest input over all scenarios, (inputs,).
-        power: (energy, supplied, dissipated) of (q, v, u, (t,)).
-        components: names of the state's components, positions then velocities.
-        stepped: the equations in the form for integrators; None if they depend on time.
+        numeric_power: (energy, supplied, dissipated) of (q, v, u, (t,)).
+        steps: the equations in the form for integrators; None if they depend on time.
         variants: the equations with every constant and some missing terms free.
-        record: the system's entry in results.json.
-        reads: states of the files that `system.py` read, by name relative to the folder.
     """
 
-    folder: Path
     system: System
     motions: Mapping[str, Motion]
     scales: Mapping[str, Array]
     amplitude: Array
     push: Array
-    power: NumericFunction
+    numeric_power: NumericFunction
     equilibria: tuple[Equilibrium, ...]
-    components: tuple[str, ...]
-    stepped: SteppedEquations | None
+    steps: SteppedEquations | None
     variants: Variants
-    record: records.System
-    reads: Mapping[str, str]
+
+    @cached_property
+    def visited(self) -> Array:
+        """States that the motions pass, (S, 2n): evenly spread, and each component's extremes."""
+        motions = self.motions.values()
+        states = np.concatenate([m.nodes.reshape(-1, m.nodes.shape[-1]) for m in motions])
+        extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
+        # Regularly spaced states for contacts, and the extremes of each component for limits.
+        spread = np.linspace(0, len(states) - 1, VISITED).astype(int)
+        visited: Array = states[np.unique(np.concatenate([extremes, spread]))]
+        return visited
+
+    @property
+    def fastest(self) -> float:
+        """Fastest rate along the motions, rad/s."""
+        return max(motion.fastest for motion in self.motions.values())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the declared coordinates."""
+        return tuple(c.name for c in self.system.coordinates)
+
+    def spec(self, sidecar: Sidecar | None, engine: str) -> ModelSpec:
+        """Return what an engine loads."""
+        assert sidecar is not None  # a model of a folder has one
+        return sidecar.spec(engine)
+
+    def coordinates(
+        self, sidecar: Sidecar | None, file: Path, engine: str, there: tuple[str, ...]
+    ) -> CoordinateMap:
+        """Build the declared map."""
+        assert sidecar is not None
+        return coordinate_map(self.system, sidecar, there)
+
+    def reference(self, scenario: str) -> Motion:
+        """Return the motion of a scenario."""
+        return self.motions[scenario]
+
+    def batch(self, scenario: str) -> Batch:
+        """Return the segments of the motion."""
+        return Batch.of_motion(self.motions[scenario], self.scales[scenario])
+
+    @property
+    def stepped(self) -> Stepped | None:
+        """The equations in the form for integrators."""
+        return self.steps
+
+    def states(self, scenario: str) -> tuple[Array, Array]:
+        """Select states spread over the motion."""
+        motion = self.motions[scenario]
+        rows = even_indices(len(motion.t), STEPPED)
+        inputs = over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
+        return motion.start[rows], inputs
+
+    def motion(self, scenario: str) -> Motion:
+        """Return the motion of the scenario itself."""
+        return self.motions[scenario]
+
+    def amplitude_of(self, motion: Motion) -> Array:
+        """Return its amplitude, with a share of that of all scenarios as lower bound."""
+        scale: Array = np.maximum(motion.amplitude, FLOOR * self.amplitude)
+        return scale
+
+    def power(self) -> NumericFunction:
+        """Return energy, supplied and dissipated power."""
+        return self.numeric_power
 
 
-def prepare(folder: Path, described: bool = True) -> Prepared:
-    """Load `folder/system.py`, derive, linearize and solve every scenario.
+@dataclass(frozen=True, kw_only=True)
+class PreparedTree(Prepared):
+    """A folder that declares bodies, or a robot file, solved at sampled states.
 
-    Without `described` the record contains no derivation. Formulas take longer than all the rest,
-    and only a report shows them.
+    Attributes:
+        system: the tree as a system.
+        scenario: name of the states.
+        samples: the states, and the states that the equations reach from them.
+        followers: map to the joints of an engine.
+        rest: the motion from rest, or why it can't be solved; None if none was requested.
+        settings: settings of the engines; those of a folder's models are in sidecars.
+        left_out: statements of the file that the equations omit.
+        findings: what is wrong with the file by reading it.
+    """
+
+    system: TreeSystem
+    scenario: str
+    samples: Samples
+    followers: Followers
+    rest: Motion | str | None = None
+    settings: Mapping[str, object] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+    findings: tuple[AuditFinding, ...] = ()
+
+    @property
+    def tree(self) -> Tree:
+        """The tree of the equations."""
+        return self.system.tree
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the independent joint coordinates."""
+        return tuple(c.name for c in self.system.coordinates)
+
+    def spec(self, sidecar: Sidecar | None, engine: str) -> ModelSpec:
+        """Return what an engine loads."""
+        if sidecar is not None:
+            return sidecar.spec(engine)
+        settings = {**engines()[engine].settings_for(self.place.suffix), **self.settings}
+        return ModelSpec(path=self.place, settings=settings)
+
+    def coordinates(
+        self, sidecar: Sidecar | None, file: Path, engine: str, there: tuple[str, ...]
+    ) -> CoordinateMap:
+        """Match joints by name."""
+        return self.followers.map(joints_of(self.followers, there, file, engine), self.names)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Scale of the defects: the largest displacement of each component, (2n,)."""
+        return filled(np.max(np.abs(self.samples.end - self.samples.start), axis=0))
+
+    def reference(self, scenario: str) -> Samples:
+        """Return the sampled segments."""
+        return self.samples
+
+    def batch(self, scenario: str) -> Batch:
+        """Return the sampled segments, each under its own forces."""
+        drawn = self.samples
+        return Batch(
+            states=drawn.start,
+            lengths=np.full(len(drawn.start), drawn.length),
+            inputs=held(drawn.forces),
+            varying=False,
+            scale=self.scale,
+            ends=drawn.end,
+            uneven=drawn.nonsmooth,
+        )
+
+    @property
+    def stepped(self) -> Stepped | None:
+        """The equations in the form for integrators."""
+        return SteppedBodies(self.tree)
+
+    def states(self, scenario: str) -> tuple[Array, Array]:
+        """Return the sampled states, and their forces."""
+        return self.samples.start, self.samples.forces
+
+    def motion(self, scenario: str) -> Motion | str | None:
+        """Return the motion from rest, if one was requested."""
+        return self.rest
+
+    def amplitude_of(self, motion: Motion) -> Array:
+        """Return its amplitude, with a share of the largest of its kind as lower bound."""
+        n, size = len(self.names), motion.amplitude
+        largest = np.repeat([size[:n].max(), size[n:].max()], n)
+        return filled(np.maximum(size, FLOOR * largest))
+
+    def power(self) -> VectorFunction:
+        """Return energy, supplied and dissipated power."""
+        return TreeEquations(self.system).numeric_power
+
+
+_P = TypeVar("_P", bound=Prepared)
+
+
+def joints_of(followers: Followers, there: tuple[str, ...], file: Path, engine: str) -> list[int]:
+    """Return the index of the tree's joint for each of an engine's coordinates.
 
     Raises:
-        DeclarationError, ReferenceError: naming what is wrong and where.
+        EngineError: naming the joints that only one side has.
+    """
+    mine, theirs = set(followers.names), set(there)
+    if mine != theirs or len(theirs) != len(there):
+        missing, more = sorted(mine - theirs), sorted(theirs - mine)
+        parts = [f"it has no {', '.join(missing)}"] if missing else []
+        parts += [f"it has the additional {', '.join(more)}"] if more else []
+        differences = " and ".join(parts) or "two of its joints have the same name"
+        raise EngineError(f"{file}: {engine} builds different joints from it: {differences}")
+    return [followers.names.index(name) for name in there]
+
+
+def prepare(
+    place: Path,
+    *,
+    described: bool = True,
+    floating: bool = False,
+    model: str = "",
+    motion: float = 0.0,
+    states: int = STATES,
+) -> PreparedSystem | PreparedTree:
+    """Read a system folder or a robot file, derive its equations, and solve them.
+
+    Args:
+        place: the folder or the file.
+        described: whether the record of energies contains a derivation. Formulas take longer than
+            all the rest, and only a report shows them.
+        floating: whether the root link of a URDF moves freely.
+        model: which of several models of an SDFormat file; empty: the only one that moves.
+        motion: duration of a motion of bodies from rest, seconds; 0 for none.
+        states: number of sampled states of bodies.
+
+    Raises:
+        DeclarationError, RobotError, ReferenceError: naming file, line and remedy.
+    """
+    if place.is_file():
+        return prepare_tree(place, floating=floating, model=model, motion=motion, states=states)
+    began = time.perf_counter()
+    with record_reads(place) as reads:
+        declared = load_declaration(place)
+    if isinstance(declared, MultibodySystem):
+        bodies = _from_bodies(place, declared, motion, states)
+        return _finished(bodies, began, reads.states())
+    energies = _from_energies(place, declared, described=described)
+    return _finished(energies, began, reads.states())
+
+
+def prepare_system(folder: Path, *, described: bool = True) -> PreparedSystem:
+    """Prepare a folder that declares energies.
+
+    Raises:
+        DeclarationError, ReferenceError: as `prepare`, and if the folder declares bodies.
     """
     began = time.perf_counter()
     with record_reads(folder) as reads:
         system = load_system(folder)
-    return derived(folder, system, reads.states(), began, described=described)
+    prepared = _from_energies(folder, system, described=described)
+    return _finished(prepared, began, reads.states())
 
 
-def derived(
-    folder: Path, system: System, reads: Mapping[str, str], began: float, *, described: bool
-) -> Prepared:
-    """Derive, linearize and solve the system of a folder.
+def prepare_tree(
+    file: Path,
+    *,
+    floating: bool = False,
+    model: str = "",
+    motion: float = 0.0,
+    states: int = STATES,
+) -> PreparedTree:
+    """Prepare a robot file.
 
-    Args:
-        folder: the system folder.
-        system: the declared system.
-        reads: states of the files that the declaration read.
-        began: start time, from `time.perf_counter`.
-        described: as in `prepare`.
+    Raises:
+        RobotError, ReferenceError: naming file, line and remedy.
+    """
+    began = time.perf_counter()
+    robot = read_robot(file, floating=floating, model=model)
+    system = robot_system(robot)
+    try:
+        prepared = _solved(file, system, robot.limits, scenario_of(robot), motion, states)
+    except ReferenceError as error:
+        raise RobotError(f"{file}: {error}") from None
+    left_out = (*(format_omission(one) for one in robot.left_out), *sidecar_beside(file))
+    prepared = replace(
+        prepared, settings=settings_of(robot), left_out=left_out, findings=robot_findings(robot)
+    )
+    return _finished(prepared, began, {})
+
+
+def scenario_of(robot: Robot) -> str:
+    """Return the name of a robot's states."""
+    return FLOATING if robot.floats else SCENARIO
+
+
+def _finished(prepared: _P, began: float, reads: Mapping[str, str]) -> _P:
+    record = msgspec.structs.replace(prepared.record, seconds=time.perf_counter() - began)
+    return replace(prepared, record=record, reads=reads)
+
+
+def _from_bodies(
+    folder: Path, declared: MultibodySystem, motion: float, states: int
+) -> PreparedTree:
+    try:
+        return _solved(
+            folder, declared.tree_system, declared.assembled.limits, SCENARIO, motion, states
+        )
+    except ReferenceError as error:
+        raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
+
+
+def _solved(
+    place: Path,
+    system: TreeSystem,
+    limits: tuple[Array, Array],
+    scenario: str,
+    motion: float,
+    states: int,
+) -> PreparedTree:
+    """Select states that make a tree's numbers distinguishable, and solve the equations from them.
+
+    Raises:
+        ReferenceError: if a joint moves nothing that has mass.
+    """
+    kept = Coupled(system.tree).kept
+    within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
+    drawn = samples(TreeEquations(system), within, home, states, SEED)
+    return PreparedTree(
+        place=place,
+        record=tree_record(str(place), system, drawn, scenario, motion),
+        reads={},
+        system=system,
+        scenario=scenario,
+        samples=drawn,
+        followers=Followers.of(system.tree),
+        rest=_motion_from_rest(system, drawn, motion) if motion else None,
+    )
+
+
+def _motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Motion | str:
+    """Solve the motion from rest at the first of the sampled positions, or return why not."""
+    scenario = Scenario(
+        "motion",
+        "from rest, under gravity and the mechanism's own forces",
+        q={c: float(q) for c, q in zip(system.coordinates, drawn.start[0], strict=False)},
+        v=dict.fromkeys(system.coordinates, 0.0),
+        inputs={},
+        duration=seconds,
+    )
+    try:
+        return solve(TreeEquations(system), scenario)
+    except (DeclarationError, ReferenceError) as error:
+        return str(error)
+
+
+def _from_energies(folder: Path, system: System, *, described: bool) -> PreparedSystem:
+    """Derive, linearize and solve every scenario.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.
@@ -104,24 +517,22 @@ def derived(
         name: component_scale(motion, [m for other, m in motions.items() if other != name])
         for name, motion in motions.items()
     }
-    names = [c.name for c in system.coordinates]
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
     amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
     with with_location(folder):
         record = system_record(folder, equations, linear, motions, described=described)
-    return Prepared(
-        folder=folder,
+    return PreparedSystem(
+        place=folder,
+        record=record,
+        reads={},
         system=system,
         motions=motions,
         scales=scales,
         amplitude=amplitude,
         push=np.where(push > 0, push, 1.0),
-        power=equations.numeric_power,
+        numeric_power=equations.numeric_power,
         equilibria=tuple(Equilibrium(e.equilibrium, e.position, e.arrays) for e in linear),
-        stepped=stepped_equations(equations),
+        steps=stepped_equations(equations),
         variants=variants(equations, amplitude),
-        components=(*names, *(f"{name}_dot" for name in names)),
-        record=msgspec.structs.replace(record, seconds=time.perf_counter() - began),
-        reads=reads,
     )

@@ -168,7 +168,6 @@ def tree_record(
     system: TreeSystem,
     drawn: Samples,
     scenario: str,
-    seconds: float,
     motion: float = 0.0,
 ) -> System:
     """Return the record of a tree: its joints, the sampled states and its motion.
@@ -178,7 +177,6 @@ def tree_record(
         system: the tree.
         drawn: the sampled states.
         scenario: name of the states.
-        seconds: time spent.
         motion: duration of a motion from rest, seconds; 0 for none.
     """
     count = len(drawn.start)
@@ -205,5 +203,4 @@ def tree_record(
                 global_bound=None,
             ),
         ),
-        seconds=seconds,
     )

@@ -106,6 +106,10 @@ class Reference(Protocol):
     def bound(self) -> Array:
         """Error bound of `end` for each component, (2n,)."""
 
+    @property
+    def fastest(self) -> float:
+        """Fastest rate of the equations there, rad/s."""
+
 
 def judged(
     limits: Extrapolated,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.audit_task import AuditTask
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.behaviour import Probe
 from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect, Trials
 from physics_crosscheck.harness.engines.registry import engines
@@ -19,7 +19,6 @@ from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_
 from physics_crosscheck.harness.modelfiles.locations import Literal, LocationError, literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
-from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
@@ -45,25 +44,24 @@ _NAMED = tuple(
 """Reasons for which each number with an address is listed."""
 
 
-def count_numbers(task: AuditTask) -> Coverage:
+def count_numbers(task: SystemTask) -> Coverage:
     """Change each number of a model's files, and count those with an effect.
 
     Raises:
         EngineError, SidecarError, LocationError: with file, place and remedy.
     """
     engine = engines()[task.engine]
-    model = engine.load(task.sidecar.spec(task.engine))
-    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
-    z, w = coordinates.to_engine(_some(task.states))
-    frames = _frames(task.system, task.sidecar)
+    model, coordinates = task.load()
+    z, w = coordinates.to_engine(_some(task.target.visited))
+    frames = _frames(task.target.system, task.declared)
     probe = Probe(z, w, model.step, engine, frames, task.resolution)
-    numbers, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
+    numbers, bound = _numbers(task.declared, task.engine), _bound(task.declared)
     purposes = {**_STEP, **engine.non_physical}
     reasons = [reason_of(one.path, purposes) for one in numbers]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         base = probe.evaluate(model)
         _ = base.posed  # before some engines unload this model
-        trials = Trials(task.sidecar, numbers, probe, base, Path(folder))
+        trials = Trials(task.declared, numbers, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([i for i in tried if reasons[i]])

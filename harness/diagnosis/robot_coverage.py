@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.coverage import CountedNumber, summarized
 from physics_crosscheck.harness.diagnosis.coverage_trials import NUDGE, NumberEffect
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
@@ -22,7 +22,7 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 _INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
 
 
-def count_robot(task: RobotTask) -> Coverage:
+def count_robot(task: TreeTask) -> Coverage:
     """Count the numbers of a file whose change moves the ends of segments beyond the resolution.
 
     Only the equations are used, at the states of a diagnosis; no engine runs.
@@ -30,7 +30,7 @@ def count_robot(task: RobotTask) -> Coverage:
     Raises:
         RobotError, ReferenceError: with the file.
     """
-    numbers = robot_numbers(task.file, task.settings)
+    numbers = robot_numbers(task.file, task.spec.settings)
     if numbers.unread:
         return Coverage(note="; ".join(numbers.unread))
     problem = problem_of(task, numbers, is_reference=False)
@@ -74,7 +74,7 @@ def _otherwise(
     return effect
 
 
-def _choices(task: RobotTask) -> str:
+def _choices(task: TreeTask) -> str:
     return engines()[task.engine].choices
 
 
@@ -86,7 +86,7 @@ def _owner(element: RawElement) -> str:
     return "" if above is None else above.attributes.get("name", "")
 
 
-def _fixed(task: RobotTask) -> frozenset[str]:
+def _fixed(task: TreeTask) -> frozenset[str]:
     """Return names of fixed links."""
-    robot = read_robot(task.file, floating=bool(task.settings.get("floating")))
+    robot = read_robot(task.file, floating=bool(task.spec.settings.get("floating")))
     return frozenset(part.name for part in robot.parts if part.body == WORLD)

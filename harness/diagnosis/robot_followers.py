@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.case import Followed, follow
 from physics_crosscheck.harness.checks.followers import Followers
-from physics_crosscheck.harness.checks.robot_case import Followed, follow_robot, scale_of
-from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.checks.verdict import filled
 from physics_crosscheck.harness.diagnosis.samples import RUNGS_USED
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -83,26 +83,29 @@ class FollowersRun:
     """Run of segments in an engine.
 
     Attributes:
-        way: end states.
-        followers: law at the start.
+        task: the segments, and the equations.
+        way: their ends in the engine.
+        followers: law of followers at the starts.
     """
 
+    task: TreeTask
     way: Followed
     followers: Followers
 
-    def apart(self, check: RobotTask) -> tuple[Array, Array]:
+    def apart(self) -> tuple[Array, Array]:
         """Return engine - reference of followers, scaled, and its uncertainty, (B, 2k) each."""
-        following = Following.from_tree(check.tree, check.samples)
-        residual = self.way.found.residual
+        target = self.task.target
+        following = Following.from_tree(target.tree, target.samples)
+        residual = self.way.limits.residual
         if following is None or residual is None:
-            none = np.zeros((len(self.way.samples.start), 0))
+            none = np.zeros((len(target.samples.start), 0))
             return none, none
         rows = following.rows
-        places = _places(check.followers, self.way, rows)
+        places = _places(self.way, target.followers, rows)
         off = _between(
-            (self.followers.matrix - check.followers.matrix)[rows],
-            (self.followers.offset - check.followers.offset)[rows],
-            self.way.found.limit.value,
+            (self.followers.matrix - target.followers.matrix)[rows],
+            (self.followers.offset - target.followers.offset)[rows],
+            self.way.limits.limit.value,
         )
         value = residual.limit.value[:, places] + off
         uncertainty = np.where(
@@ -114,23 +117,24 @@ class FollowersRun:
         return value / scale, np.maximum(uncertainty[:, places] / scale, EPSILON)
 
 
-def run_followers(check: RobotTask, *, again: bool = True) -> FollowersRun:
+def run_followers(task: TreeTask, *, again: bool = True) -> FollowersRun:
     """Run segments from states that satisfy the engine's estimated law of followers.
 
     Args:
-        check: the segments.
+        task: the segments.
         again: whether to run again if the law differs.
 
     Raises:
         EngineError, BlownUpError: with the file.
     """
-    best = FollowersRun(way=follow_robot(check, RUNGS_USED), followers=check.followers)
+    way = follow(task, RUNGS_USED)
+    best = FollowersRun(task=task, way=way, followers=task.target.followers)
     for _ in range(MAX_RUNS if again else 0):
-        seeming = _seeming(replace(check, followers=best.followers), best.way)
+        seeming = _seeming(best)
         if seeming is None:
             break
-        way = follow_robot(replace(check, followers=seeming), RUNGS_USED)
-        other = FollowersRun(way=way, followers=seeming)
+        way = follow(task.with_target(followers=seeming), RUNGS_USED)
+        other = FollowersRun(task=task, way=way, followers=seeming)
         if not _off(other.way) < _off(best.way) / 2:
             break
         best = other
@@ -144,7 +148,7 @@ def _between(matrix: Array, offset: Array, states: Array) -> Array:
     return np.concatenate([places, states[:, n:] @ matrix.T], axis=1)
 
 
-def _places(followers: Followers, way: Followed, rows: list[int]) -> list[int]:
+def _places(way: Followed, followers: Followers, rows: list[int]) -> list[int]:
     """Return indices of positions, then rates, among the engine's."""
     coordinates = list(way.model.coordinates)
     places = [coordinates.index(followers.names[row]) for row in rows]
@@ -152,32 +156,34 @@ def _places(followers: Followers, way: Followed, rows: list[int]) -> list[int]:
 
 
 def _off(way: Followed) -> float:
-    residual = way.found.residual
+    residual = way.limits.residual
     return 0.0 if residual is None else float(np.max(np.abs(residual.limit.value) / residual.scale))
 
 
-def _seeming(check: RobotTask, way: Followed) -> Followers | None:
+def _seeming(run: FollowersRun) -> Followers | None:
     """Estimate the engine's law of followers; None if it equals the present one or is unknown."""
-    residual = way.found.residual
-    following = Following.from_tree(check.tree, check.samples)
+    target, present, residual = run.task.target, run.followers, run.way.limits.residual
+    following = Following.from_tree(target.tree, target.samples)
     if residual is None or following is None:
         return None
     uncertainty = np.maximum(residual.limit.uncertainty, EPSILON * residual.scale)
     if not np.any(np.abs(residual.limit.value) > uncertainty):
         return None
-    matrix, offset = check.followers.matrix.copy(), check.followers.offset.copy()
+    matrix, offset = present.matrix.copy(), present.offset.copy()
+    start, end = target.samples.start, run.way.limits.limit.value
     for row in following.rows:
-        both = _places(check.followers, way, [row])
-        correction = _law(matrix[row], way, residual.limit.value[:, both], uncertainty[:, both])
+        both = _places(run.way, present, [row])
+        off = residual.limit.value[:, both], uncertainty[:, both]
+        correction = _law(matrix[row], start, end, *off)
         if correction is None:
             return None
         matrix[row] += correction[0]
         offset[row] += correction[1]
-    return replace(check.followers, matrix=matrix, offset=offset)
+    return replace(present, matrix=matrix, offset=offset)
 
 
 def _law(
-    multipliers: Array, way: Followed, off: Array, uncertainty: Array
+    multipliers: Array, start: Array, ends: Array, off: Array, uncertainty: Array
 ) -> tuple[Array, float] | None:
     """Estimate the deviation of a follower's multipliers and offset, from its ends, (B, 2).
 
@@ -185,21 +191,20 @@ def _law(
     """
     n, leaders = len(multipliers), np.flatnonzero(multipliers)
     place, rate = off.T
-    ends, by = way.found.limit.value, np.zeros(len(multipliers))
+    by = np.zeros(len(multipliers))
     if len(leaders):
         by[leaders] = np.linalg.lstsq(ends[:, n:][:, leaders], rate, rcond=None)[0]
     remainder = np.linalg.norm(rate - ends[:, n:] @ by)
     if remainder > max(MAX_UNEXPLAINED * np.linalg.norm(rate), np.linalg.norm(uncertainty[:, 1])):
         return None
     held = place - ends[:, :n] @ by
-    loose = place - (ends - way.samples.start)[:, :n] @ by
+    loose = place - (ends - start)[:, :n] @ by
     shift = float(np.mean(held))
     if np.linalg.norm(held - shift) <= np.linalg.norm(loose):
         return by, shift
     return by, 0.0
 
 
-def scaled(some: Samples, following: Following | None) -> Array:
+def scaled(scale: Array, following: Following | None) -> Array:
     """Return the scale of a defect: of all coordinates, then of followers, (2n + 2k,)."""
-    scale = scale_of(some)
     return scale if following is None else np.concatenate([scale, following.scale])

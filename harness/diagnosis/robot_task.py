@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.robot_record import place_of
-from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.robot_followers import (
@@ -30,7 +30,6 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.flows import Flow
-from physics_crosscheck.reference.solving.samples import Samples
 
 STATES = 24
 """Segments of a diagnosis; almost each number affects nearly all of them."""
@@ -45,43 +44,34 @@ Each fit takes longer there, and each state carries more information.
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotDiagnosisTask:
-    """A robot's file that differs in an engine.
+def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
+    """Find the numbers of a robot's file that explain a discrepancy.
 
-    Attributes:
-        task: the check.
+    Args:
+        task: the file in an engine.
         is_reference: whether the equations are those of the file itself. Otherwise the file is
             compared with another file or a declared tree, and its numbers are sought.
-    """
-
-    task: RobotTask
-    is_reference: bool = True
-
-
-def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
-    """Find the numbers of a robot's file that explain a discrepancy.
 
     Raises:
         RobotError, EngineError, BlownUpError, ReferenceError: for a failing run.
     """
     began = time.perf_counter()
-    run = _some_of(task.task)
-    if explanations := _explained_by_engine_defaults(task.task, run) or _explained_by_compiler(
-        task, run
-    ):
+    run = _some_of(task)
+    explanations = _explained_by_engine_defaults(run)
+    if not explanations and is_reference:
+        explanations = _explained_by_compiler(run)
+    if explanations:
         return Diagnosis(
             explained=True,
             explanations=explanations,
             floor=number(0.0),
             seconds=time.perf_counter() - began,
         )
-    ranking = ranked(task, run)
+    ranking = ranked(task, run, is_reference=is_reference)
     return Diagnosis(
         explained=ranking.explained,
         explanations=tuple(
-            _build_explanation(fit, ranking.switched_off, task.task)
-            for fit in ranking.fits[:RECORDED]
+            _build_explanation(fit, ranking.switched_off, task) for fit in ranking.fits[:RECORDED]
         ),
         floor=number(ranking.floor),
         failure="" if ranking.fits else "no number of the file affects the difference",
@@ -89,7 +79,7 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     )
 
 
-def _build_explanation(fit: Fit, behaviours: Sequence[str], check: RobotTask) -> Explanation:
+def _build_explanation(fit: Fit, behaviours: Sequence[str], check: TreeTask) -> Explanation:
     """Build the record of a fit, with the engine's behaviours that were switched off."""
     record = explanation(fit)
     return Explanation(
@@ -99,24 +89,35 @@ def _build_explanation(fit: Fit, behaviours: Sequence[str], check: RobotTask) ->
     )
 
 
-def _some_of(check: RobotTask, *, again: bool = True) -> FollowersRun:
+def at_some(task: TreeTask) -> TreeTask:
+    """Return the task at the states of a diagnosis."""
+    drawn = task.target.samples
+    count = LARGE_ROBOT_STATES if drawn.forces.shape[1] > LARGE_ROBOT_DOF else STATES
+    some = replace(
+        drawn, start=drawn.start[:count], forces=drawn.forces[:count], end=drawn.end[:count]
+    )
+    return task.with_target(samples=some)
+
+
+def _some_of(task: TreeTask, *, again: bool = True) -> FollowersRun:
     """Run the segments of a diagnosis in the engine."""
-    return run_followers(replace(check, samples=some_of(check.samples)), again=again)
+    return run_followers(at_some(task), again=again)
 
 
-def _explained_by_engine_defaults(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
+def _explained_by_engine_defaults(run: FollowersRun) -> tuple[Explanation, ...]:
     """Return behaviours of the engine without which no discrepancy remains.
 
     Try each alone, then all together if no single one suffices.
     """
-    apart, _ = _apart(run, check)
+    apart, _ = _apart(run)
     size = float(np.linalg.norm(apart))
     for tried in _remedy_groups(run):
         explanations = []
         for causes, settings in tried:
-            remaining, uncertainty = _apart(_some_of(_under(check, settings), again=False), check)
+            other = run_followers(run.task.with_settings(**settings), again=False)
+            remaining, uncertainty = _apart(other)
             if np.all(np.abs(remaining).ravel() <= uncertainty):
-                own_causes = _engine_causes(causes, check)
+                own_causes = _engine_causes(causes, run.task)
                 explanations.append(
                     Explanation(
                         causes=own_causes, remaining=float(np.linalg.norm(remaining)) / size
@@ -143,20 +144,16 @@ def _remedy_groups(run: FollowersRun) -> tuple[list[_Remedy], ...]:
     )
 
 
-def _under(check: RobotTask, settings: Mapping[str, object]) -> RobotTask:
-    return replace(check, settings={**check.settings, **settings})
-
-
-def _explained_by_compiler(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ...]:
+def _explained_by_compiler(run: FollowersRun) -> tuple[Explanation, ...]:
     """Return how the engine's compiler changes the file, if no setting prevents it."""
-    check = task.task
-    numbers = robot_numbers(check.file, check.settings)
-    if check.file.suffix not in engines()[check.engine].compiles or not task.is_reference:
+    task = run.task
+    if task.file.suffix not in engines()[task.engine].compiles:
         return ()
-    apart, uncertainty = _apart(run, check)
-    problem = problem_of(check, numbers, apart, is_reference=True)
+    numbers = robot_numbers(task.file, task.spec.settings)
+    apart, uncertainty = _apart(run)
+    problem = problem_of(task, numbers, apart, is_reference=True)
     # The equations of another tree are less accurate than the engine's limits.
-    uncertainty = np.maximum(uncertainty, check.resolution)
+    uncertainty = np.maximum(uncertainty, task.resolution)
     size = float(np.linalg.norm(apart))
     explanations = []
     for cause, tree in numbers.engine_variants():
@@ -164,12 +161,12 @@ def _explained_by_compiler(task: RobotDiagnosisTask, run: FollowersRun) -> tuple
         if np.all(np.abs(defect) <= uncertainty):
             remaining = float(np.linalg.norm(defect)) / size
             explanations.append(
-                Explanation(causes=_engine_causes((cause,), check), remaining=remaining)
+                Explanation(causes=_engine_causes((cause,), task), remaining=remaining)
             )
     return tuple(explanations)
 
 
-def _engine_causes(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
+def _engine_causes(causes: Sequence[str], check: TreeTask) -> tuple[Cause, ...]:
     """Return causes for behaviours of an engine, with the relevant lines of the file."""
     remarks = tuple(engines()[check.engine].file_remarks(check.file))
     return tuple(
@@ -186,9 +183,11 @@ def _engine_causes(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]
 
 
 def ranked(
-    task: RobotDiagnosisTask,
+    task: TreeTask,
     run: FollowersRun | None = None,
     known_problem: RobotProblem | None = None,
+    *,
+    is_reference: bool,
 ) -> Ranking:
     """Rank all fits.
 
@@ -197,17 +196,18 @@ def ranked(
     explains it.
 
     Args:
-        task: the check.
+        task: the file in an engine.
         run: the segments in the engine, if they have run.
         known_problem: effects of the numbers, from another discrepancy of these equations.
+        is_reference: as in `diagnose_robot`.
     """
-    run = run or _some_of(task.task)
-    ranking, problem = _ranked(task, run, known_problem)
+    run = run or _some_of(task)
+    ranking, problem = _ranked(run, known_problem, is_reference=is_reference)
     if not ranking.fits or _single(ranking):
         return ranking
     for causes, settings in (one for tried in _remedy_groups(run) for one in tried):
-        other = replace(task, task=_under(task.task, settings))
-        corrected, _ = _ranked(other, _some_of(other.task), problem)
+        other = _some_of(task.with_settings(**settings))
+        corrected, _ = _ranked(other, problem, is_reference=is_reference)
         if _single(corrected):
             return replace(corrected, switched_off=causes)
     return ranking
@@ -219,65 +219,58 @@ def _single(ranking: Ranking) -> bool:
 
 
 def _ranked(
-    task: RobotDiagnosisTask, run: FollowersRun, known_problem: RobotProblem | None
+    run: FollowersRun, known_problem: RobotProblem | None, *, is_reference: bool
 ) -> tuple[Ranking, RobotProblem]:
     if known_problem is None:
-        problem, uncertainty = robot_problem(task, run)
+        problem, uncertainty = robot_problem(run.task, run, is_reference=is_reference)
     else:
-        apart, uncertainty = _apart(run, task.task)
+        apart, uncertainty = _apart(run)
         problem = known_problem.with_discrepancy(apart)
     fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else NUMBERS_FITTED
     return diagnose(problem, uncertainty, fits), problem
 
 
 def robot_problem(
-    task: RobotDiagnosisTask, run: FollowersRun | None = None
+    task: TreeTask, run: FollowersRun | None = None, *, is_reference: bool
 ) -> tuple[RobotProblem, Array]:
     """Return the discrepancy of a robot's file at some states, and its uncertainty, (N,).
 
     Args:
-        task: the check.
+        task: the file in an engine.
         run: these states in the engine, if they have run.
+        is_reference: as in `diagnose_robot`.
 
     Raises:
         RobotError, EngineError, BlownUpError, ReferenceError: for a failing run.
     """
-    check = task.task
-    run = run or _some_of(check)
-    numbers = robot_numbers(check.file, check.settings)
-    apart, uncertainty = _apart(run, check)
-    return problem_of(check, numbers, apart, is_reference=task.is_reference), uncertainty
-
-
-def some_of(drawn: Samples) -> Samples:
-    """Return the samples of a diagnosis."""
-    count = LARGE_ROBOT_STATES if drawn.forces.shape[1] > LARGE_ROBOT_DOF else STATES
-    return replace(
-        drawn, start=drawn.start[:count], forces=drawn.forces[:count], end=drawn.end[:count]
-    )
+    run = run or _some_of(task)
+    numbers = robot_numbers(task.file, task.spec.settings)
+    apart, uncertainty = _apart(run)
+    return problem_of(task, numbers, apart, is_reference=is_reference), uncertainty
 
 
 def problem_of(
-    check: RobotTask, numbers: Numbers, apart: Array | None = None, *, is_reference: bool
+    task: TreeTask, numbers: Numbers, apart: Array | None = None, *, is_reference: bool
 ) -> RobotProblem:
     """Build the problem of a discrepancy, with the effects of a file's numbers.
 
     Args:
-        check: of the file that the engine runs.
+        task: the file that the engine runs.
         numbers: of that file.
-        apart: engine - reference at the ends of `some_of`, scaled, (B, 2n + 2k), with k followers;
+        apart: engine - reference at the ends of `at_some`, scaled, (B, 2n + 2k), with k followers;
             None: zero.
-        is_reference: as in `RobotDiagnosisTask`.
+        is_reference: as in `diagnose_robot`.
 
     Raises:
         RobotError, ReferenceError: if the file does not fit these states.
     """
-    some = some_of(check.samples)
+    target = at_some(task).target
+    some = target.samples
     tree = numbers.tree({})
     if tree is None or tree.dof != some.forces.shape[1]:
-        raise RobotError(f"{check.file}: its tree differs from the tree of the equations")
-    following = Following.from_tree(tree, some, check.tree)
-    scale = scaled(some, following)
+        raise RobotError(f"{task.file}: its tree differs from the tree of the equations")
+    following = Following.from_tree(tree, some, target.tree)
+    scale = scaled(target.scale, following)
     return RobotProblem(
         numbers=numbers,
         flow=Flow(tree, some.start, some.forces, some.length),
@@ -289,18 +282,15 @@ def problem_of(
     )
 
 
-def _apart(run: FollowersRun, check: RobotTask) -> tuple[Array, Array]:
-    """Return engine - reference and its uncertainty, in the equations' order; followers last."""
-    way = run.way
-    limit, samples = way.found.limit, way.samples
-    apart = (limit.value - samples.end) / way.scale
+def _apart(run: FollowersRun) -> tuple[Array, Array]:
+    """Return engine - reference and its uncertainty; followers last."""
+    limit, target = run.way.limits.limit, run.task.target
+    apart = (limit.value - target.samples.end) / target.scale
     largest = np.max(np.abs(apart))
-    uncertain = np.where(np.isfinite(limit.uncertainty), limit.uncertainty / way.scale, largest)
-    uncertainty = np.maximum(uncertain + samples.bound / way.scale, EPSILON)
-    order = [way.names.index(name) for name in check.names]
-    both = [*order, *(len(order) + i for i in order)]
-    off, off_uncertainty = run.apart(replace(check, samples=some_of(check.samples)))
+    uncertain = np.where(np.isfinite(limit.uncertainty), limit.uncertainty / target.scale, largest)
+    uncertainty = np.maximum(uncertain + target.samples.bound / target.scale, EPSILON)
+    off, off_uncertainty = run.apart()
     return (
-        np.concatenate([apart[:, both], off], axis=1),
-        np.concatenate([uncertainty[:, both], off_uncertainty], axis=1).ravel(),
+        np.concatenate([apart, off], axis=1),
+        np.concatenate([uncertainty, off_uncertainty], axis=1).ravel(),
     )

@@ -5,12 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.case import load
-from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.corrected import causes, correct_motion
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
@@ -23,45 +21,17 @@ from physics_crosscheck.harness.diagnosis.samples import (
     sample_segments,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.system import System
-from physics_crosscheck.reference.solving.motion import Motion
-from physics_crosscheck.reference.solving.variants import Variants
 
 RECORDED = 8
 """Maximum number of explanations in the record."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DiagnosisTask:
-    """Input of a worker that diagnoses one model in one engine."""
-
-    system: System
-    sidecar: Sidecar
-    engine: str
-    motions: Mapping[str, Motion]
-    scales: Mapping[str, Array]
-    variants: Variants
-
-
-def diagnosis_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> DiagnosisTask:
-    """Build the input of a diagnosis from the prepared system."""
-    return DiagnosisTask(
-        system=prepared.system,
-        sidecar=sidecar,
-        engine=engine,
-        motions=prepared.motions,
-        scales=prepared.scales,
-        variants=prepared.variants,
-    )
-
-
-def diagnose_model(task: DiagnosisTask) -> Diagnosis:
+def diagnose_model(task: SystemTask) -> Diagnosis:
     """Find the cause of a model's discrepancy, from its motions alone.
 
     A degree of freedom that the equations lack has no value to fit. It is named if no cause
@@ -77,7 +47,7 @@ def diagnose_model(task: DiagnosisTask) -> Diagnosis:
         free: tuple[str, ...] = ()
         if not ranking.explained:
             free = freedoms(whole.model, whole.coordinates, whole.samples)
-        corrected = correct_motion(whole, task.motions, ranking)
+        corrected = correct_motion(whole, task.target.motions, ranking)
     if free:
         return Diagnosis(
             failure=(
@@ -100,7 +70,7 @@ def explanation(fit: Fit) -> Explanation:
     return Explanation(causes=causes(fit), remaining=fit.remaining, tied_with=fit.tied_with)
 
 
-def ranked(task: DiagnosisTask) -> Ranking:
+def ranked(task: SystemTask) -> Ranking:
     """Rank all fits, without a corrected motion."""
     with trial_model(task) as (trial, uncertainty):
         return diagnose(trial, uncertainty)
@@ -108,7 +78,7 @@ def ranked(task: DiagnosisTask) -> Ranking:
 
 @contextmanager
 def trial_model(
-    task: DiagnosisTask, known_slopes: Mapping[CauseId, Array] | None = None
+    task: SystemTask, known_slopes: Mapping[CauseId, Array] | None = None
 ) -> Iterator[tuple[TrialModel, Array]]:
     """Yield a model to try in an engine, with the uncertainty of its end states.
 
@@ -117,23 +87,25 @@ def trial_model(
         known_slopes: slopes of literals, if known from a similar model.
     """
     engine = engines()[task.engine]
-    model, coordinates = load(task.system, task.sidecar, task.engine)
-    samples = sample_segments(task.motions, task.scales)
+    model, coordinates = task.load()
+    samples = sample_segments(task.target.motions, task.target.scales)
     ends, uncertainty = engine_ends(model, coordinates, samples)
     # Where no limit is known, the error may be as large as the largest discrepancy.
     largest = np.max(np.abs(ends - reference_ends(samples)))
     uncertainty = np.where(np.isfinite(uncertainty), uncertainty, largest)
     # Add the reference's error bound and rounding error, as in the verdict.
-    bounds = [np.tile(task.motions[s.scenario].bound / s.scale, len(s.t)) for s in samples]
+    bounds = [np.tile(task.target.motions[s.scenario].bound / s.scale, len(s.t)) for s in samples]
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
-    candidates = everything(task.system, task.sidecar, model, coordinates, task.variants)
+    candidates = everything(
+        task.target.system, task.declared, model, coordinates, task.target.variants
+    )
     with scratch() as folder:
         trial = TrialModel(
-            sidecar=task.sidecar,
+            sidecar=task.declared,
             engine=engine,
             model=model,
             coordinates=coordinates,
-            variants=task.variants,
+            variants=task.target.variants,
             samples=samples,
             ends=ends,
             candidates=candidates,

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.checks.poses import check_poses
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
-from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, trial_model
+from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.quote import original_paths
@@ -44,7 +44,7 @@ class MutationTask:
         fault: the fault to plant.
     """
 
-    model: DiagnosisTask
+    model: SystemTask
     survey: Survey
     fault: Mistake
 
@@ -60,11 +60,11 @@ def mutated(task: MutationTask) -> Mutation:
     """Plant a fault in one model, and judge it."""
     began = time.process_time()
     with scratch() as copies:
-        sidecar = task.fault.edit.made(task.model.sidecar, task.model.engine, copies)
+        sidecar = task.fault.edit.made(task.model.declared, task.model.engine, copies)
         try:
-            row = _judged(task, replace(task.model, sidecar=sidecar))
+            row = _judged(task, task.model.with_sidecar(sidecar))
         except (EngineError, BlownUpError) as error:
-            folder = task.model.sidecar.model.parent
+            folder = task.model.declared.model.parent
             row = refused(task, original_paths(str(error), copies, folder))
     return msgspec.structs.replace(row, seconds=time.process_time() - began)
 
@@ -74,7 +74,7 @@ def refused(task: MutationTask, reason: str) -> Mutation:
     return _row(task, FaultVerdict.REFUSED, float("inf"), reason)
 
 
-def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
+def _judged(task: MutationTask, wrong: SystemTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
     sound, fault = task.survey, task.fault
     with trial_model(wrong, _near(task)) as (whole, uncertainty):
@@ -99,12 +99,14 @@ def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
         return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNTESTED else row
 
 
-def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutation:
+def _in_frames(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation:
     """Build the row of a fault that no motion shows: caught if a body is displaced."""
-    model, coordinates = load(wrong.system, wrong.sidecar, wrong.engine)
-    n = len(wrong.system.q)
-    reached = np.concatenate([motion.start[:, :n] for motion in wrong.motions.values()])
-    findings = check_poses(wrong.system, wrong.sidecar, model, coordinates, reached).findings
+    model, coordinates = wrong.load()
+    n = len(wrong.target.system.q)
+    reached = np.concatenate([motion.start[:, :n] for motion in wrong.target.motions.values()])
+    findings = check_poses(
+        wrong.target.system, wrong.declared, model, coordinates, reached
+    ).findings
     if not findings:
         return row
     message = "; ".join(one.message for one in findings)
@@ -147,8 +149,8 @@ def _row(
     if task.kind is FaultKind.LITERAL:
         share = float(survey.first_caught[survey.addresses.index(fault.location)])
     return Mutation(
-        system=model.system.name,
-        model=model.sidecar.model.name,
+        system=model.target.system.name,
+        model=model.declared.model.name,
         engine=model.engine,
         kind=task.kind,
         name=fault.name,
@@ -191,7 +193,7 @@ def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
     address = task.fault.location
     if task.kind is not FaultKind.LITERAL:
         return None
-    literals = bindings(task.model.system, task.model.sidecar)
+    literals = bindings(task.model.target.system, task.model.declared)
     value = next(b.value for b in literals if b.address == address)
     wrong = task.fault.edit.literals[address]
     cause = CauseId(kind="literal", subject=(address,))
@@ -200,16 +202,16 @@ def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
     return None if fit is None else number(abs(fit.estimates[0] - value) / abs(wrong - value))
 
 
-def _global_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
+def _global_errors(before: SystemTask, after: SystemTask) -> str:
     """Format the errors of full runs at the file's own time step, before and after the fault.
 
     The scenario with the least motion is used. With large motions, two time steps may end anywhere.
     """
-    motion = min(before.motions.values(), key=lambda m: float(np.max(m.amplitude)))
-    n = len(before.system.q)
+    motion = min(before.target.motions.values(), key=lambda m: float(np.max(m.amplitude)))
+    n = len(before.target.system.q)
     errors = []
     for task in (before, after):
-        model, coordinates = load(task.system, task.sidecar, task.engine)
+        model, coordinates = task.load()
         t, states = follow(model, coordinates, motion, model.step)
         off = np.abs(states - motion.states_at(t))[:, :n]
         error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))

@@ -15,10 +15,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
-from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
-from physics_crosscheck.harness.checks.prepare import Prepared
-from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot
-from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -29,9 +27,10 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
+    model_path,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.mutation.judge import RESOLUTION, MutationTask, mutated, refused
+from physics_crosscheck.harness.mutation.judge import MutationTask, mutated, refused
 from physics_crosscheck.harness.mutation.survey import MutationError, Survey, survey
 from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from physics_crosscheck.harness.records.mutation import Mutation
@@ -69,10 +68,9 @@ def mutate(
             file is sound if it agrees with its equations in one engine.
     """
     plan = _Plan(only, progress, choice)
-    prepare = partial(prepare_robot, floating=floating, model=model)
+    preparing = partial(prepare, described=False, floating=floating, model=model)
     with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
-        jobs = (plan.folder(one) if one.is_dir() else plan.robot(one, prepare) for one in targets)
-        work(jobs, pool)
+        work((plan.target(one, preparing) for one in targets), pool)
     for sentence in plan.unsound_engines():
         warn(sentence)
     return plan.sorted()
@@ -115,49 +113,35 @@ class _Plan:
                 raise MutationError(reasons[0])
         return [*chain.from_iterable(self.unsound.values())]
 
-    def robot(self, file: Path, prepare: Callable[[Path], PreparedRobot]) -> Job[PreparedRobot]:
-        """Read a robot file, then survey it in every engine."""
+    def target(
+        self, place: Path, prepare: Callable[[Path], PreparedSystem | PreparedTree]
+    ) -> Job[PreparedSystem | PreparedTree]:
+        """Prepare a folder or a robot file, then survey its models."""
         self.unknown += 1
-        return Job(task=Task(prepare, file), done=self._engines, failed=partial(_unsound, file))
+        file = place if place.is_file() else place / "system.py"
+        return Job(task=Task(prepare, place), done=self._surveys, failed=partial(_unsound, file))
 
-    def _engines(self, robot: PreparedRobot) -> Iterator[Job[Any]]:
+    def _surveys(self, prepared: PreparedSystem | PreparedTree) -> Iterator[Job[Any]]:
         self.unknown -= 1
-        for engine in _installed(chosen_engines(robot.file, self.only)):
+        standalone = prepared.place.is_file()
+        for file, engine in self._pairs(prepared.place):
             self.unknown += 1
-            yield Job(
-                task=Task(faults_of, robot.task(engine, RESOLUTION)),
-                done=partial(self._robot_faults, robot.file),
-                failed=partial(self._robot_unsound, robot.file),
-            )
-
-    def _robot_faults(self, file: Path, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
-        self.sound.add(file)
-        return self._tree_faults(faults)
+            path, sidecar = model_path(file), file if isinstance(file, Sidecar) else None
+            unsound = partial(self._robot_unsound if standalone else _unsound, path)
+            if isinstance(prepared, PreparedTree):
+                tree = model_task(prepared, engine, sidecar)
+                done = partial(self._tree_faults, path)
+                yield Job(task=Task(faults_of, tree), done=done, failed=unsound)
+            else:
+                task = model_task(prepared, engine, sidecar)
+                yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
 
     def _robot_unsound(self, file: Path, failure: Failure) -> tuple[()]:
         self.unknown -= 1
         self.unsound.setdefault(file, []).append(failure.about(file))
         return ()
 
-    def folder(self, folder: Path) -> Job[Prepared | PreparedTree]:
-        """Prepare a folder, then survey its models."""
-        self.unknown += 1
-        unsound = partial(_unsound, folder / "system.py")
-        preparing = partial(prepare_folder, described=False)
-        return Job(task=Task(preparing, folder), done=self._surveys, failed=unsound)
-
-    def _surveys(self, prepared: Prepared | PreparedTree) -> Iterator[Job[Any]]:
-        self.unknown -= 1
-        if isinstance(prepared, PreparedTree):
-            yield from self._of_tree(prepared)
-            return
-        for sidecar, engine in self._pairs(prepared.folder):
-            task = diagnosis_task(prepared, sidecar, engine)
-            self.unknown += 1
-            unsound = partial(_unsound, task.sidecar.model)
-            yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
-
-    def _faults(self, model: DiagnosisTask, survey: Survey) -> Iterator[Job[Mutation]]:
+    def _faults(self, model: SystemTask, survey: Survey) -> Iterator[Job[Mutation]]:
         self.unknown -= 1
         for fault in survey.faults:
             # Sent once for each fault, so drop the other faults.
@@ -169,16 +153,8 @@ class _Plan:
             )
             self.known += 1
 
-    def _of_tree(self, prepared: PreparedTree) -> Iterator[Job[Any]]:
-        for sidecar, engine in self._pairs(prepared.folder):
-            self.unknown += 1
-            yield Job(
-                task=Task(faults_of, prepared.task(sidecar, engine, RESOLUTION)),
-                done=self._tree_faults,
-                failed=partial(_unsound, sidecar.model),
-            )
-
-    def _tree_faults(self, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+    def _tree_faults(self, file: Path, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+        self.sound.add(file)
         self.unknown -= 1
         for fault in faults:
             yield Job(
@@ -195,13 +171,14 @@ class _Plan:
         """Treat an engine that crashes on a number as one that refuses it."""
         return self._row(place, refused(task, failure.reason))
 
-    def _pairs(self, folder: Path) -> Iterator[tuple[Sidecar, str]]:
-        """Yield the chosen models of a folder with every installed engine."""
-        for file in model_files(folder):
+    def _pairs(self, place: Path) -> Iterator[tuple[Sidecar | Path, str]]:
+        """Yield a robot file, or the chosen models of a folder, with every installed engine."""
+        for file in [place] if place.is_file() else model_files(place):
             if isinstance(file, UnreadModel):
                 raise MutationError(file.reason)
             for engine in _installed(chosen_engines(file, self.only)):
-                if self.choice.includes_model(str(folder), file.model.name, engine):
+                name = model_path(file).name
+                if place.is_file() or self.choice.includes_model(str(place), name, engine):
                     yield file, engine
 
     def _row(self, place: int, row: Mutation) -> tuple[()]:

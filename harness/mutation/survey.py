@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, trial_model
+from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.mutation.faults import literal_faults
 from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject, known_mistakes
@@ -37,18 +38,18 @@ class Survey:
     faults: tuple[Mistake, ...]
 
 
-def survey(task: DiagnosisTask) -> Survey:
+def survey(task: SystemTask) -> Survey:
     """Measure the effect of a small change of every literal, and collect the possible faults.
 
     Raises:
         MutationError: for a model that is not sound.
     """
-    literals = bindings(task.system, task.sidecar)
+    literals = bindings(task.target.system, task.declared)
     with trial_model(task) as (whole, uncertainty):
         wrong = float(np.max(np.abs(whole.defect({})) - uncertainty))
         if wrong > 0:
             raise MutationError(
-                f"{task.sidecar.model}: it differs from its equations already in {task.engine}; to"
+                f"{task.declared.model}: it differs from its equations already in {task.engine}; to"
                 " show what would be caught it must be right: see `crosscheck run`"
             )
         bound = tuple(s for s in whole.candidates if s.hypothesis.id.kind == "literal")

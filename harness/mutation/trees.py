@@ -7,20 +7,15 @@ motions are run. Known mistakes are not planted: they need declared energies.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from physics_crosscheck.harness.checks.robot_case import run_robot
-from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
-from physics_crosscheck.harness.diagnosis.robot_task import (
-    RobotDiagnosisTask,
-    problem_of,
-    ranked,
-    some_of,
-)
+from physics_crosscheck.harness.diagnosis.robot_task import at_some, problem_of, ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
@@ -54,7 +49,7 @@ class TreeFault:
         uncertainty: relative uncertainty of the ends of the sound model's segments.
     """
 
-    model: RobotTask
+    model: TreeTask
     index: int
     size: str
     first_seen: float
@@ -66,22 +61,22 @@ class TreeFault:
         return SIZES[self.size] - 1
 
 
-def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
+def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
     """Return all faults of a model: three for each number that may affect the bodies.
 
     Raises:
         MutationError: for a model that is not sound.
         RobotError, EngineError, BlownUpError: naming the model that cannot run.
     """
-    task = replace(task, samples=some_of(task.samples))
-    case = run_robot(task)
+    task = at_some(task)
+    case = run_case(task)
     if case.outcome is not Outcome.AGREES or case.verdict is None:
         raise MutationError(
             f"{task.file}: it does not agree with its equations in {task.engine}; to show what"
             " would be caught it must be right: see `crosscheck run`"
         )
     uncertainty = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
-    numbers = robot_numbers(task.file, task.settings)
+    numbers = robot_numbers(task.file, task.spec.settings)
     problem = problem_of(task, numbers, is_reference=False)
     return tuple(
         TreeFault(
@@ -115,7 +110,7 @@ def _first(slope: Array | None, size: float, uncertainty: float) -> float:
 def mutated_tree(fault: TreeFault) -> Mutation:
     """Plant one wrong number in a model, and judge it."""
     began = time.process_time()
-    numbers = robot_numbers(fault.model.file, fault.model.settings)
+    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
     entry = numbers.numerals[fault.index]
     value = entry.value + fault.share * _size(entry)
     row = _row(fault, entry.address, FaultVerdict.UNTESTED)
@@ -123,7 +118,7 @@ def mutated_tree(fault: TreeFault) -> Mutation:
         with scratch() as copies:
             copy = copy_with_texts(fault.model.file, numbers.texts({fault.index: value}), copies)
             try:
-                row = _judged(fault, entry, value, replace(fault.model, file=copy))
+                row = _judged(fault, entry, value, fault.model.with_file(copy))
             except (EngineError, BlownUpError) as error:
                 row = _row(fault, entry.address, FaultVerdict.REFUSED, str(error))
             message = original_paths(row.message, copy.parent, fault.model.file.parent)
@@ -133,18 +128,20 @@ def mutated_tree(fault: TreeFault) -> Mutation:
 
 def died(fault: TreeFault, reason: str) -> Mutation:
     """Build the row of a fault that the engine does not run."""
-    numbers = robot_numbers(fault.model.file, fault.model.settings)
+    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
     return _row(fault, numbers.numerals[fault.index].address, FaultVerdict.REFUSED, reason)
 
 
-def _judged(fault: TreeFault, entry: Number, value: float, wrong: RobotTask) -> Mutation:
+def _judged(fault: TreeFault, entry: Number, value: float, wrong: TreeTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
-    case = run_robot(wrong)
+    case = run_case(wrong)
+    if case.outcome is Outcome.REFUSED:
+        return _row(fault, entry.address, FaultVerdict.REFUSED, case.reason)
     size = None if case.verdict is None else case.verdict.largest_discrepancy
     if case.outcome is not Outcome.DIFFERS:
         verdict = FaultVerdict.UNTESTED if _is_faint(fault, value) else FaultVerdict.MISSED
         return _row(fault, entry.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
-    ranking = ranked(RobotDiagnosisTask(task=wrong, is_reference=False))
+    ranking = ranked(wrong, is_reference=False)
     if not ranking.fits:
         return _row(fault, entry.address, FaultVerdict.CAUGHT, "", size)
     first, cause = ranking.fits[0], CauseId(kind="literal", subject=(entry.address,))
@@ -164,7 +161,7 @@ def _is_faint(fault: TreeFault, value: float) -> bool:
     """
     if fault.share < SHOWN * fault.first_seen:
         return True
-    numbers = robot_numbers(fault.model.file, fault.model.settings)
+    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
     tree = numbers.tree({fault.index: value})
     if tree is None:
         return False
@@ -183,7 +180,7 @@ def _row(
     size: float | None = None,
 ) -> Mutation:
     return Mutation(
-        system=fault.model.robot,
+        system=fault.model.target.record.name,
         model=fault.model.file.name,
         engine=fault.model.engine,
         kind=FaultKind.LITERAL,

@@ -32,14 +32,14 @@ from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
-from physics_crosscheck.harness.planning.prepared import FolderFacts, RobotFacts
+from physics_crosscheck.harness.planning.prepared import Facts
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
-from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization
-from physics_crosscheck.harness.records.survey import Audit, FileSurvey
+from physics_crosscheck.harness.records.survey import Audit
 from physics_crosscheck.harness.records.write import write_whole
 
 LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
@@ -52,20 +52,18 @@ SECONDS_A_DAY = 86_400.0
 
 
 KINDS: Mapping[str, Any] = {
-    "folder": FolderFacts,
-    "robot": RobotFacts,
+    "target": Facts,
     "case": Case,
     "linearizations": tuple[EngineLinearization, ...],
     "coverage": Coverage,
     "diagnosis": Diagnosis,
     "audit": Audit,
-    "survey": FileSurvey,
     "measurement": Measurement,
 }
 """Result type of each kind of task."""
 
 
-class Piece(Record, frozen=True, kw_only=True):
+class CacheKey(Record, frozen=True, kw_only=True):
     """The key of a cached result: a task, and the hash of its dependencies.
 
     Attributes:
@@ -85,7 +83,7 @@ class Piece(Record, frozen=True, kw_only=True):
 class _Entry(Record, frozen=True, kw_only=True):
     """A cache file: the key, the states of the files that were read, and the value."""
 
-    piece: Piece
+    key: CacheKey
     reads: dict[str, str]
     value: msgspec.Raw
 
@@ -108,7 +106,7 @@ class Cache:
                 write_whole(place / ".gitignore", "*\n")
             self._prune()
 
-    def find(self, key: Piece) -> Any | None:
+    def find(self, key: CacheKey) -> Any | None:
         """Return the cached value if its dependencies are unchanged, otherwise None."""
         path = self._path(key)
         if not key.inputs:
@@ -117,14 +115,14 @@ class Cache:
             OSError, msgspec.MsgspecError, RecursionError, UnicodeDecodeError, ValueError
         ):
             entry = msgspec.json.decode(path.read_bytes(), type=_Entry)
-            if entry.piece != key or not _as_they_were(Path(key.folder), entry.reads):
+            if entry.key != key or not _as_they_were(Path(key.folder), entry.reads):
                 return None
             value = msgspec.json.decode(entry.value, type=KINDS[key.kind])
             os.utime(path)
             return value
         return None
 
-    def keep(self, key: Piece, value: Any, reads: Mapping[str, str]) -> None:
+    def keep(self, key: CacheKey, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value; the run continues if that fails.
 
         Args:
@@ -136,13 +134,13 @@ class Cache:
             return
         if UNREADABLE in reads.values():
             return
-        entry = _Entry(piece=key, reads=dict(reads), value=msgspec.Raw(msgspec.json.encode(value)))
+        entry = _Entry(key=key, reads=dict(reads), value=msgspec.Raw(msgspec.json.encode(value)))
         with self._writing():
             path = self._path(key)
             path.parent.mkdir(exist_ok=True)
             write_whole(path, msgspec.json.encode(entry).decode())
 
-    def _path(self, key: Piece) -> Path:
+    def _path(self, key: CacheKey) -> Path:
         name = hashlib.sha256(msgspec.json.encode(key)).hexdigest()
         return self._place / name[:2] / f"{name[2:]}.json"
 
@@ -170,28 +168,17 @@ def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
     return states_now(folder, reads) == dict(reads)
 
 
-def piece_of_folder(folder: Path, *, described: bool, motion: float = 0.0) -> Piece:
-    """Return the key of a folder's preparation; without `described` it has no derivation."""
+def key_of_folder(folder: Path, options: Mapping[str, object]) -> CacheKey:
+    """Return the key of a folder's preparation, with its options."""
     try:
-        folder_hash = f"{folder_files(folder).system} {described} {motion!r} {_surroundings()}"
+        dependencies = (folder_files(folder).system, options, _surroundings())
+        folder_hash = digest_of(msgspec.json.encode(dependencies))
     except OSError:
         folder_hash = ""
-    return Piece(
-        kind="folder", folder=str(folder), inputs=folder_hash and digest_of(folder_hash.encode())
-    )
+    return CacheKey(kind="target", folder=str(folder), inputs=folder_hash)
 
 
-def models_inputs(hashes: Mapping[ModelKey, str], motion: float = 0.0) -> dict[ModelKey, str]:
-    """Extend the hashes of models in engines from `harness.baseline.inputs` with the options of a
-    run.
-    """
-    return {
-        key: digest_of(f"{one} {motion!r} {_surroundings()} {_adapter(key[-1])}".encode())
-        for key, one in hashes.items()
-    }
-
-
-def piece_of_robot(file: Path, options: Mapping[str, object]) -> Piece:
+def key_of_file(file: Path, options: Mapping[str, object]) -> CacheKey:
     """Return the key of a robot file's preparation, with its options and all files that it
     names.
     """
@@ -201,10 +188,19 @@ def piece_of_robot(file: Path, options: Mapping[str, object]) -> Piece:
         file_hash = digest_of(msgspec.json.encode(dependencies))
     except OSError:
         file_hash = ""
-    return Piece(kind="robot", folder=str(file), inputs=file_hash)
+    return CacheKey(kind="target", folder=str(file), inputs=file_hash)
 
 
-def robot_inputs(prepared: Piece, engine: str, resolution: float) -> str:
+def with_surroundings(model_hash: str, engine: str, motion: float) -> str:
+    """Extend the hash of a folder's model, from `harness.baseline.inputs`, with what else affects
+    it.
+    """
+    return model_hash and digest_of(
+        f"{model_hash} {motion!r} {_surroundings()} {_adapter(engine)}".encode()
+    )
+
+
+def file_in_engine(prepared: CacheKey, engine: str, resolution: float) -> str:
     """Return the hash of a robot file in an engine, based on its preparation; "" if unknown."""
     file_hash = prepared.inputs
     return file_hash and digest_of(

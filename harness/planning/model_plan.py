@@ -1,99 +1,163 @@
-"""Plan of a model file in an engine: its record, and the jobs that all kinds of folders share."""
+"""Plan of a model file in an engine: its record, and its jobs."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.checks.not_run import barred_case, hurdle
-from physics_crosscheck.harness.engines.protocol import Engine
+from msgspec import structs
+
+from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.model_files import model_path
 from physics_crosscheck.harness.modelfiles.reading import read_regular
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.folder_plan import FolderWork
 from physics_crosscheck.harness.planning.result_builder import Jobs
-from physics_crosscheck.harness.planning.target_plan import Done, Failed
-from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.planning.target_plan import Done, Failed, TargetPlan
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.survey import Audit
 
 
-class ModelPlan(ABC):
-    """The jobs of a model in an engine.
+class ModelPlan:
+    """The jobs of a model in an engine: cases, measurements, coverage, audit and diagnosis.
 
     Args:
-        folder_plan: plan of its folder.
-        adapters: all engines.
-        sidecar: the model.
+        target: plan of its folder, or of the file.
+        file: the sidecar of a folder's model, or the robot file.
         engine: name of the engine.
         cases: cases to run.
     """
 
     def __init__(
-        self,
-        folder_plan: FolderWork,
-        adapters: Mapping[str, Engine],
-        sidecar: Sidecar,
-        engine: str,
-        cases: Sequence[CaseId],
+        self, target: TargetPlan, file: Sidecar | Path, engine: str, cases: Sequence[CaseId]
     ) -> None:
-        self.work, self.sidecar, self.engine, self.cases = folder_plan, sidecar, engine, cases
-        self.folder, self.options = str(folder_plan.place), folder_plan.options
-        self.key = self.folder, sidecar.model.name, engine
-        self._engines = adapters
-
-    def jobs(self) -> Iterator[Job[Any]]:
-        """Yield all jobs; report a model that cannot run at once."""
-        if why := hurdle(self._engines, self.engine, self.sidecar):
-            for case in self.cases:
-                self.work.found.add(barred_case(case, self.folder, why))
-            return
-        yield from self._jobs()
-
-    def audit(self) -> Iterator[Job[Any]]:
-        """Yield only the audit."""
-        self.begin()
-        yield from self._audit()
-
-    @abstractmethod
-    def _jobs(self) -> Iterator[Job[Any]]:
-        """Yield the jobs of a model that can run."""
-
-    @abstractmethod
-    def _audit(self) -> Iterator[Job[Any]]:
-        """Yield the jobs that read the file without a motion."""
+        self._target, self._results, self._options = target, target.results, target.options
+        self._sidecar = file if isinstance(file, Sidecar) else None
+        self._file, self._cases = model_path(file), cases
+        self._folder, self._left = str(target.place), len(cases)
+        self.key: ModelKey = self._folder, self._file.name, engine
 
     def begin(self) -> None:
-        """Add the model to the results with the texts of its file and its sidecar, without
-        findings.
-        """
-        file = self.sidecar.model
-        self.work.found.models[self.key] = Model(
-            system=self.work.facts.record.name,
-            model=file.name,
-            engine=self.engine,
-            folder=self.folder,
-            text=text_of(file),
-            sidecar=text_of(file.with_name(f"{file.name}.toml")),
+        """Add the model to the results with the texts of its file and its sidecar."""
+        facts, alone = self._target.facts, self._sidecar is None
+        self._results.models[self.key] = Model(
+            system=facts.record.name,
+            model=self._file.name,
+            engine=self.key[-1],
+            folder=self._folder,
+            text=text_of(self._file),
+            sidecar="" if alone else text_of(self._file.with_name(f"{self._file.name}.toml")),
+            audit=facts.findings if alone else None,
+            coverage=Coverage(left_out=facts.left_out) if alone else None,
         )
+
+    def jobs(self, coverage_of: Sequence[ModelKey]) -> Iterator[Job[Any]]:
+        """Yield all jobs of a model that has begun.
+
+        Args:
+            coverage_of: models whose numbers are counted with this one's; may be empty.
+        """
+        for case in self._cases:
+            yield from self._case(case)
+            if self._sidecar is not None:
+                yield from self._target.measure(case, self._sidecar)
+        if self._options.described and self._target.facts.declares == "energies":
+            yield from self._linearizations()
+        if coverage_of and self._options.selection is None:
+            yield from self._coverage(coverage_of)
+        yield from self.audit()
+
+    def _case(self, case: CaseId) -> Iterator[Job[Any]]:
+
+        def done(value: Case) -> Iterator[Job[Any]]:
+            # A robot file that the engine refuses has nothing to measure.
+            if self._sidecar is None and value.outcome is not Outcome.REFUSED:
+                yield from self._target.measure(case, None)
+            yield from self._ended(value)
+
+        def failed(failure: Failure) -> Jobs:
+            return self._ended(failed_case(case, self._folder, failure))
+
+        return self._do("case", done, failed, scenario=case.scenario)
+
+    def _ended(self, case: Case) -> Iterator[Job[Any]]:
+        """Add a case; after the last one, diagnose the model if any of them differs."""
+        self._results.add(case)
+        self._left -= 1
+        mine = [c for c in self._results.cases if c.key == self.key]
+        differs = any(c.outcome is Outcome.DIFFERS for c in mine)
+        if self._left or not self._options.diagnosed or not differs:
+            return
+
+        def done(value: Diagnosis) -> Jobs:
+            self._results.amend(self.key, diagnosis=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Diagnosis(failure=failure.reason))
+
+        yield from self._do("diagnosis", done, failed)
+
+    def _linearizations(self) -> Iterator[Job[Any]]:
+        def done(value: tuple[EngineLinearization, ...]) -> Jobs:
+            self._results.amend(self.key, linearizations=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            self._results.amend(self.key, linearization_failure=failure.reason)
+            return ()
+
+        return self._do("linearizations", done, failed)
+
+    def audit(self) -> Iterator[Job[Any]]:
+        """Audit the file without a motion; a robot file already was when it was read."""
+        if self._sidecar is None:
+            return
+
+        def done(value: Audit) -> Jobs:
+            self._results.amend(self.key, audit=value.findings)
+            if value.poses is not None:
+                self._results.amend(self.key, poses=value.poses)
+            if self._target.facts.declares == "bodies":
+                counted = self._results.models[self.key].coverage or Coverage()
+                coverage = structs.replace(counted, left_out=value.left_out)
+                self._results.amend(self.key, coverage=coverage)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            self._results.amend(self.key, audit_failure=failure.reason)
+            return ()
+
+        yield from self._do("audit", done, failed)
+
+    def _coverage(self, models: Sequence[ModelKey]) -> Iterator[Job[Any]]:
+        """Count the numbers of the file; what is left out is known from reading it."""
+
+        def done(value: Coverage) -> Jobs:
+            for key in models:
+                counted = self._results.models[key].coverage or Coverage()
+                coverage = structs.replace(value, left_out=counted.left_out)
+                self._results.amend(key, coverage=coverage)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Coverage(note=failure.reason))
+
+        return self._do("coverage", done, failed)
 
     def _do(
         self, kind: str, done: Done, failed: Failed, *, scenario: str = ""
     ) -> Iterator[Job[Any]]:
         """Yield the job of one kind of task, unless its value is cached."""
-        return self.work.do(kind, self.key, done, failed, sidecar=self.sidecar, scenario=scenario)
-
-    def diagnosed(self, value: Diagnosis) -> Jobs:
-        """Add a diagnosis to the model's record."""
-        self.work.found.amend(self.key, diagnosis=value)
-        return ()
-
-    def undiagnosed(self, failure: Failure) -> Jobs:
-        """Add the reason for a missing diagnosis to the model's record."""
-        return self.diagnosed(Diagnosis(failure=failure.reason))
+        return self._target.do(
+            kind, self.key, done, failed, sidecar=self._sidecar, scenario=scenario
+        )
 
 
 def text_of(path: Path) -> str:

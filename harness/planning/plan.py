@@ -1,33 +1,40 @@
-"""Jobs of a run's system folders, their follow-up jobs, and their combined results.
-
-A folder yields the jobs of its models. The last case of a model yields its diagnosis, if a case
-differs.
-"""
+"""Jobs of a run: each target yields the jobs of its models in their engines."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.baseline.known import Accepted
-from physics_crosscheck.harness.checks.not_run import failed_case
-from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.checks.not_run import (
+    barred_case,
+    cannot_run,
+    failed_case,
+    not_of_a_tree,
+)
+from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
+    model_path,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.bodies_plan import BodiesModel
-from physics_crosscheck.harness.planning.energies_plan import EnergiesModel
-from physics_crosscheck.harness.planning.folder_plan import FolderWork
+from physics_crosscheck.harness.planning.model_plan import ModelPlan
 from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.result_builder import Collected, stand_in
+from physics_crosscheck.harness.planning.result_builder import ResultBuilder
+from physics_crosscheck.harness.planning.target_plan import TargetPlan, stand_in
 from physics_crosscheck.harness.records.case import CaseId
+
+MJCF = ".xml"
+"""Suffix of files that their engine's own parser reads, less strictly than XML."""
+
+GIVE_XML = "write well-formed XML"
 
 
 class Plan:
@@ -39,59 +46,100 @@ class Plan:
         results: results of the jobs.
     """
 
-    def __init__(self, options: Options, before: Accepted | None, results: Collected) -> None:
-        self._options, self._before, self._found = options, before, results
+    def __init__(self, options: Options, before: Accepted | None, results: ResultBuilder) -> None:
+        self._options, self._before, self._results = options, before, results
         self._engines = engines()
 
-    def folder(self, folder: Path) -> Iterator[Job[Any]]:
-        """Prepare a folder, then run its models."""
-        self._found.expect(str(folder), [stand_in(folder)])
-        folder_plan = FolderWork(folder, self._options, self._before, self._found)
-        yield from folder_plan.begun(partial(self._models, folder_plan))
+    def readable(self, targets: Sequence[Path]) -> list[Path]:
+        """Return the folders, and the files that may be XML; the other files fail before a worker
+        process starts for them.
+        """
+        kept = []
+        for target in targets:
+            self._results.expect(str(target), [stand_in(target)])
+        for target in targets:
+            if target.is_file() and (why := xml_problem(target, strict=target.suffix != MJCF)):
+                failure = Failure(f"{why}; {GIVE_XML}", "", kind="file")
+                self._results.add(failed_case(stand_in(target), str(target), failure))
+            else:
+                kept.append(target)
+        return kept
 
-    def _models(self, folder_plan: FolderWork) -> Iterator[Job[Any]]:
+    def target(self, place: Path) -> Iterator[Job[Any]]:
+        """Prepare a folder or a robot file, then run its models."""
+        self._results.expect(str(place), [stand_in(place)])
+        plan = TargetPlan(place, self._options, self._results, self._before)
+        yield from plan.jobs(partial(self._models, plan))
+
+    def _models(self, target: TargetPlan) -> Iterator[Job[Any]]:
         """Yield the jobs of every model in every engine; report those that cannot run at once."""
-        self._found.systems.append(folder_plan.facts.record)
-        name, folder = folder_plan.facts.record.name, str(folder_plan.place)
-        files = list(model_files(folder_plan.place))
+        record, folder = target.facts.record, str(target.place)
+        self._results.systems.append(record)
+        files = [target.place] if target.standalone else list(model_files(target.place))
         unread = [
-            (CaseId(system=name, model=one.model, scenario="-", engine="-"), one.reason)
+            (CaseId(system=record.name, model=one.model, scenario="-", engine="-"), one.reason)
             for one in files
             if isinstance(one, UnreadModel)
         ]
         bad = [one for one in unread if self._options.choice.includes(folder, one[0])]
         chosen = [
-            (sidecar, engine, cases)
-            for sidecar in files
-            if isinstance(sidecar, Sidecar)
-            for engine in self._chosen(folder, sidecar)
-            if (cases := self._wanted(folder_plan, sidecar, engine))
+            (file, engine, cases)
+            for file in files
+            if not isinstance(file, UnreadModel)
+            for engine in self._chosen(folder, file)
+            if (cases := self._wanted(target, file, engine))
         ]
         awaited = [case for *_, cases in chosen for case in cases]
-        self._found.expect(folder, [*(case for case, _ in bad), *awaited])
+        self._results.expect(folder, [*(case for case, _ in bad), *awaited])
         for case, reason in bad:
-            self._found.add(failed_case(case, folder, Failure(reason, "", kind="sidecar")))
-        model = BodiesModel if folder_plan.facts.bodies else EnergiesModel
-        for sidecar, engine, cases in chosen:
-            yield from model(folder_plan, self._engines, sidecar, engine, cases).jobs()
+            self._results.add(failed_case(case, folder, Failure(reason, "", kind="sidecar")))
+        plans = [
+            ModelPlan(target, file, engine, cases)
+            for file, engine, cases in chosen
+            if self._can_run(target, file, engine, cases)
+        ]
+        for plan in plans:
+            plan.begin()
+        # The numbers of a robot file are counted by the equations, once for all engines.
+        every = [plan.key for plan in plans]
+        for i, plan in enumerate(plans):
+            counted = [plan.key] if not target.standalone else [] if i else every
+            yield from plan.jobs(counted)
 
-    def _wanted(self, folder_plan: FolderWork, sidecar: Sidecar, engine: str) -> list[CaseId]:
-        """Return the requested cases of a model in an engine, in the order of the declared
-        scenarios.
-        """
-        record = folder_plan.facts.record
+    def _can_run(
+        self, target: TargetPlan, file: Sidecar | Path, engine: str, cases: Sequence[CaseId]
+    ) -> bool:
+        """Return whether a model can run in an engine; otherwise report its cases."""
+        folder = str(target.place)
+        if why := cannot_run(self._engines, engine, file):
+            for case in cases:
+                self._results.add(barred_case(case, folder, why))
+            return False
+        bodies = target.facts.declares == "bodies"
+        if bodies and isinstance(file, Sidecar) and (reason := not_of_a_tree(file)):
+            for case in cases:
+                failure = Failure(reason, "", kind="sidecar")
+                self._results.add(failed_case(case, folder, failure))
+            return False
+        return True
+
+    def _wanted(self, target: TargetPlan, file: Sidecar | Path, engine: str) -> list[CaseId]:
+        """Return the requested cases of a model in an engine, in the order of the scenarios."""
+        record, name = target.facts.record, model_path(file).name
         cases = [
-            CaseId(system=record.name, model=sidecar.model.name, scenario=one.name, engine=engine)
+            CaseId(system=record.name, model=name, scenario=one.name, engine=engine)
             for one in record.scenarios
         ]
         choice = self._options.choice
-        return [case for case in cases if choice.includes(str(folder_plan.place), case)]
+        return [case for case in cases if choice.includes(str(target.place), case)]
 
-    def _chosen(self, folder: str, sidecar: Sidecar) -> list[str]:
+    def _chosen(self, folder: str, file: Sidecar | Path) -> list[str]:
         """Return the engines in which a model must run."""
         selection = self._options.selection
-        return [
-            engine
-            for engine in chosen_engines(sidecar, self._options.engines)
-            if selection is None or selection.includes((folder, sidecar.model.name, engine))
-        ]
+        if selection is None:
+            return chosen_engines(file, self._options.engines)
+        if isinstance(file, Path) and selection.models is not None:
+            names = [engine.name for engine in engines_reading(file.suffix)]
+        else:
+            names = chosen_engines(file, self._options.engines)
+        return [name for name in names if selection.includes((folder, model_path(file).name, name))]

@@ -1,4 +1,4 @@
-"""Prepared folders and robot files, and the arguments of the tasks that use them.
+"""Facts about prepared targets, and the arguments of the tasks that use them.
 
 Workers resolve a task by its name in `planning.tasks`, so that planning imports no equations.
 """
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, Literal
 
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import Record
@@ -20,45 +20,35 @@ from physics_crosscheck.harness.records.system import System
 TASKS = "physics_crosscheck.harness.planning.tasks"
 
 
-class FolderFacts(Record, frozen=True, kw_only=True):
-    """Facts about a prepared folder, without its equations.
+class Facts(Record, frozen=True, kw_only=True):
+    """Facts about a prepared folder or robot file, without its equations.
 
     Attributes:
-        record: the system's entry in the results.
-        bodies: whether it declares bodies instead of energies.
+        record: its entry in the results.
+        declares: what its equations come from.
         reads: states of the files that `system.py` reads, by name relative to the folder.
+        left_out: statements of a robot file that the equations omit.
+        findings: what is wrong with a robot file by reading it.
     """
 
     record: System
-    bodies: bool
+    declares: Literal["energies", "bodies", "robot file"]
     reads: dict[str, str]
-
-
-class RobotFacts(Record, frozen=True, kw_only=True):
-    """Facts about a prepared robot file, without its equations.
-
-    Attributes:
-        record: the robot's entry in the results.
-        left_out: statements of the file that the equations omit.
-        findings: non-physical inertias.
-    """
-
-    record: System
-    left_out: tuple[str, ...]
-    findings: tuple[AuditFinding, ...]
+    left_out: tuple[str, ...] = ()
+    findings: tuple[AuditFinding, ...] = ()
 
 
 @dataclass(frozen=True)
 class Preparation:
     """The facts of a folder or a file, and its solved equations, which its tasks use."""
 
-    facts: FolderFacts | RobotFacts
+    facts: Facts
     solved: object
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelTask:
-    """Arguments of a task of one model in one engine; a standalone file has no `sidecar`.
+class Arguments:
+    """Arguments of a task of one model in one engine; a robot file has no `sidecar`.
 
     Attributes:
         scenario: scenario of a case or a measurement.

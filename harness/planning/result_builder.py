@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from msgspec.structs import replace
@@ -28,7 +27,7 @@ Progress = Callable[[int, int, Case | None], None]
 
 
 @dataclass(frozen=True)
-class Interruption:
+class RunControl:
     """Control of a run: `stop` requests its end, `journal` stores results for resuming it."""
 
     stop: Stop | None = None
@@ -47,7 +46,7 @@ class _Found(TypedDict, total=False):
     diagnosis: Diagnosis
 
 
-class Collected:
+class ResultBuilder:
     """The results of a run's jobs so far, in the order of their completion.
 
     Attributes:
@@ -55,7 +54,7 @@ class Collected:
         models: models that run.
         cases: cases that are done, or cannot run.
         measured: measurements, or the reasons for their absence, by folder and case.
-        left: remaining cases by folder; a folder counts as its `system.py`.
+        left: remaining cases by target.
         cached: number of cases from earlier runs.
         reads: states of the files that each target's code read, by name relative to it.
     """
@@ -76,8 +75,8 @@ class Collected:
         return self._journal is not None
 
     def expect(self, folder: str, cases: Iterable[CaseId]) -> None:
-        """Add expected cases; the placeholder of a folder stands for them until they are known."""
-        self.left.pop((folder, stand_in(Path(folder))), None)
+        """Expect these cases of a target; a placeholder stands for them until they are known."""
+        self.forget(folder)
         self.left |= dict.fromkeys((folder, case) for case in cases)
 
     def add(self, case: Case) -> None:
@@ -96,14 +95,9 @@ class Collected:
             self._journal.keep(key, value)
 
     def forget(self, folder: str) -> None:
-        """Remove the remaining cases of a folder."""
+        """Remove the remaining cases of a target."""
         self.left = {one: None for one in self.left if one[0] != folder}
 
     def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
         """Add results to the record of a model."""
         self.models[key] = replace(self.models[key], **fields)
-
-
-def stand_in(folder: Path) -> CaseId:
-    """Return the placeholder for all cases of a folder while they are unknown."""
-    return CaseId(system=folder.name, model="system.py", scenario="-", engine="-")

@@ -5,21 +5,37 @@ A folder or a file is prepared before its cases run, and not at all if all its r
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast, get_args
+from typing import Any, get_args
 
+from msgspec import structs
+
+from physics_crosscheck.harness.baseline.inputs import inputs, with_reads_of_system
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.cache import Piece, Reading, TaskOutput, with_snapshot
+from physics_crosscheck.harness.planning.cache import (
+    CacheKey,
+    Reading,
+    TaskOutput,
+    file_in_engine,
+    key_of_file,
+    key_of_folder,
+    with_snapshot,
+    with_surroundings,
+)
 from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.prepared import ModelTask, Preparation, task_function
-from physics_crosscheck.harness.planning.result_builder import Collected, Jobs
+from physics_crosscheck.harness.planning.prepared import (
+    Arguments,
+    Facts,
+    Preparation,
+    task_function,
+)
+from physics_crosscheck.harness.planning.result_builder import Jobs, ResultBuilder
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.journal import Kind, Work
@@ -29,37 +45,48 @@ KEPT_BY_JOURNALS = frozenset(get_args(Kind))
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
 
-Facts = TypeVar("Facts")
-"""Facts about a prepared target without its equations; a record."""
 
-
-class PlaceWork(ABC, Generic[Facts]):
+class TargetPlan:
     """The plan of a run for a folder or a robot file.
 
     Args:
         place: the folder or the file.
         options: options of the run.
         results: results of the jobs.
-        key: cache key of its preparation; None: reuse nothing.
         before: accepted results, if any; their cases are measured unless a selection decides.
 
     Attributes:
         place, options, results: as given.
+        standalone: whether it is a robot file.
     """
 
     def __init__(
         self,
         place: Path,
         options: Options,
-        results: Collected,
-        key: Piece | None,
+        results: ResultBuilder,
         before: Accepted | None = None,
     ) -> None:
-        self.place, self.options, self.found = place, options, results
-        self._piece, self._cache, self._before = key, options.cache, before
+        self.place, self.options, self.results = place, options, results
+        self.standalone = place.is_file()
+        self._cache, self._before = options.cache, before
         self._facts: Facts | None = None
         self._solved: object = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
+        self._key: CacheKey | None = None
+        self._hashes: Mapping[ModelKey, str] = {}
+        if self.standalone:
+            self._reading = {**structs.asdict(options.robot(place)), "motion": options.motion}
+        else:
+            self._reading = {"described": options.described, "motion": options.motion}
+        if not results.keeps and self._cache is None:
+            return
+        # Hash everything before running anything, so that later changes do not count.
+        if self.standalone:
+            self._key = key_of_file(place, self._reading)
+        else:
+            self._key = None if self._cache is None else key_of_folder(place, self._reading)
+            self._hashes = inputs(place, options.resolution, options.baseline)
 
     @property
     def facts(self) -> Facts:
@@ -68,42 +95,11 @@ class PlaceWork(ABC, Generic[Facts]):
         return self._facts
 
     @property
-    @abstractmethod
     def stand_in(self) -> CaseId:
         """Placeholder for all its cases while they are unknown."""
+        return stand_in(self.place)
 
-    @property
-    @abstractmethod
-    def reads(self) -> Mapping[str, str]:
-        """States of the files that its code read, by name relative to the target, once known."""
-
-    @abstractmethod
-    def _preparing(self) -> Task[Any, Any]:
-        """Return the task that prepares the target."""
-
-    @abstractmethod
-    def _inputs(self, key: ModelKey) -> str:
-        """Return a hash of the dependencies of a model in an engine; "" if unknown."""
-
-    def _inputs_of_journal(self, key: ModelKey) -> str:
-        """Return the same hash with the files that the code read, which a journal does not
-        store.
-        """
-        return self._inputs(key)
-
-    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
-        """Return the journal's key of a task; None without a journal."""
-        if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
-            return None
-        inputs = self._inputs_of_journal(key)
-        folder, model, engine = key
-        what: Any = kind
-        journal_entry = Work(
-            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=inputs
-        )
-        return journal_entry if inputs else None
-
-    def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
+    def jobs(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """Yield the jobs of its models, after its preparation if needed."""
         facts = self._known_facts()
         if facts is None:
@@ -117,29 +113,33 @@ class PlaceWork(ABC, Generic[Facts]):
 
     def _know(self, facts: Facts) -> None:
         self._facts = facts
-        self.found.reads[str(self.place)] = self.reads
+        self.results.reads[str(self.place)] = facts.reads
 
     def _known_facts(self) -> Facts | None:
-        """Return the facts from earlier runs, if any."""
-        return self._had(self._piece)
+        """Return the cached facts; those with a derivation also serve if none is needed."""
+        facts: Facts | None = self._had(self._key)
+        if facts is None and self._cache is not None and self._reading.get("described") is False:
+            facts = self._had(key_of_folder(self.place, {**self._reading, "described": True}))
+        return facts
 
     def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
         def done(prepared: Preparation) -> Jobs:
             self._solved = prepared.solved
             if self._facts is None:
-                self._know(cast(Facts, prepared.facts))
-                self._keep(self._piece, self._facts, {})
+                self._know(prepared.facts)
+                self._keep(self._key, self._facts, {})
             return then()
 
-        return Job(task=self._preparing(), done=done, failed=self._unprepared)
+        task = Task(task_function("target", **self._reading), self.place)
+        return Job(task=task, done=done, failed=self._unprepared)
 
     def _resumed(self) -> Jobs:
         waiting, self._waiting = self._waiting or [], None
         return [make() for make in waiting]
 
     def _unprepared(self, failure: Failure) -> Jobs:
-        self.found.forget(str(self.place))
-        self.found.add(failed_case(self.stand_in, str(self.place), failure))
+        self.results.forget(str(self.place))
+        self.results.add(failed_case(self.stand_in, str(self.place), failure))
         return ()
 
     def do(
@@ -166,17 +166,17 @@ class PlaceWork(ABC, Generic[Facts]):
         journal_key = self._work(kind, key, scenario)
         if (
             journal_key is not None
-            and (value := self._sound(self.found.known(journal_key))) is not None
+            and (value := self._sound(self.results.known(journal_key))) is not None
         ):
             yield from done(value)
             return
-        cache_key = self._piece_of(kind, key, scenario, snapshot)
+        cache_key = self._cache_key(kind, key, scenario, snapshot)
         if (value := self._had(cache_key)) is not None:
-            self.found.cached += kind == "case"
+            self.results.cached += kind == "case"
             yield from done(value)
             return
 
-        arguments = ModelTask(
+        arguments = Arguments(
             engine=key[-1],
             resolution=self.options.resolution,
             sidecar=sidecar,
@@ -185,7 +185,7 @@ class PlaceWork(ABC, Generic[Facts]):
         )
 
         def job() -> Job[Any]:
-            task = Task(task_function(kind, task=arguments), self._solved)
+            task = Task(task_function(kind, given=arguments), self._solved)
             # The files that a model in code reads are not known in advance.
             if cache_key is not None and Path(cache_key.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument)
@@ -197,7 +197,7 @@ class PlaceWork(ABC, Generic[Facts]):
                     else (outcome, {})
                 )
                 if journal_key is not None:
-                    self.found.keep(journal_key, value)
+                    self.results.keep(journal_key, value)
                 self._keep(cache_key, value, reads)
                 return done(value)
 
@@ -208,7 +208,29 @@ class PlaceWork(ABC, Generic[Facts]):
         else:
             self._waiting.append(job)
 
-    def _had(self, key: Piece | None) -> Any | None:
+    def measure(self, case: CaseId, sidecar: Sidecar | None) -> Jobs:
+        """Measure a case, if a snapshot was accepted, or may be."""
+        source = self.options.selection or self._before
+        folder = str(self.place)
+        snapshot = None if source is None else source.snapshot(folder, case)
+        if self.options.selection is None and snapshot is None:
+            return ()
+
+        def done(value: Measurement | Failure) -> Jobs:
+            self.results.measured[folder, case] = value
+            return ()
+
+        return self.do(
+            "measurement",
+            (folder, case.model, case.engine),
+            done,
+            done,
+            sidecar=sidecar,
+            scenario=case.scenario,
+            snapshot=snapshot,
+        )
+
+    def _had(self, key: CacheKey | None) -> Any | None:
         if key is None or self._cache is None:
             return None
         return self._sound(self._cache.find(key))
@@ -219,52 +241,51 @@ class PlaceWork(ABC, Generic[Facts]):
             return None
         return value
 
-    def _keep(self, key: Piece | None, value: Any, reads: Mapping[str, str]) -> None:
+    def _keep(self, key: CacheKey | None, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value, with the files that it read in addition to those of `system.py`."""
         if key is not None and self._cache is not None:
-            self._cache.keep(key, value, merged(self.reads, reads))
+            self._cache.keep(key, value, merged(self.facts.reads, reads))
 
-    def _piece_of(
+    def _inputs(self, key: ModelKey) -> str:
+        """Return a hash of the dependencies of a model in an engine; "" if unknown."""
+        if not self.standalone:
+            return with_surroundings(self._hashes.get(key, ""), key[-1], self.options.motion)
+        assert self._key is not None  # only needed with a cache or a journal
+        return file_in_engine(self._key, key[-1], self.options.resolution)
+
+    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
+        """Return the journal's key of a task; None without a journal."""
+        if kind not in KEPT_BY_JOURNALS or not self.results.keeps:
+            return None
+        hashed = self._inputs(key)
+        if not self.standalone:  # a journal does not store which files the code read
+            hashed = with_reads_of_system(hashed, key, self.facts.reads)
+        folder, model, engine = key
+        what: Any = kind
+        journal_entry = Work(
+            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=hashed
+        )
+        return journal_entry if hashed else None
+
+    def _cache_key(
         self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
-    ) -> Piece | None:
+    ) -> CacheKey | None:
         if self._cache is None:
             return None
         folder, model, engine = key
-        inputs = self._inputs(key)
-        return Piece(
+        hashed = self._inputs(key)
+        return CacheKey(
             kind=kind,
             folder=folder,
             model=model,
             engine=engine,
             scenario=scenario,
-            inputs=with_snapshot(inputs, snapshot) if kind == "measurement" else inputs,
+            inputs=with_snapshot(hashed, snapshot) if kind == "measurement" else hashed,
         )
 
-    def snapshot(self, case: CaseId) -> Snapshot | None:
-        """Return the accepted snapshot of a case, or the one to repeat."""
-        source = self.options.selection or self._before
-        return None if source is None else source.snapshot(str(self.place), case)
 
-    def is_measured(self, case: CaseId) -> bool:
-        """Return whether a case must be measured."""
-        return self.options.selection is not None or self.snapshot(case) is not None
-
-    def measure(self, case: CaseId, sidecar: Sidecar | None = None) -> Jobs:
-        """Measure a case, if a snapshot was accepted, or may be."""
-        if not self.is_measured(case):
-            return ()
-        folder = str(self.place)
-
-        def done(value: Measurement | Failure) -> Jobs:
-            self.found.measured[folder, case] = value
-            return ()
-
-        return self.do(
-            "measurement",
-            (folder, case.model, case.engine),
-            done,
-            done,
-            sidecar=sidecar,
-            scenario=case.scenario,
-            snapshot=self.snapshot(case),
-        )
+def stand_in(place: Path) -> CaseId:
+    """Return the placeholder for all cases of a folder or robot file while they are unknown."""
+    if place.is_dir():
+        return CaseId(system=place.name, model="system.py", scenario="-", engine="-")
+    return CaseId(system=place.stem, model=place.name, scenario="-", engine="-")

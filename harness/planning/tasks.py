@@ -1,152 +1,111 @@
 """Tasks of a run: one function for each kind of `planning.cache.KINDS`, called in a worker.
 
-The kind is the function's name. Functions of a model take the prepared folder or file, and a
-`ModelTask`.
+The kind is the function's name. Functions of a model take the prepared target, and `Arguments`.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
-from physics_crosscheck.harness.baseline import measure as measure_motion
-from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
-from physics_crosscheck.harness.checks.audit import run_audit
-from physics_crosscheck.harness.checks.audit_task import AuditTask, audit_task
-from physics_crosscheck.harness.checks.case import (
-    CaseTask,
-    case_task,
-    linearization_task,
-    run_case,
-    run_linearizations,
+from physics_crosscheck.harness.baseline import measure as measuring
+from physics_crosscheck.harness.checks.audit import audit_declared, audit_file
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.prepare import (
+    Prepared,
+    PreparedSystem,
+    PreparedTree,
+    prepare,
 )
-from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder, survey_file
-from physics_crosscheck.harness.checks.prepare import Prepared
-from physics_crosscheck.harness.checks.robot_case import (
-    PreparedRobot,
-    prepare_robot,
-    run_robot,
-)
-from physics_crosscheck.harness.checks.robot_task import RobotTask
+from physics_crosscheck.harness.checks.task import ModelTask, model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_numbers
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
-from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.prepared import (
-    FolderFacts,
-    ModelTask,
-    Preparation,
-    RobotFacts,
-)
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
+from physics_crosscheck.harness.planning.prepared import Arguments, Facts, Preparation
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization
-from physics_crosscheck.harness.records.survey import Audit, FileSurvey
+from physics_crosscheck.harness.records.survey import Audit
 
-Solved = Prepared | PreparedTree | PreparedRobot
+Solved = PreparedSystem | PreparedTree
 
 
-def folder(place: Path, *, described: bool, motion: float = 0.0) -> Preparation:
-    """Derive and solve the equations of a system folder.
+def target(
+    place: Path,
+    *,
+    described: bool = False,
+    floating: bool = False,
+    model: str = "",
+    motion: float = 0.0,
+) -> Preparation:
+    """Read a system folder or a robot file, derive its equations, and solve them.
 
     Raises:
-        DeclarationError, ReferenceError: naming the error and its place.
+        DeclarationError, FileError, ReferenceError: naming the error and its place.
     """
-    solved = prepare_folder(place, described=described, motion=motion)
-    facts = FolderFacts(
-        record=solved.record,
-        bodies=isinstance(solved, PreparedTree),
-        reads=dict(solved.reads),
-    )
+    solved = prepare(place, described=described, floating=floating, model=model, motion=motion)
+    if isinstance(solved, PreparedSystem):
+        facts = Facts(record=solved.record, declares="energies", reads=dict(solved.reads))
+    else:
+        facts = Facts(
+            record=solved.record,
+            declares="robot file" if place.is_file() else "bodies",
+            reads=dict(solved.reads),
+            left_out=solved.left_out,
+            findings=solved.findings,
+        )
     return Preparation(facts, solved)
 
 
-def robot(place: Path, *, floating: bool, model: str, motion: float = 0.0) -> Preparation:
-    """Read a robot file, and solve its equations.
-
-    Raises:
-        FileError, ReferenceError: naming the error and its place.
-    """
-    solved = prepare_robot(place, floating=floating, model=model, motion=motion)
-    facts = RobotFacts(record=solved.record, left_out=solved.left_out, findings=solved.findings)
-    return Preparation(facts, solved)
-
-
-def case(solved: Solved, task: ModelTask) -> Case:
+def case(solved: Solved, given: Arguments) -> Case:
     """Run one case, and judge it."""
-    if isinstance(solved, Prepared):
-        return run_case(_case_task(solved, task))
-    return run_robot(_robot_task(solved, task))
+    return run_case(_task(solved, given))
 
 
-def measurement(solved: Solved, task: ModelTask) -> Measurement:
+def measurement(solved: Solved, given: Arguments) -> Measurement:
     """Measure the model's states, for a baseline."""
-    if isinstance(solved, Prepared):
-        measuring = measure_motion.measure_task(_case_task(solved, task), solved, task.snapshot)
-        return measure_motion.measure(measuring)
-    measured = MeasureTreeTask(
-        task=_robot_task(solved, task),
-        system=solved.system if isinstance(solved, PreparedRobot) else solved.system.tree_system,
-        accepted=task.snapshot,
-        reads={} if isinstance(solved, PreparedRobot) else solved.reads,
-    )
-    return measure_tree(measured)
+    return measuring.measure(_task(solved, given), given.snapshot)
 
 
-def diagnosis(solved: Solved, task: ModelTask) -> Diagnosis:
+def diagnosis(solved: Solved, given: Arguments) -> Diagnosis:
     """Find the numbers that explain a discrepancy."""
-    if isinstance(solved, Prepared):
-        return diagnose_model(diagnosis_task(solved, _sidecar(task), task.engine))
-    is_standalone = isinstance(solved, PreparedRobot)
-    return diagnose_robot(
-        RobotDiagnosisTask(task=_robot_task(solved, task), is_reference=is_standalone)
-    )
+    if isinstance(solved, PreparedSystem):
+        return diagnose_model(_task(solved, given))
+    return diagnose_robot(_task(solved, given), is_reference=given.sidecar is None)
 
 
-def coverage(solved: Solved, task: ModelTask) -> Coverage:
+def coverage(solved: Solved, given: Arguments) -> Coverage:
     """Count the numbers of the file that affect motions.
 
     This is separate from the audit, so that an engine that fails on a changed number does not lose
     the audit's findings.
     """
-    if isinstance(solved, Prepared):
-        return count_numbers(_audit_task(solved, task))
-    return count_robot(_robot_task(solved, task))
+    if isinstance(solved, PreparedSystem):
+        return count_numbers(_task(solved, given))
+    return count_robot(_task(solved, given))
 
 
-def linearizations(solved: Prepared, task: ModelTask) -> tuple[EngineLinearization, ...]:
+def linearizations(solved: PreparedSystem, given: Arguments) -> tuple[EngineLinearization, ...]:
     """Linearize the engine's model at every equilibrium."""
-    return run_linearizations(
-        linearization_task(solved, _sidecar(task), task.engine, task.resolution)
+    return run_linearizations(_task(solved, given))
+
+
+def audit(solved: Solved, given: Arguments) -> Audit:
+    """Compare the compiled model with declared constants; of bodies, read the file alone."""
+    if isinstance(solved, PreparedSystem):
+        return audit_declared(_task(solved, given))
+    assert given.sidecar is not None  # the findings of a robot file are among its facts
+    return audit_file(given.sidecar)
+
+
+_P = TypeVar("_P", bound=Prepared)
+
+
+def _task(solved: _P, given: Arguments) -> ModelTask[_P]:
+    return model_task(
+        solved, given.engine, given.sidecar, scenario=given.scenario, resolution=given.resolution
     )
-
-
-def audit(solved: Prepared, task: ModelTask) -> Audit:
-    """Compare the compiled model with the declared constants."""
-    return run_audit(_audit_task(solved, task))
-
-
-def survey(solved: PreparedTree, task: ModelTask) -> FileSurvey:
-    """Read the model file without its declaration, and list non-physical inertias."""
-    return survey_file(_sidecar(task))
-
-
-def _sidecar(task: ModelTask) -> Sidecar:
-    assert task.sidecar is not None  # models of a folder have a sidecar
-    return task.sidecar
-
-
-def _case_task(solved: Prepared, task: ModelTask) -> CaseTask:
-    return case_task(solved, _sidecar(task), task.engine, task.scenario, task.resolution)
-
-
-def _audit_task(solved: Prepared, task: ModelTask) -> AuditTask:
-    return audit_task(solved, _sidecar(task), task.engine, task.resolution)
-
-
-def _robot_task(solved: PreparedTree | PreparedRobot, task: ModelTask) -> RobotTask:
-    if isinstance(solved, PreparedTree):
-        return solved.task(_sidecar(task), task.engine, task.resolution)
-    return solved.task(task.engine, task.resolution)

@@ -1,4 +1,4 @@
-"""Findings without motion: an audit, or features of a file that motions do not test."""
+"""Findings without motion."""
 
 from __future__ import annotations
 
@@ -8,24 +8,14 @@ from physics_crosscheck.harness.records.poses import Poses
 
 
 class Audit(Record, frozen=True, kw_only=True):
-    """The audit of a model in a folder that declares energies.
+    """The audit of a model.
 
     Attributes:
         findings: Findings of the audit.
-        poses: Comparison of frames.
-    """
-
-    findings: tuple[AuditFinding, ...]
-    poses: Poses
-
-
-class FileSurvey(Record, frozen=True, kw_only=True):
-    """The audit of a model in a folder that declares bodies.
-
-    Attributes:
-        findings: Inertias that no rigid body can have.
+        poses: Comparison of frames; None where none can be declared.
         left_out: Features of the file that are not compared.
     """
 
     findings: tuple[AuditFinding, ...]
-    left_out: tuple[str, ...]
+    poses: Poses | None = None
+    left_out: tuple[str, ...] = ()

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.multibody import case_of, states_of
-from physics_crosscheck.harness.checks.robot_case import run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.robot_record import format_omission, settings_of
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
@@ -27,8 +28,6 @@ from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 CHECKED = 8
 """Number of states for comparing engines with the folder; most numbers have an effect in each."""
-
-RESOLUTION = 1e-9
 
 NAMED = 3
 """Maximum number of files to name among those that are not copied."""
@@ -138,19 +137,18 @@ def _run(folder: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list
     able = [one for one in default_engines(robot.file.suffix) if one.version() is not None]
     if not able:
         return {}, ["no engine that runs it is installed, so the new folder is not checked"]
-    system = load_declaration(folder)
-    assert isinstance(system, MultibodySystem)
     sidecar = read_sidecar(folder / f"{robot.file.name}.toml")
     try:
-        drawn = states_of(system, CHECKED)
+        prepared = prepare(folder, states=CHECKED)
     except ReferenceError as error:
-        raise NewError(f"{robot.file}: {error}") from None
+        why = str(error).removeprefix(f"{folder / 'system.py'}: ")
+        raise NewError(f"{robot.file}: {why}") from None
     left_out: dict[str, str] = {}
     remarks: list[str] = []
     with Workers(1) as workers:
         for engine in able:
-            task = case_of(system, drawn, folder, sidecar, engine.name, RESOLUTION)
-            case = workers.outcome(workers.submit(run_robot, task))
+            task = model_task(prepared, engine.name, sidecar)
+            case = workers.outcome(workers.submit(run_case, task))
             if isinstance(case, Failure):
                 why = left_out[engine.name] = _plain(case.reason, folder, target)
                 remarks.append(f"{engine.name} is left out: {why}")

@@ -100,46 +100,39 @@ def stepped_equations(equations: Equations) -> SteppedEquations | None:
 
 
 class SteppedBodies(Stepped):
-    """A tree of bodies with its coordinates in some order; u are generalized forces.
+    """A tree of bodies; u are generalized forces."""
 
-    Args:
-        tree: the links.
-        order: index of each coordinate among the tree's, (n,).
-    """
-
-    def __init__(self, tree: Tree, order: list[int]) -> None:
-        self._tree, self._order, self._back = SteppedTree(tree), order, np.argsort(order)
+    def __init__(self, tree: Tree) -> None:
+        self._tree = SteppedTree(tree)
 
     def velocities(self, q: Array, rate: Array) -> Array:
         """Return angular velocities for rotations, rates otherwise."""
-        return self._there(self._tree.velocities(*map(self._here, (q, rate))))
+        return self._tree.velocities(_rows(q), _rows(rate)).T
 
     def rates(self, q: Array, m: Array) -> Array:
         """Return the coordinate rates."""
-        return self._there(self._tree.rates(*map(self._here, (q, m))))
+        return self._tree.rates(_rows(q), _rows(m)).T
 
     def mass(self, q: Array) -> Array:
         """Return M, (B, n, n)."""
-        mass = np.moveaxis(self._tree.mass(self._here(q)), -1, 0)
-        return mass[:, self._order][:, :, self._order]
+        return np.moveaxis(self._tree.mass(_rows(q)), -1, 0)
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
         """Return f, (B, n)."""
-        return self._there(self._tree.force(*map(self._here, (q, m, u))))
+        return self._tree.force(_rows(q), _rows(m), _rows(u)).T
 
     def advanced(self, q: Array, m: Array, h: float) -> Array:
         """Return the positions after h seconds; each rotation has a fixed axis."""
-        return self._there(self._tree.advanced(self._here(q), self._here(m), h))
+        return self._tree.advanced(_rows(q), _rows(m), h).T
 
     def exponential_rate(self, moved: Array, m: Array) -> Array:
         """Return m by the inverse differential of the exponential map."""
-        return self._there(self._tree.exponential_rate(*map(self._here, (moved, m))))
+        return self._tree.exponential_rate(_rows(moved), _rows(m)).T
 
-    def _here(self, values: Array) -> Array:
-        return values.T[self._back]
 
-    def _there(self, values: Array) -> Array:
-        return values[self._order].T
+def _rows(values: Array) -> Array:
+    """Return values (B, n) by coordinate, (n, B), each in one piece."""
+    return np.ascontiguousarray(values.T)
 
 
 def next_states(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.audit import run_audit
-from physics_crosscheck.harness.checks.audit_task import audit_task
-from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.checks.audit import audit_declared
+from physics_crosscheck.harness.checks.prepare import PreparedSystem
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
 
@@ -16,8 +16,8 @@ MODELS = Path(__file__).parents[2] / "models"
 Look = Callable[..., tuple[AuditFinding, ...]]
 
 
-def audit(prepared: Prepared, sidecar: Sidecar, engine: str) -> tuple[AuditFinding, ...]:
-    return run_audit(audit_task(prepared, sidecar, engine)).findings
+def audit(prepared: PreparedSystem, sidecar: Sidecar, engine: str) -> tuple[AuditFinding, ...]:
+    return audit_declared(model_task(prepared, engine, sidecar)).findings
 
 
 def said(found: Iterable[AuditFinding], kind: str, severity: str = "finding") -> str:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.audit import run_audit
+from physics_crosscheck.harness.checks.audit import audit_declared
 from physics_crosscheck.harness.checks.audit_finding import source_line
-from physics_crosscheck.harness.checks.audit_task import audit_task
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.literals import declared_bindings
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
@@ -257,11 +256,11 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path: Path) -> None:
             return np.stack(places, axis=1), np.stack(speeds, axis=1)
 
     sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
-    task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
-    task = replace(task, equilibria=task.equilibria[:1])
+    task = model_task(prepared("simple_pendulum"), "mujoco", sidecar)
+    task = task.with_target(equilibria=task.target.equilibria[:1])
     model = Stiffening()
     found = list(
-        Compiled.of(task, model, coordinate_map(task.system, sidecar, ("theta",))).findings()
+        Compiled.of(task, model, coordinate_map(task.target.system, sidecar, ("theta",))).findings()
     )
     assert [f.kind for f in grave(found)] == ["acceleration"]
 
@@ -269,7 +268,7 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path: Path) -> None:
 def test_records_are_json_and_lines_are_read(look: Look, tmp_path: Path) -> None:
     look("torsional_disc", "robot.urdf", "mujoco", ('damping="', 'damping="1'))
     sidecar = read_sidecar(tmp_path / "robot.urdf.toml")
-    records = run_audit(audit_task(prepared("torsional_disc"), sidecar, "mujoco")).findings
+    records = audit_declared(model_task(prepared("torsional_disc"), "mujoco", sidecar)).findings
     read = msgspec.json.decode(msgspec.json.encode(records), type=tuple[AuditFinding, ...])
     assert read == records
     lines = audit_lines(records)
@@ -303,8 +302,8 @@ def test_what_has_no_limit_is_said_to_be_unresolved() -> None:
             return np.repeat(q[:, None], n, axis=1), rates
 
     sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
-    task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
-    map_ = coordinate_map(task.system, sidecar, ("theta",))
+    task = model_task(prepared("simple_pendulum"), "mujoco", sidecar)
+    map_ = coordinate_map(task.target.system, sidecar, ("theta",))
     model = Stepwise()
     found = list(Compiled.of(task, model, map_).findings())
     assert "can't resolve the accelerations at" in said(found, "unresolved", "note")

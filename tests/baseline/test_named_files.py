@@ -8,7 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
 from physics_crosscheck.harness.modelfiles.parts import named_files
-from physics_crosscheck.harness.planning.cache import piece_of_robot
+from physics_crosscheck.harness.planning.cache import key_of_file
 
 SIDECAR = 'engines = ["mujoco"]\n'
 
@@ -89,11 +89,11 @@ def test_a_named_file_that_was_not_there_counts_when_it_appears(folder: Path, na
     (shared / "part.xml").write_text(f'<x><include file="{name}"/><mesh file="{name}"/></x>')
     (folder / "m.xml").write_text('<mujoco><include file="../shared/part.xml"/></mujoco>')
     (before,) = folder_files(folder).models
-    prepared = piece_of_robot(folder / "m.xml", {"floating": False})
+    prepared = key_of_file(folder / "m.xml", {"floating": False})
     (shared / name).write_text("<x/>")
     (after,) = folder_files(folder).models
     assert before.hashes != after.hashes
-    assert prepared != piece_of_robot(folder / "m.xml", {"floating": False})
+    assert prepared != key_of_file(folder / "m.xml", {"floating": False})
 
 
 def test_a_mesh_that_an_sdf_names_is_depended_on(folder: Path) -> None:

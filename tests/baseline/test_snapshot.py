@@ -14,7 +14,7 @@ from physics_crosscheck.harness.baseline.snapshot import (
     segments_of,
     snapshot_of,
 )
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.read import decoded
@@ -24,7 +24,7 @@ from tests.baseline.samples import SNAPSHOT, measurement
 
 def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
     folder = next(f for f in system_folders([]) if f.name == "drum_pendulum")
-    prepared = prepare(folder, described=False)
+    prepared = prepare_system(folder, described=False)
     motion = prepared.motions["driven"]
     one = snapshot_of(
         prepared.system, "driven", motion, prepared.scales["driven"], prepared.components

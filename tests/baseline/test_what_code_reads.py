@@ -15,7 +15,7 @@ import physics_crosscheck.harness.modelfiles.code_reads
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import is_content
-from physics_crosscheck.harness.planning.cache import Cache, Piece
+from physics_crosscheck.harness.planning.cache import Cache, CacheKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import SYSTEM
@@ -300,13 +300,13 @@ def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
     (model,) = folder_files(folder).models
     accepted = with_reads(model, reads)
     cache = Cache(folder.parent / "cache")
-    piece = Piece(kind="coverage", folder=str(folder), inputs="known")
-    cache.keep(piece, Coverage(note="kept"), reads)
+    key = CacheKey(kind="coverage", folder=str(folder), inputs="known")
+    cache.keep(key, Coverage(note="kept"), reads)
     if way != "removed":
-        assert cache.find(piece) == Coverage(note="kept")
+        assert cache.find(key) == Coverage(note="kept")
         assert as_now(model, accepted) == accepted
     changed(shared)
-    assert cache.find(piece) is None
+    assert cache.find(key) is None
     assert as_now(model, accepted) != accepted
 
 
@@ -352,9 +352,9 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
     with record_reads(folder) as found:
         load_system(folder)
     assert "can't be read" in found.states().values()
-    cache, piece = Cache(folder / "cache"), Piece(kind="coverage", folder="f", inputs="known")
-    cache.keep(piece, Coverage(), found.states())
-    assert cache.find(piece) is None
+    cache, key = Cache(folder / "cache"), CacheKey(kind="coverage", folder="f", inputs="known")
+    cache.keep(key, Coverage(), found.states())
+    assert cache.find(key) is None
 
 
 def test_functions_are_as_they_were_after_a_recording(folder: Path) -> None:

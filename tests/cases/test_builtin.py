@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.case import linearization_task, run_linearizations
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
@@ -50,13 +51,13 @@ def test_make_test_runs_them_as_tests() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_the_engines_linearizations_are_taylors(folder: Path) -> None:
-    physics = prepare(folder)
+    physics = prepare_system(folder)
     known = engines()
     for sidecar in sidecars(folder):
         for engine in sidecar.engines:
             if known[engine].version() is None:
                 pytest.skip(f"{engine} is not installed")
-            found = run_linearizations(linearization_task(physics, sidecar, engine, 1e-9))
+            found = run_linearizations(model_task(physics, engine, sidecar))
             assert len(found) == len(physics.equilibria)
             for one in found:
                 assert one.a_error is not None

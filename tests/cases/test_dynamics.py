@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.accelerations import with_dynamics
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import Verdict
 from physics_crosscheck.harness.numerics.forward_dynamics import FORCE_KINDS, AccelerationComparison
 from physics_crosscheck.harness.numerics.judgement import judge
@@ -90,7 +92,7 @@ def test_accelerations_that_differ_differ(motion: Verdict) -> None:
 def test_a_servo_that_no_step_resolves_is_resolved_without_one(tmp_path: Path) -> None:
     file = tmp_path / "servo.xml"
     file.write_text(SERVO.format(20))
-    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(file), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.reason.startswith("its accelerations, at 200 states, match the equations to ")
     assert "its motions: the limit of stiff has an uncertainty of" in case.reason

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import default_engines, engines_reading
 from physics_crosscheck.harness.records.outcome import Outcome
 
@@ -47,14 +49,14 @@ MJCF = """<mujoco><option integrator="{}"/><worldbody><body><joint name="j1" axi
 def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     assert prepared.names == ("j1", "j2")
     assert prepared.settings["couplings"] == ["j3", "j4"]
-    task = prepared.task(engine, 1e-9)
-    assert run_robot(task).outcome is Outcome.AGREES
+    task = model_task(prepared, engine)
+    assert run_case(task).outcome is Outcome.AGREES
     for old, new in (('"-0.3"', '"-0.3000003"'), ('value="0.3"', 'value="0.3000003"')):
         file.write_text(URDF.replace(old, new))
-        assert run_robot(task).outcome is Outcome.DIFFERS, new
+        assert run_case(task).outcome is Outcome.DIFFERS, new
 
 
 @pytest.mark.parametrize(
@@ -63,9 +65,9 @@ def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
 def test_a_mimic_that_an_engine_lost_differs(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
-    task = prepare_robot(file).task(engine, 1e-9)
+    task = model_task(prepare_tree(file), engine)
     file.write_text(URDF.replace('<mimic joint="j3" multiplier="2"/>', ""))
-    case = run_robot(task)
+    case = run_case(task)
     assert case.outcome is Outcome.DIFFERS
     assert "j4" in case.reason
     assert "state" in case.reason
@@ -78,12 +80,12 @@ def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str) -> None
     text = URDF.replace('joint="j3" multiplier="2"', f'joint="j3" {other}')
     file = tmp_path / "g.urdf"
     file.write_text(text.replace('joint="j3" multiplier="2" joint="gone"', 'joint="gone"'))
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     assert prepared.names == ("j1", "j2", "j4")
     assert "mimic without a gear: the joint is free" in prepared.left_out
     for engine in default_engines(".urdf"):
         if engine.version() is not None:
-            assert run_robot(prepared.task(engine.name, 1e-9)).outcome is Outcome.AGREES
+            assert run_case(model_task(prepared, engine.name)).outcome is Outcome.AGREES
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
@@ -94,14 +96,14 @@ def test_straight_equalities_of_joints_are_held_and_agree(tmp_path: Path, integr
         next(e for e in engines_reading(".xml") if ".xml" in e.compiles),
     )
     file.write_text(MJCF.format(integrator))
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     assert prepared.names == ("j1", "j2")
     assert "equality constraints (2)" in prepared.left_out
-    task = prepared.task(engine.name, 1e-9)
-    assert run_robot(task).outcome is Outcome.AGREES
+    task = model_task(prepared, engine.name)
+    assert run_case(task).outcome is Outcome.AGREES
     for old, new in (("0.1 -0.3", "0.1000001 -0.3"), ("-0.3 0 0", "-0.3000003 0 0")):
         file.write_text(MJCF.format(integrator).replace(old, new))
-        assert run_robot(task).outcome is Outcome.DIFFERS, new
+        assert run_case(task).outcome is Outcome.DIFFERS, new
 
 
 def test_as_many_follow_as_there_are(tmp_path: Path) -> None:
@@ -149,7 +151,7 @@ def test_fingers_are_held_from_the_first_step_on(
 ) -> None:
     file = tmp_path / "fingers.xml"
     file.write_text(FINGERS.format(joints))
-    case = run_robot(prepare_robot(file).task("mujoco", asked))
+    case = run_case(model_task(prepare_tree(file), "mujoco", resolution=asked))
     assert case.outcome is Outcome.AGREES, case.reason
     assert case.verdict is not None
     assert (case.verdict.uncertainty or 1) < known
@@ -163,7 +165,7 @@ HIDDEN = HIDDEN.replace("/></equality>", ' polycoef="0 1 0 0 0"/></equality>')
 def test_what_a_soft_equality_hides_of_motions_is_decided_by_accelerations(tmp_path: Path) -> None:
     file = tmp_path / "fingers.xml"
     file.write_text(HIDDEN)
-    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(file), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.reason.startswith("its accelerations with soft equalities held exactly, at 200 ")
     assert "rounding allows no better; an equality divides the last digits" in case.reason
@@ -183,9 +185,9 @@ def test_a_number_off_by_a_hundred_millionth_differs_all_the_same(
 ) -> None:
     file = tmp_path / "fingers.xml"
     file.write_text(HIDDEN)
-    task = prepare_robot(file).task("mujoco", 1e-9)
+    task = model_task(prepare_tree(file), "mujoco")
     file.write_text(HIDDEN.replace(old, new))
-    case = run_robot(task)
+    case = run_case(task)
     assert case.outcome is Outcome.DIFFERS, case.reason
     assert case.forward_dynamics is not None
     off = {one.name for one in case.forward_dynamics.terms if (one.discrepancy or 0) > 1e-9}

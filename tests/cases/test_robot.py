@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,12 +11,9 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import (
-    PreparedRobot,
-    follow_robot,
-    prepare_robot,
-    run_robot,
-)
+from physics_crosscheck.harness.checks.case import follow, run_case
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
 from physics_crosscheck.harness.jobs.workers import Workers
@@ -46,18 +42,18 @@ ROBOTS = {
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def prepared(request: pytest.FixtureRequest) -> PreparedRobot:
-    return prepare_robot(DATA / request.param)
+def prepared(request: pytest.FixtureRequest) -> PreparedTree:
+    return prepare_tree(DATA / request.param)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_sound_robot_agrees_to_ten_digits(prepared: PreparedRobot, engine: str) -> None:
-    case = run_robot(prepared.task(engine, 1e-9))
+def test_a_sound_robot_agrees_to_ten_digits(prepared: PreparedTree, engine: str) -> None:
+    case = run_case(model_task(prepared, engine))
     assert case.outcome is Outcome.AGREES, case.reason
     assert case.verdict is not None
     assert case.verdict.largest_discrepancy is not None
     assert case.verdict.largest_discrepancy < 1e-11
-    assert len(prepared.names) == ROBOTS[str(prepared.file.relative_to(DATA))]
+    assert len(prepared.names) == ROBOTS[str(prepared.place.relative_to(DATA))]
     assert any("collision geometry" in one for one in prepared.left_out)
 
 
@@ -65,11 +61,9 @@ def test_a_sidecar_beside_a_file_alone_is_said_not_to_count(tmp_path: Path) -> N
     for name in ("alone.urdf", "with.urdf"):
         (tmp_path / name).write_text((DATA / "pendulum5.urdf").read_text())
     (tmp_path / "with.urdf.toml").write_text("[settings]\nmotors = true\n")
-    said = [
-        one for one in prepare_robot(tmp_path / "with.urdf").left_out if "with.urdf.toml" in one
-    ]
+    said = [one for one in prepare_tree(tmp_path / "with.urdf").left_out if "with.urdf.toml" in one]
     assert len(said) == 1
-    assert not any(".toml" in one for one in prepare_robot(tmp_path / "alone.urdf").left_out)
+    assert not any(".toml" in one for one in prepare_tree(tmp_path / "alone.urdf").left_out)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -86,18 +80,18 @@ def test_a_number_off_by_a_millionth_differs(
     assert old in text
     (tmp_path / "right.urdf").write_text(text)
     (tmp_path / "wrong.urdf").write_text(text.replace(old, new, 1))
-    right = prepare_robot(tmp_path / "right.urdf").task(engine, 1e-9)
+    right = model_task(prepare_tree(tmp_path / "right.urdf"), engine)
     (tmp_path / "right.urdf").write_text((tmp_path / "wrong.urdf").read_text())
-    case = run_robot(right)
+    case = run_case(right)
     assert case.outcome is Outcome.DIFFERS
     assert "of its displacement at the end of the segment" in case.reason
 
 
 def test_what_an_engine_drops_differs_and_the_link_is_named() -> None:
     """MuJoCo drops the moments of links without mass that it welds to others, PyBullet does not."""
-    panda = prepare_robot(DATA / "franka_panda" / "panda.urdf")
+    panda = prepare_tree(DATA / "franka_panda" / "panda.urdf")
     both = ("mujoco", "pybullet")
-    outcomes = {name: run_robot(panda.task(name, 1e-9)).outcome for name in both}
+    outcomes = {name: run_case(model_task(panda, name)).outcome for name in both}
     assert outcomes == {"mujoco": Outcome.DIFFERS, "pybullet": Outcome.AGREES}
     told = [one.message for one in panda.findings if one.severity == "finding"]
     assert [one for one in told if "'panda_link8' has inertia" in one and "no mass" in one]
@@ -105,10 +99,10 @@ def test_what_an_engine_drops_differs_and_the_link_is_named() -> None:
 
 
 def test_a_finger_that_follows_the_other_is_held_in_pinocchio_unless_a_setting_lets_go() -> None:
-    task = prepare_robot(DATA / "franka_panda" / "panda.urdf").task("pinocchio", 1e-9)
-    held = run_robot(task)
+    task = model_task(prepare_tree(DATA / "franka_panda" / "panda.urdf"), "pinocchio")
+    held = run_case(task)
     assert held.outcome is Outcome.AGREES, held.reason
-    let_go = run_robot(replace(task, settings={**task.settings, "hold_mimics": False}))
+    let_go = run_case(task.with_settings(hold_mimics=False))
     assert let_go.outcome is Outcome.DIFFERS
     assert let_go.verdict is not None
     assert (let_go.verdict.largest_discrepancy or 0) > 0.1
@@ -116,7 +110,7 @@ def test_a_finger_that_follows_the_other_is_held_in_pinocchio_unless_a_setting_l
 
 def test_all_that_is_in_the_way_is_told_at_once() -> None:
     with pytest.raises(RobotError) as caught:
-        prepare_robot(DATA / "husky" / "husky.urdf")
+        prepare_tree(DATA / "husky" / "husky.urdf")
     told = str(caught.value)
     assert told.count("husky.urdf:97: ") == 2
     assert "rpy of <origin>" in told
@@ -127,12 +121,12 @@ def test_an_engine_that_makes_other_joints_is_refused_by_their_names(tmp_path: P
     text = (DATA / "cartpole.urdf").read_text()
     file = tmp_path / "r.urdf"
     file.write_text(text)
-    task = prepare_robot(file).task(ENGINES[0], 1e-9)
+    task = model_task(prepare_tree(file), ENGINES[0])
     file.write_text(text.replace("cart_to_pole", "cart_to_stick"))
     with pytest.raises(
         EngineError, match="no cart_to_pole and it has the additional cart_to_stick"
     ):
-        run_robot(task)
+        run_case(task)
 
 
 def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -212,10 +206,10 @@ FLOATING = {"quadruped/minitaur.urdf": 22, "laikago/laikago_toes_zup.urdf": 18, 
 @pytest.mark.parametrize("name", FLOATING)
 def test_a_robot_that_floats_agrees(name: str, engine: str) -> None:
     """Its base's velocity is its link's origin's, whatever an engine counts from."""
-    prepared = prepare_robot(DATA / name, floating=True)
+    prepared = prepare_tree(DATA / name, floating=True)
     assert len(prepared.names) == FLOATING[name]
     assert prepared.scenario == "floating states"
-    case = run_robot(prepared.task(engine, 1e-9))
+    case = run_case(model_task(prepared, engine))
     assert case.outcome is Outcome.AGREES, case.reason
     assert case.verdict is not None
     assert case.verdict.largest_discrepancy is not None
@@ -237,14 +231,14 @@ ADRIFT = """<robot name="adrift">
 def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "adrift.urdf"
     file.write_text(ADRIFT)
-    prepared = prepare_robot(file, floating=True)
+    prepared = prepare_tree(file, floating=True)
     assert prepared.names[:2] == ("hub_free:rx", "hub_free:ry"), "a joint has the link's name"
-    task = prepared.task(engine, 1e-9)
-    assert run_robot(task).outcome is Outcome.AGREES
+    task = model_task(prepared, engine)
+    assert run_case(task).outcome is Outcome.AGREES
     for old, new in (("0.1 -0.2 0.05", "0.1 -0.2000002 0.05"), ("0.3 0.2 0.1", "0.3 0.2 0.100001")):
         file.write_text(ADRIFT.replace(old, new))
-        assert run_robot(task).outcome is Outcome.DIFFERS, new
-    assert run_robot(prepare_robot(file).task(engine, 1e-9)).outcome is Outcome.AGREES
+        assert run_case(task).outcome is Outcome.DIFFERS, new
+    assert run_case(model_task(prepare_tree(file), engine)).outcome is Outcome.AGREES
 
 
 @pytest.mark.slow
@@ -350,7 +344,7 @@ def test_one_that_settles_slower_is_resolved_by_weights_that_amplify_rounding_le
 ) -> None:
     file = tmp_path / "servo.xml"
     file.write_text(SERVO.format(0.15))
-    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(file), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.verdict is not None
     assert case.verdict.claimed_order == 1
@@ -361,7 +355,7 @@ def test_a_servo_that_settles_in_microseconds_is_resolved_by_another_order(tmp_p
     """It moves by so little that last digits of its position, weighted for order 1, hide 1e-9."""
     file = tmp_path / "servo.xml"
     file.write_text(SERVO.format(0.5))
-    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(file), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.reason.startswith(
         "stepped by RK4, since by euler the limit of stiff has an uncertainty of"
@@ -419,9 +413,9 @@ def test_where_a_force_grows_with_the_square_of_a_velocity_each_segment_shows_it
         '<inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>'
         "</mujoco>"
     )
-    task = prepare_robot(file).task("mujoco", 1e-9)
-    found = follow_robot(task).found
-    starts = len(task.samples.start)
+    task = model_task(prepare_tree(file), "mujoco")
+    found = follow(task).limits
+    starts = len(task.target.samples.start)
     pairs = starts if every else starts // 4
     assert found.steps == sum(found.rungs) * (starts + 2 * pairs)
 
@@ -444,7 +438,7 @@ SIGNS = """<robot name="r"><mujoco><compiler boundmass="0.5"/></mujoco>
 
 def findings(file: Path, text: str) -> dict[str, tuple[str, int | None]]:
     file.write_text(text)
-    found = prepare_robot(file).findings
+    found = prepare_tree(file).findings
     return {
         one.message: (one.severity, one.location.line if one.location else None) for one in found
     }
@@ -493,16 +487,16 @@ def test_negative_damping_is_stepped_as_mujoco_does(tmp_path: Path) -> None:
     """Without a positive damper anywhere, Euler's method takes none at the step's end."""
     file = tmp_path / "r.xml"
     file.write_text(REPLACED)
-    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(file), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.stepping is not None
     assert case.stepping.outcome is Outcome.AGREES
 
 
 def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
-    prepared = prepare_robot(DATA / "cartpole.urdf", motion=0.5)
-    assert isinstance(prepared.motion, Motion)
-    case = run_robot(prepared.task("mujoco", 1e-9))
+    prepared = prepare_tree(DATA / "cartpole.urdf", motion=0.5)
+    assert isinstance(prepared.rest, Motion)
+    case = run_case(model_task(prepared, "mujoco"))
     model = mujoco.MjModel.from_xml_path(str(DATA / "cartpole.urdf"))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(model)
@@ -511,11 +505,11 @@ def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
     data.qpos[:] = [start[name] for name in names]
     worst = 0.0
     order = [prepared.names.index(name) for name in names]
-    sizes = prepared.motion.amplitude[order]
+    sizes = prepared.rest.amplitude[order]
     sizes = np.maximum(sizes, 0.01 * sizes.max())
     for step in range(1, 251):
         mujoco.mj_step(model, data)
-        exact = prepared.motion.states_at(np.array([step * model.opt.timestep]))[0, order]
+        exact = prepared.rest.states_at(np.array([step * model.opt.timestep]))[0, order]
         worst = max(worst, float(np.max(np.abs(data.qpos - exact) / sizes)))
     assert case.full_run is not None
     assert case.outcome is Outcome.AGREES
@@ -524,8 +518,8 @@ def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
 
 
 def test_a_time_step_too_long_for_the_motion_is_a_reservation() -> None:
-    prepared = prepare_robot(DATA / "cartpole.urdf", motion=0.003)
-    case = run_robot(prepared.task("mujoco", 1e-9))
+    prepared = prepare_tree(DATA / "cartpole.urdf", motion=0.003)
+    case = run_case(model_task(prepared, "mujoco"))
     assert (case.outcome, case.full_run) == (Outcome.AGREES, None)
     assert "no motion from rest: dt = 0.002 s is too long for a motion of 0.003 s" in case.reason
 

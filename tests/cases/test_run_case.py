@@ -9,12 +9,14 @@ import pytest
 
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_room
-from physics_crosscheck.harness.checks.audit_task import audit_task
-from physics_crosscheck.harness.checks.case import StepError, case_task, run_case
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks import task as task_room
+from physics_crosscheck.harness.checks.case import StepError, run_case
+from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import filled
 from physics_crosscheck.harness.diagnosis import task as diagnosis_room
-from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -42,13 +44,15 @@ def known(monkeypatch: pytest.MonkeyPatch) -> None:
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 
-    for room in (case_room, audit_run, diagnosis_room):
+    for room in (task_room, audit_run, diagnosis_room):
         monkeypatch.setattr(room, "engines", engines)
 
 
 @pytest.fixture(scope="module")
-def oscillator(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
-    return prepare(known_folder(tmp_path_factory.mktemp("known") / "oscillator", {}), False)
+def oscillator(tmp_path_factory: pytest.TempPathFactory) -> PreparedSystem:
+    return prepare_system(
+        known_folder(tmp_path_factory.mktemp("known") / "oscillator", {}), described=False
+    )
 
 
 def written(place: Path, text: str, sidecar: str = 'engines = ["known"]\n') -> Sidecar:
@@ -57,11 +61,13 @@ def written(place: Path, text: str, sidecar: str = 'engines = ["known"]\n') -> S
     return read_sidecar(place / "one.known.toml")
 
 
-def ran(prepared: Prepared, sidecar: Sidecar, resolution: float = 1e-9) -> Case:
-    return run_case(case_task(prepared, sidecar, "known", "free", resolution))
+def ran(prepared: PreparedSystem, sidecar: Sidecar, resolution: float = 1e-9) -> Case:
+    return run_case(model_task(prepared, "known", sidecar, scenario="free", resolution=resolution))
 
 
-def test_a_motion_that_is_not_finite_names_the_file(oscillator: Prepared, tmp_path: Path) -> None:
+def test_a_motion_that_is_not_finite_names_the_file(
+    oscillator: PreparedSystem, tmp_path: Path
+) -> None:
     sidecar = written(tmp_path, KNOWN.replace("47.0", "1e308"))
     with pytest.raises(BlownUpError, match=r"^.*one\.known: values that are not finite"):
         ran(oscillator, sidecar)
@@ -69,7 +75,7 @@ def test_a_motion_that_is_not_finite_names_the_file(oscillator: Prepared, tmp_pa
 
 @pytest.mark.parametrize("step", ["3.0", "1e30", "1e-9", "1e-300", "inf", "nan", "0.0", "-0.005"])
 def test_a_step_at_which_nothing_can_be_run_fails_and_names_the_file(
-    oscillator: Prepared, tmp_path: Path, step: str
+    oscillator: PreparedSystem, tmp_path: Path, step: str
 ) -> None:
     sidecar = written(tmp_path, KNOWN.replace("0.005", step))
     with pytest.raises(StepError, match=r"one\.known: .*(step|dt).* set (one|a)") as told:
@@ -79,19 +85,25 @@ def test_a_step_at_which_nothing_can_be_run_fails_and_names_the_file(
 
 
 def test_a_step_that_follows_nothing_of_the_motion_fails(
-    oscillator: Prepared, tmp_path: Path
+    oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
     found = ran(oscillator, written(tmp_path, KNOWN.replace("0.005", "2.0")))
     assert found.outcome == "FAILED"
     assert "too coarse" in found.reason
 
 
-def test_the_line_of_the_sidecar_is_named_where_the_step_stands_there(tmp_path: Path) -> None:
+def test_the_line_of_the_sidecar_is_named_where_the_step_stands_there(
+    oscillator: PreparedSystem, tmp_path: Path
+) -> None:
     sidecar = written(tmp_path, KNOWN, 'engines = ["known"]\n\n[settings]\nstep = 9\n')
-    assert str(case_room._place_of_step(sidecar, "known")).endswith("one.known.toml:4")
+    assert str(case_room._place_of_step(model_task(oscillator, "known", sidecar))).endswith(
+        "one.known.toml:4"
+    )
 
 
-def test_one_freedom_too_many_differs_and_is_named(oscillator: Prepared, tmp_path: Path) -> None:
+def test_one_freedom_too_many_differs_and_is_named(
+    oscillator: PreparedSystem, tmp_path: Path
+) -> None:
     sidecar = written(tmp_path, FREED.format(pull=12.0, hold=0.0), HELD)
     found = ran(oscillator, sidecar)
     assert found.outcome == "DIFFERS"
@@ -102,18 +114,18 @@ def test_one_freedom_too_many_differs_and_is_named(oscillator: Prepared, tmp_pat
     assert found.verdict.map_residual > 1e-3
     (audited,) = (
         one
-        for one in audit_run.run_audit(audit_task(oscillator, sidecar, "known")).findings
+        for one in audit_run.audit_declared(model_task(oscillator, "known", sidecar)).findings
         if one.severity == "finding"
     )
     assert audited.kind == "freedom"
     assert audited.message.startswith("fall accelerates away from the coordinate map with ")
-    diagnosis = diagnose_model(diagnosis_task(oscillator, sidecar, "known"))
+    diagnosis = diagnose_model(model_task(oscillator, "known", sidecar))
     assert not diagnosis.explained
     assert diagnosis.failure.endswith(": fall")
 
 
 def test_a_freedom_of_a_millionth_differs_and_one_that_nothing_moves_agrees(
-    oscillator: Prepared, tmp_path: Path
+    oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
     little = ran(oscillator, written(tmp_path, FREED.format(pull=1e-6, hold=0.0), HELD))
     assert little.outcome == "DIFFERS"
@@ -125,7 +137,7 @@ def test_a_freedom_of_a_millionth_differs_and_one_that_nothing_moves_agrees(
 
 @pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
 def test_what_differs_below_the_resolution_asked_agrees_and_says_so(
-    oscillator: Prepared, tmp_path: Path, resolution: float, outcome: str
+    oscillator: PreparedSystem, tmp_path: Path, resolution: float, outcome: str
 ) -> None:
     sidecar = written(tmp_path, KNOWN + "[fault]\noff = 1e-10\n")
     found = ran(oscillator, sidecar, resolution)
@@ -148,7 +160,7 @@ TWO = SYSTEM.replace(
 
 def test_a_coordinate_that_no_scenario_moves_is_measured_against_its_like(tmp_path: Path) -> None:
     (tmp_path / "system.py").write_text(TWO)
-    prepared = prepare(tmp_path, False)
+    prepared = prepare_system(tmp_path, described=False)
     assert prepared.amplitude[1] == prepared.amplitude[0] > 0
     sound = FREED.format(pull=0.0, hold=47.0).replace("fall", "y").replace("0.7", "1.3")
     text = sound.replace("C = [[0.9, 0.0], [0.0, 0.0]]", "C = [[0.9, 0.0], [0.0, 0.9]]")
@@ -157,10 +169,8 @@ def test_a_coordinate_that_no_scenario_moves_is_measured_against_its_like(tmp_pa
     assert found.full_run is not None
     assert found.full_run.global_error is not None
     assert 0 < found.full_run.global_error < 1
-    task = case_room.linearization_task(
-        prepared, read_sidecar(tmp_path / "one.known.toml"), "known", 1e-9
-    )
-    (linear,) = case_room.run_linearizations(task)
+    task = model_task(prepared, "known", read_sidecar(tmp_path / "one.known.toml"))
+    (linear,) = run_linearizations(task)
     assert linear.a_error is not None
     assert linear.a_error < 1e-9
     assert not linear.differs

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.reference import System
@@ -17,8 +17,8 @@ NAMES = ("mass_spring_damper", "free_pair")
 
 
 @cache
-def prepared(name: str) -> Prepared:
-    return prepare(builtin() / name)
+def prepared(name: str) -> PreparedSystem:
+    return prepare_system(builtin() / name)
 
 
 def names(system: System) -> dict[str, sp.Symbol]:
@@ -35,7 +35,10 @@ def test_a_record_that_is_written_is_read_as_the_same(name: str) -> None:
 
 
 def test_without_a_description_nothing_derived_is_recorded() -> None:
-    whole, brief = prepared("free_pair").record, prepare(builtin() / "free_pair", described=False)
+    whole, brief = (
+        prepared("free_pair").record,
+        prepare_system(builtin() / "free_pair", described=False),
+    )
     assert brief.record.derivation is None
     put_back = msgspec.structs.replace(
         brief.record, derivation=whole.derivation, seconds=whole.seconds

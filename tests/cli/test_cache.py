@@ -15,8 +15,9 @@ from physics_crosscheck.harness.baseline.inputs import inputs
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.planning import cache as caches
-from physics_crosscheck.harness.planning.cache import models_inputs
+from physics_crosscheck.harness.planning.cache import with_surroundings
 from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.records.case import ModelKey
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.results import Results
@@ -285,13 +286,13 @@ def test_what_failed_is_tried_again(folder: Path) -> None:
 
 def kind(entry: Path) -> str:
     """Of what work it is."""
-    return str(json.loads(entry.read_bytes())["piece"]["kind"])
+    return str(json.loads(entry.read_bytes())["key"]["kind"])
 
 
 @pytest.mark.usefixtures("ran")
 def test_a_broken_entry_is_as_good_as_none(capsys: pytest.CaptureFixture[str]) -> None:
     before = first()
-    contents = [b"", b"{", b'{"piece": 1}', b"\xff\xfe"]
+    contents = [b"", b"{", b'{"key": 1}', b"\xff\xfe"]
     entries = sorted(Path("cache").glob("??/*.json"), key=kind)  # each content for a case's
     assert len([one for one in entries if kind(one) == "case"]) == len(contents)
     for path, content in zip(entries, cycle(contents), strict=False):
@@ -318,7 +319,7 @@ def test_a_case_that_contradicts_its_own_numbers_is_run_again() -> None:
 
 @pytest.mark.usefixtures("ran")
 def test_an_entry_of_other_work_is_not_taken() -> None:
-    """Whatever its name says, it has to be of the very piece."""
+    """Whatever its name says, it has to be of the very key."""
     cases = [path for path in Path("cache").glob("??/*.json") if kind(path) == "case"]
     contents = [path.read_bytes() for path in cases]
     for path, content in zip(cases, contents[1:] + contents[:1], strict=True):
@@ -333,13 +334,18 @@ def test_the_source_of_an_adapter_counts(
     shutil.copytree(KNOWN_ANSWER, place)
     monkeypatch.setattr(caches, "_engine_file", lambda _: place / "known_answer.py")
     caches._adapter.cache_clear()
-    before = models_inputs(inputs(folder, 1e-9, None))
+
+    def hashes() -> dict[ModelKey, str]:
+        found = inputs(folder, 1e-9, None)
+        return {key: with_surroundings(one, key[-1], 0.0) for key, one in found.items()}
+
+    before = hashes()
     caches._adapter.cache_clear()
-    assert models_inputs(inputs(folder, 1e-9, None)) == before
+    assert hashes() == before
     with (place / "known_answer.py").open("a") as file:
         file.write("\n# another\n")
     caches._adapter.cache_clear()
-    after = models_inputs(inputs(folder, 1e-9, None))
+    after = hashes()
     caches._adapter.cache_clear()
     assert before.keys() == after.keys()
     assert all(before[key] != after[key] for key in before)

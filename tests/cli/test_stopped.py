@@ -16,8 +16,8 @@ from physics_crosscheck.harness.baseline.inputs import with_reads_of_system
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.planning import cache as caches
 from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.result_builder import Collected
-from physics_crosscheck.harness.planning.robot_plan import RobotWork
+from physics_crosscheck.harness.planning.result_builder import ResultBuilder
+from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.journal import NAME, Work, journal
 from physics_crosscheck.harness.records.read import read_results
@@ -207,8 +207,8 @@ def test_a_robot_s_file_is_gone_on_with_too(
 def work_of(file: Path, **options: Any) -> Work | None:
     """A case of a robot's file as a journal has it."""
     with journal(Path("out"), resume=True) as done:
-        found = Collected(lambda *_: None, done)
-        of_file = RobotWork(file, Options(**options), None, found)
+        found = ResultBuilder(lambda *_: None, done)
+        of_file = TargetPlan(file, Options(**options), found)
         return of_file._work("case", (str(file), file.name, "mujoco"), "states")
 
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.audit_task import AuditTask
-from physics_crosscheck.harness.checks.robot_case import prepare_robot
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.diagnosis import coverage_trials as trials
 from physics_crosscheck.harness.diagnosis.coverage import count_numbers
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
 from physics_crosscheck.harness.modelfiles.locations import literals
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
 from physics_crosscheck.harness.records.model import Model
@@ -41,25 +44,19 @@ end = "site:end"
 
 
 @pytest.fixture
-def task(tmp_path: Path) -> AuditTask:
+def task(tmp_path: Path) -> SystemTask:
     (tmp_path / "rod.xml").write_text(MJCF)
     (tmp_path / "rod.xml.toml").write_text(SIDECAR)
     states = np.random.default_rng(0).uniform(-1, 1, (30, 2))
-    return AuditTask(
-        system=SWING,
-        equilibria=(),
-        states=states,
-        push=np.zeros(0),
-        amplitude=np.ones(2),
-        fastest=1.0,
-        sidecar=read_sidecar(tmp_path / "rod.xml.toml"),
-        engine="mujoco",
-    )
+    target: Any = SimpleNamespace(system=SWING, visited=states)
+    target.spec = lambda sidecar, engine: sidecar.spec(engine)
+    target.coordinates = lambda sidecar, file, engine, there: coordinate_map(SWING, sidecar, there)
+    return model_task(target, "mujoco", read_sidecar(tmp_path / "rod.xml.toml"))
 
 
-def test_numbers_are_counted_by_what_sees_them(task: AuditTask) -> None:
+def test_numbers_are_counted_by_what_sees_them(task: SystemTask) -> None:
     found = count_numbers(task)
-    assert found.numbers == len(literals(task.sidecar.model)) == 29
+    assert found.numbers == len(literals(task.declared.model)) == 29
     # Gravity along x and z, the axis across itself, the damper; centre, mass and moment about y.
     assert (found.motion, found.audit) == (9, 1)
     # The body's place, the site's, and which way the axis points, which no motion shows.
@@ -73,7 +70,7 @@ def test_numbers_are_counted_by_what_sees_them(task: AuditTask) -> None:
 
 
 def test_no_number_of_a_whole_family_is_tried_alone(
-    task: AuditTask, monkeypatch: pytest.MonkeyPatch
+    task: SystemTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[int] = []
     each = trials.Trials._tried
@@ -89,27 +86,27 @@ def test_no_number_of_a_whole_family_is_tried_alone(
 
 
 def test_what_time_does_not_allow_is_said_to_be_untried(
-    task: AuditTask, monkeypatch: pytest.MonkeyPatch
+    task: SystemTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trials, "PATIENCE", -1.0)
     (one, *_) = count_numbers(task).untested
     assert one.reason == "not counted: out of time"
 
 
-def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: AuditTask) -> None:
-    path = Path(f"{task.sidecar.model}.toml")
+def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: SystemTask) -> None:
+    path = Path(f"{task.declared.model}.toml")
     path.write_text(SIDECAR.replace('"Euler"\n', '"Euler"\ngravity = [0, 0, 0]\nstep = 0.001\n'))
-    more = count_numbers(replace(task, sidecar=read_sidecar(path)))
+    more = count_numbers(task.with_sidecar(read_sidecar(path)))
     assert more.numbers == 33
     assert "time step" in {one.reason for one in more.untested}
 
 
 def test_files_that_a_model_includes_are_counted_with_it_and_left_as_they_are(
-    task: AuditTask,
+    task: SystemTask,
 ) -> None:
     """The same as where their numbers stand in the model's own file, and of that file alone."""
     whole = count_numbers(task)
-    path = task.sidecar.model
+    path = task.declared.model
     outer, _, rest = MJCF.partition('<body name="rod"')
     inner, _, end = rest.rpartition("</body>")
     part = path.parent / "parts" / "rod.xml"
@@ -123,11 +120,11 @@ def test_files_that_a_model_includes_are_counted_with_it_and_left_as_they_are(
     assert (found.numbers, found.motion) == (whole.numbers, whole.motion)
     assert found.frames == whole.frames
     assert part.read_text() == text
-    alone = count_robot(prepare_robot(path).task("mujoco", 1e-9))
+    alone = count_robot(model_task(prepare_tree(path), "mujoco"))
     assert (alone.numbers, alone.motion) == (found.numbers, found.motion)
 
 
-def test_a_change_below_the_resolution_of_the_run_does_not_count(task: AuditTask) -> None:
+def test_a_change_below_the_resolution_of_the_run_does_not_count(task: SystemTask) -> None:
     assert count_numbers(replace(task, resolution=10.0)).motion == 0
 
 

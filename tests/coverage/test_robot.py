@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
 from physics_crosscheck.harness.engines.registry import engines_reading
@@ -32,7 +33,7 @@ TEXT = "\n".join(
 def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
-    found = count_robot(prepare_robot(file).task(engine, 1e-9))
+    found = count_robot(model_task(prepare_tree(file), engine))
     assert found.numbers == 3 + 1 + 6 + 3 + 3 + 4 + 3 + 1 + 6
     assert found.seen + sum(one.count for one in found.untested) == found.numbers
     by_reason = {one.reason: one for one in found.untested}
@@ -68,7 +69,7 @@ MJCF = """<mujoco><size memory="400M" nkey="1"/><option timestep="0.001"/>
 def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
-    found = count_robot(prepare_robot(file).task("mujoco", 1e-9))
+    found = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in found.untested}
     assert counts.pop(NumberEffect.NONE.value) == 6  # of axes, places along them, and a site
     assert counts == {
@@ -91,7 +92,7 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
 def test_a_shortage_of_memory_is_no_number_without_effect(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
-    task = prepare_robot(file).task("mujoco", 1e-9)
+    task = model_task(prepare_tree(file), "mujoco")
     limits = Limits(memory=0.2)
     with Workers(1, limits=limits) as workers:
         found = workers.outcome(workers.submit(count_robot, task))
@@ -104,7 +105,7 @@ def test_a_number_that_cannot_be_moved_is_not_counted(
 ) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
-    task = prepare_robot(file).task("mujoco", 1e-9)
+    task = model_task(prepare_tree(file), "mujoco")
     compiled = CompiledNumbers.tree
     monkeypatch.setattr(
         CompiledNumbers, "tree", lambda self, values: None if values else compiled(self, {})

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import prepare
-from physics_crosscheck.harness.diagnosis.task import diagnosis_task
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
@@ -109,12 +109,12 @@ def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(
 
 @pytest.mark.slow
 def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named() -> None:
-    physics = prepare(builtin() / "mass_spring_damper", described=False)
+    physics = prepare_system(builtin() / "mass_spring_damper", described=False)
     rows = []
-    for sidecar in model_files(physics.folder):
+    for sidecar in model_files(physics.place):
         assert isinstance(sidecar, Sidecar)
         for engine in (name for name in sidecar.engines if not engines()[name].extra):
-            model = diagnosis_task(physics, sidecar, engine)
+            model = model_task(physics, engine, sidecar)
             known = survey(model)
             small = [fault for fault in known.faults if fault.name in SIZES]
             tasks = [MutationTask(model=model, survey=known, fault=fault) for fault in small]

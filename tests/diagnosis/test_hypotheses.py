@@ -5,15 +5,15 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
-from physics_crosscheck.harness.diagnosis.task import diagnosis_task, trial_model
+from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
@@ -27,12 +27,12 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def physics() -> Prepared:
-    return prepare(builtin() / "simple_pendulum", described=False)
+def physics() -> PreparedSystem:
+    return prepare_system(builtin() / "simple_pendulum", described=False)
 
 
 @pytest.fixture
-def opened(physics: Prepared, tmp_path: Path) -> Open:
+def opened(physics: PreparedSystem, tmp_path: Path) -> Open:
     """A trial model of the pendulum's MJCF with texts replaced."""
 
     def open_(*edits: tuple[str, str]) -> AbstractContextManager[tuple[TrialModel, Array]]:
@@ -45,7 +45,7 @@ def opened(physics: Prepared, tmp_path: Path) -> Open:
         (folder / "mujoco.xml").write_text(text)
         sidecar = read_sidecar(folder / "mujoco.xml.toml")
         motions = {name: physics.motions[name] for name in ("free", "driven")}
-        return trial_model(replace(diagnosis_task(physics, sidecar, "mujoco"), motions=motions))
+        return trial_model(model_task(physics, "mujoco", sidecar).with_target(motions=motions))
 
     return open_
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin

@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import diagnose
 from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
 from physics_crosscheck.harness.diagnosis.robot_task import (
     STATES,
-    RobotDiagnosisTask,
+    at_some,
     diagnose_robot,
     problem_of,
     robot_problem,
-    some_of,
 )
 from physics_crosscheck.harness.diagnosis.task import explanation
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
@@ -87,13 +88,13 @@ def diagnosed(
 ) -> Diagnosis:
     """A file held against its equations from before a number was changed."""
     changed = changed or file
-    task = prepare_robot(file).task(engine, 1e-9)
+    task = model_task(prepare_tree(file), engine)
     text = changed.read_text()
     assert text.count(old) == 1
     changed.write_text(text.replace(old, new))
-    case = run_robot(task)
+    case = run_case(task)
     assert case.outcome is Outcome.DIFFERS, case.reason
-    return diagnose_robot(RobotDiagnosisTask(task=task, is_reference=False))
+    return diagnose_robot(task, is_reference=False)
 
 
 def check_named(
@@ -178,8 +179,8 @@ def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
 @pytest.mark.slow
 def test_what_an_engine_reads_over_is_told_with_all_its_lines() -> None:
     """MuJoCo drops the moments of two links without mass that it welds to others."""
-    panda = prepare_robot(_data() / "franka_panda" / "panda.urdf")
-    found = diagnose_robot(RobotDiagnosisTask(task=panda.task("mujoco", 1e-9)))
+    panda = prepare_tree(_data() / "franka_panda" / "panda.urdf")
+    found = diagnose_robot(model_task(panda, "mujoco"), is_reference=True)
     assert found.explained
     told = cause_sentences(found.explanations[0])[0]
     assert told == (
@@ -197,11 +198,11 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
     file = tmp_path / "arm.urdf"
     arm = plain(ARM)
     file.write_text(arm)
-    other = RobotDiagnosisTask(task=prepare_robot(file).task(engine, 1e-9))
-    taken, uncertainty = robot_problem(other)
+    other = model_task(prepare_tree(file), engine)
+    taken, uncertainty = robot_problem(other, is_reference=True)
     file.write_text(arm.replace('value="1.5"', 'value="1.8"'))
     said = replace(taken, numbers=robot_numbers(file, {}))
-    drawn = other.task.samples
+    drawn = other.target.samples
     tree = said.numbers.tree({})
     assert tree is not None
     flow = Flow(tree, drawn.start[:STATES], drawn.forces[:STATES], drawn.length)
@@ -219,8 +220,8 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
 def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
-    task = prepare_robot(file).task(engines_reading(".urdf")[0].name, 1e-9)
-    problem, _ = robot_problem(RobotDiagnosisTask(task=task))
+    task = model_task(prepare_tree(file), engines_reading(".urdf")[0].name)
+    problem, _ = robot_problem(task, is_reference=True)
     slopes = problem.slopes({})
     for i, hypothesis in enumerate(problem.hypotheses):
         if hypothesis.switch:
@@ -238,9 +239,9 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     numbers = robot_numbers(file, {})
-    task = prepare_robot(file).task(engines_reading(".urdf")[0].name, 1e-9)
+    task = model_task(prepare_tree(file), engines_reading(".urdf")[0].name)
     problem = problem_of(task, numbers, is_reference=True)
-    nothing = np.zeros_like(some_of(task.samples).end)
+    nothing = np.zeros_like(at_some(task).target.samples.end)
     slopes = problem.slopes({})
     other = problem.with_discrepancy(nothing + 1.0)
     size = problem.hypotheses[3].size
@@ -253,9 +254,9 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
 def test_what_an_engine_does_on_its_own_is_named() -> None:
     """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
     file = _data() / "aliengo" / "aliengo.urdf"
-    task = prepare_robot(file).task("pybullet", 1e-9)
-    assert run_robot(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(RobotDiagnosisTask(task=task))
+    task = model_task(prepare_tree(file), "pybullet")
+    assert run_case(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(task, is_reference=True)
     assert found.explained
     (one,) = found.explanations
     (cause,) = one.causes
@@ -270,13 +271,12 @@ def test_axes_that_are_no_unit_vectors_are_named(tmp_path: Path) -> None:
     file.write_text(
         ARM.replace('xyz="0.1 0 1"', 'xyz="0 0 1"').replace("0 1 0.2", "0 0.6 0.800001")
     )
-    task = prepare_robot(file).task("pybullet", 1e-9)
-    assert run_robot(task).outcome is Outcome.DIFFERS
-    causes = diagnose_robot(RobotDiagnosisTask(task=task)).explanations[0].causes
+    task = model_task(prepare_tree(file), "pybullet")
+    assert run_case(task).outcome is Outcome.DIFFERS
+    causes = diagnose_robot(task, is_reference=True).explanations[0].causes
     assert "length of the axes of lift, up to 8.0e-07 off 1" in "".join(map(str, causes))
-    exact = {"unit_axes": True, "exact_axes": True}
-    both = replace(task, settings={**task.settings, **exact})
-    assert run_robot(both).outcome is Outcome.AGREES
+    both = task.with_settings(unit_axes=True, exact_axes=True)
+    assert run_case(both).outcome is Outcome.AGREES
 
 
 NEARLY = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" pos="0 0 0.3"/>
@@ -287,14 +287,14 @@ def test_a_mass_that_mujoco_takes_to_be_at_its_bodys_origin_is_named(tmp_path: P
     """`body_sameframe`: kinematics copies the body's frame where the inertial one is so near."""
     file = tmp_path / "near.xml"
     file.write_text(NEARLY.format("9e-7"))
-    task = prepare_robot(file).task("mujoco", 1e-9)
-    assert run_robot(task).outcome is Outcome.DIFFERS
-    (one,) = diagnose_robot(RobotDiagnosisTask(task=task)).explanations
+    task = model_task(prepare_tree(file), "mujoco")
+    assert run_case(task).outcome is Outcome.DIFFERS
+    (one,) = diagnose_robot(task, is_reference=True).explanations
     assert "frames within 1e-6" in str(one.causes[0])
-    exact = replace(task, settings={**task.settings, "exact_frames": True})
-    assert run_robot(exact).outcome is Outcome.AGREES
+    exact = task.with_settings(exact_frames=True)
+    assert run_case(exact).outcome is Outcome.AGREES
     file.write_text(NEARLY.format("1.1e-6"))
-    assert run_robot(prepare_robot(file).task("mujoco", 1e-9)).outcome is Outcome.AGREES
+    assert run_case(model_task(prepare_tree(file), "mujoco")).outcome is Outcome.AGREES
 
 
 TURNED = """<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 1 0.2"/>
@@ -309,10 +309,10 @@ def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_r
     """A capsule turned by 3e-6 rad is shifted too; MuJoCo takes the turn for none."""
     file = tmp_path / "turned.xml"
     file.write_text(TURNED.format("0", "0"))
-    task = prepare_robot(file).task("mujoco", 1e-9)
+    task = model_task(prepare_tree(file), "mujoco")
     file.write_text(TURNED.format("0", "5e-7"))
-    assert run_robot(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(RobotDiagnosisTask(task=task, is_reference=False))
+    assert run_case(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(task, is_reference=False)
     assert found.explained
     number, hidden = found.explanations[0].causes
     assert number.subject[0].endswith("@fromto[0]")
@@ -353,10 +353,10 @@ def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
 ) -> None:
     file = tmp_path / "r.xml"
     file.write_text(text)
-    prepared = prepare_robot(file)
-    task = prepared.task("mujoco", 1e-9)
-    assert run_robot(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(RobotDiagnosisTask(task=task))
+    prepared = prepare_tree(file)
+    task = model_task(prepared, "mujoco")
+    assert run_case(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(task, is_reference=True)
     assert found.explained
     (explanation,) = found.explanations
     (one,) = explanation.causes
@@ -370,8 +370,8 @@ def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
 def test_an_armature_of_a_tendon_along_one_branch_is_as_the_file_says(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(SPLIT.replace('<joint joint="b" coef="-0.7"/>', ""))
-    prepared = prepare_robot(file)
-    assert run_robot(prepared.task("mujoco", 1e-9)).outcome is Outcome.AGREES
+    prepared = prepare_tree(file)
+    assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
     assert not prepared.findings
 
 
@@ -379,6 +379,6 @@ def test_gravity_that_an_actuator_compensates_is_as_the_file_says(tmp_path: Path
     file = tmp_path / "r.xml"
     actuator = '<actuator><motor joint="b"/></actuator></mujoco>'
     file.write_text(LIFTED.replace("</mujoco>", actuator))
-    prepared = prepare_robot(file)
-    assert run_robot(prepared.task("mujoco", 1e-9)).outcome is Outcome.AGREES
+    prepared = prepare_tree(file)
+    assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
     assert not prepared.findings

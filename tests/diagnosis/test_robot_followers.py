@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
-from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
@@ -49,15 +50,15 @@ URDF = "\n".join(
 
 def check_named(file: Path, engine: str, address: str, share: float) -> None:
     """A number of a file off by so much of 1, in an engine that holds to the wrong one."""
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     numbers = robot_numbers(file, prepared.settings)
     (index,) = (i for i, one in enumerate(numbers.numerals) if one.address == address)
     one = numbers.numerals[index]
     (file.parent / "wrong").mkdir()
     copy = copy_with_texts(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
-    task = replace(prepared.task(engine, 1e-9), file=copy)
-    assert run_robot(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(RobotDiagnosisTask(task=task, is_reference=False))
+    task = model_task(prepared, engine).with_file(copy)
+    assert run_case(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(task, is_reference=False)
     assert found.explained
     (cause,) = found.explanations[0].causes
     assert cause.subject == (address,)

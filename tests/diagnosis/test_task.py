@@ -8,8 +8,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import prepare
-from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
@@ -29,7 +30,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def named(tmp_path: Path, mass: str) -> DiagnosisTask:
+def named(tmp_path: Path, mass: str) -> SystemTask:
     """The mass on a spring, its body called `nut and bolt`."""
     folder = tmp_path / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
@@ -41,8 +42,8 @@ def named(tmp_path: Path, mass: str) -> DiagnosisTask:
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    return diagnosis_task(
-        prepare(folder, described=False), read_sidecar(folder / "mujoco.xml.toml"), "mujoco"
+    return model_task(
+        prepare_system(folder, described=False), "mujoco", read_sidecar(folder / "mujoco.xml.toml")
     )
 
 
@@ -54,7 +55,7 @@ def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
     first = found.explanations[0]
     (cause,) = first.causes
     assert cause.id == CauseId(kind="literal", subject=(MASS,))
-    text = task.sidecar.model.read_text()
+    text = task.declared.model.read_text()
     line = text[: text.index('mass="1.313"')].count("\n") + 1
     start = text.encode().index(b'mass="1.313"') + len(b'mass="')
     where = SourceLine(file="mujoco.xml", line=line, span=(start, start + 5), text="1.313")

@@ -11,9 +11,10 @@ from typing import Any
 import msgspec
 import pytest
 
-import physics_crosscheck.harness.checks.case
-from physics_crosscheck.harness.checks.case import CaseTask, case_task, run_case
-from physics_crosscheck.harness.checks.prepare import prepare
+import physics_crosscheck.harness.checks.task
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -102,16 +103,16 @@ class _PoisonedModel:
         return self._poisoning.poisoned(self._model.rollout, *arguments)
 
 
-def tasks(folder: Path) -> Iterator[CaseTask]:
+def tasks(folder: Path) -> Iterator[SystemTask]:
     """One case of every model file and engine of a system's folder."""
-    prepared = prepare(folder, described=False)
+    prepared = prepare_system(folder, described=False)
     scenario = prepared.system.scenarios[-1].name
-    for sidecar in model_files(prepared.folder):
+    for sidecar in model_files(prepared.place):
         assert isinstance(sidecar, Sidecar)
         for engine in sidecar.engines:
             if engines()[engine].extra and engine not in EXTRAS:
                 continue  # those that compile what they run, for minutes
-            yield case_task(prepared, sidecar, engine, scenario, 1e-9)
+            yield model_task(prepared, engine, sidecar, scenario=scenario)
 
 
 def without_times(case: Case) -> Case:
@@ -135,9 +136,9 @@ def test_a_case_with_poisoned_constants_comes_out_the_same(
         assert engines()[task.engine].version() is not None
         shorter = dataclasses.replace(task, resolution=1e-6)
         plain = run_case(shorter)
-        poisoning = Poisoning(engines()[task.engine], task.system.constants)
+        poisoning = Poisoning(engines()[task.engine], task.target.system.constants)
         monkeypatch.setattr(
-            physics_crosscheck.harness.checks.case,
+            physics_crosscheck.harness.checks.task,
             "engines",
             lambda p=poisoning, e=task.engine: {e: p},
         )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import prepare
-from physics_crosscheck.harness.checks.robot_case import judge_robot, prepare_robot
-from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
+from physics_crosscheck.harness.checks.case import judge
+from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.locations import find
@@ -53,8 +53,8 @@ def outcome(name: str, sdf: str, folder: Path, **settings: object) -> Outcome:
     need(name)
     path = folder / "robot.sdf"
     path.write_text(sdf)
-    task = prepare_robot(path).task(name, 1e-9)
-    return judge_robot(replace(task, settings={**task.settings, **settings})).outcome
+    task = model_task(prepare_tree(path), name)
+    return judge(task.with_settings(**settings)).outcome
 
 
 DYNAMICS = (
@@ -214,10 +214,10 @@ def test_what_is_not_covered_is_refused_by_line(
 
 def diagnosed(folder: Path, engine: str) -> Cause:
     """The first cause of what its one model does."""
-    prepared = prepare(folder)
+    prepared = prepare_system(folder)
     (sidecar,) = model_files(folder)
     assert isinstance(sidecar, Sidecar)
-    diagnosis = diagnose_model(diagnosis_task(prepared, sidecar, engine))
+    diagnosis = diagnose_model(model_task(prepared, engine, sidecar))
     assert diagnosis.explained
     (cause,) = diagnosis.explanations[0].causes
     return cause

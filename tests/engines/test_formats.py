@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files
-from physics_crosscheck.harness.checks.case import load
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.mujoco.urdf import spring_terms
@@ -38,7 +38,7 @@ def test_literals_of_such_a_file_are_bound_moved_and_hypotheses(
 ) -> None:
     path = folder / "good.known.toml"
     path.write_text(path.read_text() + f'[bindings]\n"{STIFFNESS}" = "k"\n')
-    sidecar, physics = read_sidecar(path), prepare(folder)
+    sidecar, physics = read_sidecar(path), prepare_system(folder)
     (bound,) = bindings(physics.system, sidecar)
     assert bound.exact
     moved = with_literals(sidecar, {STIFFNESS: 48.0}, tmp_path / "copy")
@@ -54,7 +54,7 @@ def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
 ) -> None:
     like: Mapping[str, str] = {}
     monkeypatch.setattr(KnownEngine, "syntax", like)
-    sidecar, physics = read_sidecar(folder / "good.known.toml"), prepare(folder)
+    sidecar, physics = read_sidecar(folder / "good.known.toml"), prepare_system(folder)
     with pytest.raises(LocationError, match="numbers can be located in"):
         numbers(sidecar.model, ".*")
     assert line_of(sidecar.model, STIFFNESS) is None

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.audit import run_audit
-from physics_crosscheck.harness.checks.audit_task import audit_task
-from physics_crosscheck.harness.checks.case import case_task, run_case
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.audit import audit_declared
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system, prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
-from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
+from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
@@ -73,17 +72,17 @@ NAME = "PyBullet's own principal axes of body"
 
 
 @pytest.fixture(scope="module")
-def hinge(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+def hinge(tmp_path_factory: pytest.TempPathFactory) -> PreparedSystem:
     folder = tmp_path_factory.mktemp("hinge")
     (folder / "system.py").write_text(SYSTEM)
     (folder / "body.urdf").write_text(URDF)
     (folder / "body.urdf.toml").write_text(SIDECAR)
-    return prepare(folder)
+    return prepare_system(folder)
 
 
 @pytest.fixture(scope="module")
-def right(hinge: Prepared) -> Sidecar:
-    return read_sidecar(hinge.folder / "body.urdf.toml")
+def right(hinge: PreparedSystem) -> Sidecar:
+    return read_sidecar(hinge.place / "body.urdf.toml")
 
 
 def exact(sidecar: Sidecar) -> Sidecar:
@@ -94,22 +93,29 @@ def wrong(sidecar: Sidecar, changes: Mapping[str, float], into: Path) -> Sidecar
     return with_literals(sidecar, {f"{BODY}{key}": value for key, value in changes.items()}, into)
 
 
-def audit(hinge: Prepared, sidecar: Sidecar) -> tuple[AuditFinding, ...]:
-    return run_audit(audit_task(hinge, sidecar, "pybullet")).findings
+def audit(hinge: PreparedSystem, sidecar: Sidecar) -> tuple[AuditFinding, ...]:
+    return audit_declared(model_task(hinge, "pybullet", sidecar)).findings
 
 
-def diagnosis(hinge: Prepared, sidecar: Sidecar) -> Ranking:
-    return ranked(diagnosis_task(hinge, sidecar, "pybullet"))
+def diagnosis(hinge: PreparedSystem, sidecar: Sidecar) -> Ranking:
+    return ranked(model_task(hinge, "pybullet", sidecar))
 
 
 def test_a_right_file_differs_by_the_engines_own_sweeps_and_agrees_without_them(
-    hinge: Prepared, right: Sidecar
+    hinge: PreparedSystem, right: Sidecar
 ) -> None:
     for sidecar, outcome in ((right, Outcome.DIFFERS), (exact(right), Outcome.AGREES)):
-        assert run_case(case_task(hinge, sidecar, "pybullet", "free", 1e-11)).outcome is outcome
+        assert (
+            run_case(
+                model_task(hinge, "pybullet", sidecar, scenario="free", resolution=1e-11)
+            ).outcome
+            is outcome
+        )
 
 
-def test_the_cause_is_named_with_its_size_and_no_literal(hinge: Prepared, right: Sidecar) -> None:
+def test_the_cause_is_named_with_its_size_and_no_literal(
+    hinge: PreparedSystem, right: Sidecar
+) -> None:
     found = diagnosis(hinge, right)
     assert found.explained
     (cause,) = found.fits[0].causes
@@ -120,14 +126,16 @@ def test_the_cause_is_named_with_its_size_and_no_literal(hinge: Prepared, right:
 
 
 def test_a_fault_of_a_thousandth_beside_it_is_named(
-    hinge: Prepared, right: Sidecar, tmp_path: Path
+    hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
     found = diagnosis(hinge, wrong(right, {"mass@value": 0.3003}, tmp_path))
     assert found.explained
     assert [cause.subject for cause in found.fits[0].causes] == [(f"{BODY}mass@value",)]
 
 
-def test_the_audit_tells_the_size_and_finds_nothing_wrong(hinge: Prepared, right: Sidecar) -> None:
+def test_the_audit_tells_the_size_and_finds_nothing_wrong(
+    hinge: PreparedSystem, right: Sidecar
+) -> None:
     found = audit(hinge, right)
     assert grave(list(found)) == []
     (remark,) = [
@@ -143,7 +151,7 @@ def test_the_audit_tells_the_size_and_finds_nothing_wrong(hinge: Prepared, right
 
 
 def test_the_audit_still_finds_a_fault_beside_it(
-    hinge: Prepared, right: Sidecar, tmp_path: Path
+    hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
     found = audit(hinge, wrong(right, {"inertia@iyy": 0.06006}, tmp_path))
     assert "inertia of theta" in said(found, "inertia")
@@ -172,9 +180,9 @@ def test_axes_that_lie_upright_in_the_links_frame_are_found_too(tmp_path: Path, 
         .replace('ixy="0.011" ixz="-0.007" iyz="0.005"', 'ixy="-2.5e-7" ixz="0" iyz="0"')
     )
     (tmp_path / "wheel.urdf").write_text(wheel)
-    prepared = prepare_robot(tmp_path / "wheel.urdf")
-    task = prepared.task("pybullet", 1e-12)
-    case = run_robot(replace(task, settings={**task.settings, "exact_axes": True}))
+    prepared = prepare_tree(tmp_path / "wheel.urdf")
+    task = model_task(prepared, "pybullet", resolution=1e-12)
+    case = run_case(task.with_settings(exact_axes=True))
     assert case.outcome is not Outcome.DIFFERS, case.reason
     assert case.verdict is not None
     assert (case.verdict.discrepancy or 0) < 1e-12

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.checks.case import load
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import (

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from physics_crosscheck.harness.checks.case import load
-from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -25,21 +24,21 @@ SCENARIOS = 2
 
 def sound(
     system: str, model: str, engine: str = "mujoco", sidecar: Sidecar | None = None
-) -> DiagnosisTask:
+) -> SystemTask:
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
     p = physics(system)
     sidecar = sidecar or read_sidecar(builtin() / system / f"{model}.toml")
     motions = dict(list(p.motions.items())[:SCENARIOS])
-    return replace(diagnosis_task(p, sidecar, engine), motions=motions)
+    return model_task(p, engine, sidecar).with_target(motions=motions)
 
 
 def subject(
     system: str, model: str, engine: str = "mujoco", sidecar: Sidecar | None = None
 ) -> Subject:
     task = sound(system, model, engine, sidecar)
-    loaded, coordinates = load(task.system, task.sidecar, engine)
-    return Subject(task, loaded, coordinates, bindings(task.system, task.sidecar))
+    literals = bindings(task.target.system, task.declared)
+    return Subject(task, *task.load(), literals)
 
 
 @pytest.fixture
@@ -47,12 +46,12 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", 8)
 
 
-def rows(task: DiagnosisTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:
+def rows(task: SystemTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:
     """What became of the faults that `chosen` picks."""
     known = survey(task)
     alone = replace(known, faults=())
     return [tried(task, alone, fault) for fault in filter(chosen, known.faults)]
 
 
-def tried(task: DiagnosisTask, known: Survey, fault: Mistake) -> Mutation:
+def tried(task: SystemTask, known: Survey, fault: Mistake) -> Mutation:
     return mutated(MutationTask(model=task, survey=known, fault=fault))

@@ -62,7 +62,7 @@ def copied(tmp_path: Path) -> Copied:
 def edited(found: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
     """The text of each mistake's copy."""
     return [
-        (m, m.edit.made(s.task.sidecar, s.task.engine, tmp_path / str(i)).model.read_text())
+        (m, m.edit.made(s.task.declared, s.task.engine, tmp_path / str(i)).model.read_text())
         for i, (s, m) in enumerate(found)
     ]
 
@@ -153,7 +153,7 @@ def test_a_model_that_is_wrong_to_begin_with_is_refused_by_its_name(
 
 def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few: None) -> None:
     task = sound(MSD, "mujoco.xml")
-    bare = replace(task, sidecar=replace(task.sidecar, bindings={}))
+    bare = task.with_sidecar(replace(task.declared, bindings={}))
     known = survey(bare)
     assert known.addresses == ()
     friction = next(f for f in known.faults if f.name == "friction left in")
@@ -163,7 +163,7 @@ def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few: None)
 def test_a_mass_that_hardly_moves_is_not_taken_for_a_wrong_one() -> None:
     task = sound("anchored_pair", "space.py", "pymunk")
     # Of 1e-15 of the scale, rounding of the positions alone makes its velocity.
-    survey(replace(task, motions=physics("anchored_pair").motions))
+    survey(task.with_target(motions=physics("anchored_pair").motions))
 
 
 def test_no_other_integrator_is_promised_where_equalities_need_euler() -> None:
@@ -227,7 +227,7 @@ def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
 
 def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_path: Path) -> None:
     task = sound(MSD, "robot.urdf", "pybullet")
-    made = Edit(settings={"motors": True}).made(task.sidecar, "pybullet", tmp_path / "made")
+    made = Edit(settings={"motors": True}).made(task.declared, "pybullet", tmp_path / "made")
     moved = with_literals(made, {"sidecar:settings.step": 0.001}, tmp_path / "moved")
     assert moved.spec("pybullet").settings["motors"] is True
     assert moved.spec("pybullet").settings["step"] == 0.001
@@ -248,7 +248,7 @@ def test_angles_without_their_unit_are_a_mistake_where_there_is_one(
 def test_a_soft_equality_loses_its_two_attributes_alone(tmp_path: Path) -> None:
     s = subject("drum_pendulum", ROLLING)
     ((_, text),) = edited([(s, m) for m in left_out(s)], tmp_path)
-    before = s.task.sidecar.model.read_text()
+    before = s.task.declared.model.read_text()
     assert text == re.sub(r'\s+solref="1e-6 0.5" solimp="[\d. ]+"', "", before) != before
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.mutation import trees
@@ -49,9 +50,9 @@ def folder(tmp_path: Path) -> Path:
 
 def found(folder: Path) -> dict[tuple[str, str], TreeFault]:
     """The faults by address and size."""
-    prepared = prepare_folder(folder)
+    prepared = prepare(folder)
     assert isinstance(prepared, PreparedTree)
-    task = prepared.task(read_sidecar(folder / "m.xml.toml"), "mujoco", 1e-9)
+    task = model_task(prepared, "mujoco", read_sidecar(folder / "m.xml.toml"))
     return {(mutated_tree(replace(one, first_seen=float("inf"))).location, one.size): one
             for one in faults_of(task)}  # fmt: skip
 
@@ -76,12 +77,12 @@ def test_a_folder_that_is_not_sound_is_told(folder: Path) -> None:
 
 
 def test_a_folder_of_bodies_has_the_error_of_a_motion(folder: Path) -> None:
-    prepared = prepare_folder(folder, motion=1.0)
+    prepared = prepare(folder, motion=1.0)
     assert isinstance(prepared, PreparedTree)
     sidecar = read_sidecar(folder / "m.xml.toml")
-    coarse = run_robot(prepared.task(sidecar, "mujoco", 1e-9)).full_run
+    coarse = run_case(model_task(prepared, "mujoco", sidecar)).full_run
     (folder / "m.xml").write_text(MODEL.replace("0.002", "0.001"))
-    fine = run_robot(prepared.task(sidecar, "mujoco", 1e-9)).full_run
+    fine = run_case(model_task(prepared, "mujoco", sidecar)).full_run
     assert coarse is not None
     assert fine is not None
     assert (coarse.time_step, fine.time_step) == (0.002, 0.001)
@@ -102,8 +103,8 @@ def test_an_effect_of_second_order_counts_by_its_size(
     arm: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An axis that leaves the plane of the motion, in an engine that detects nothing."""
-    faults = faults_of(prepare_robot(arm).task("mujoco", 1e-9))
-    monkeypatch.setattr(trees, "run_robot", lambda _: case())
+    faults = faults_of(model_task(prepare_tree(arm), "mujoco"))
+    monkeypatch.setattr(trees, "run_case", lambda _: case())
     verdicts = {}
     for fault in faults:
         address = died(fault, "").location

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.case import linearization_task, load, run_linearizations
+from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -145,7 +146,7 @@ def test_a_step_at_which_it_grows_is_told(tmp_path: Path) -> None:
     text = model.model.read_text().replace('timestep="0.002"', 'timestep="0.4"')
     assert text != model.model.read_text()
     (tmp_path / "mujoco.xml").write_text(text)
-    task = linearization_task(own, replace(model, model=tmp_path / "mujoco.xml"), "mujoco", 1e-9)
+    task = model_task(own, "mujoco", replace(model, model=tmp_path / "mujoco.xml"))
     found = run_linearizations(task)
     assert found[0].one_step is not None
     assert (found[0].one_step.radius or 0) > 1 > (found[0].one_step.exact_radius or 2)

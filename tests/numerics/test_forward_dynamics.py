@@ -11,9 +11,8 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.checks.case import load
-from physics_crosscheck.harness.checks.robot_case import prepare_robot
-from physics_crosscheck.harness.checks.robot_task import load_robot, placed
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
@@ -39,10 +38,9 @@ KUKA, A1 = DATA / "kuka_iiwa" / "model.urdf", DATA / "a1" / "a1.urdf"
 def of_robot(
     file: Path, engine: str, *, floating: bool = False, resolution: float = 1e-9
 ) -> AccelerationComparison | None:
-    task = prepare_robot(file, floating=floating).task(engine, resolution)
-    model = load_robot(task)
-    drawn, coordinates, names = placed(task, model)
-    stepped = SteppedBodies(task.tree, [task.names.index(name) for name in names])
+    task = model_task(prepare_tree(file, floating=floating), engine, resolution=resolution)
+    model, coordinates = task.load()
+    stepped, drawn = SteppedBodies(task.target.tree), task.target.samples
     states, forces = mixed(drawn.start, drawn.forces)
     return forward_dynamics(model, coordinates, stepped, states, forces, resolution)
 
@@ -158,8 +156,8 @@ def test_a_contact_is_told_of_no_state_where_it_acts(tmp_path: Path) -> None:
         '<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 0.1"><joint name="z"'
         ' type="slide" axis="0 0 1"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
     )
-    task = prepare_robot(file).task("mujoco", 1e-9)
-    model = load_robot(replace(task, settings={"smooth": False}))
+    task = model_task(prepare_tree(file), "mujoco")
+    model, _ = replace(task, spec=replace(task.spec, settings={"smooth": False})).load()
     z = np.array([[0.05], [-0.01]])
     found = model.accelerations(z, 0 * z, 0 * z)
     assert found is not None

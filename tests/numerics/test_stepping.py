@@ -11,10 +11,9 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from physics_crosscheck.harness.checks.case import CaseTask, case_task, load, run_case
-from physics_crosscheck.harness.checks.prepare import Prepared
-from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
-from physics_crosscheck.harness.checks.robot_task import load_robot, placed
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare_tree
+from physics_crosscheck.harness.checks.task import SystemTask, load, model_task
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
@@ -41,8 +40,8 @@ FIVE = 5.0
 
 
 @cache
-def robot_of(file: Path) -> PreparedRobot:
-    return prepare_robot(file)
+def robot_of(file: Path) -> PreparedTree:
+    return prepare_tree(file)
 
 
 def sidecar(folder: str, model: str) -> Sidecar:
@@ -174,12 +173,11 @@ def test_a_literal_off_by_a_part_in_ten_to_the_twelve_is_seen(
 def test_a_robots_next_state_is_the_equations(file: Path, engine: str, integrator: str) -> None:
     """With a free base: MuJoCo's RK4 turns it by Munthe-Kaas's rule."""
     robot = robot_of(file)
-    task = robot.task(engine, 1e-9)
+    task = model_task(robot, engine)
     if integrator:
-        task = replace(task, settings={**task.settings, "integrator": integrator})
-    model = load_robot(task)
-    drawn, coordinates, names = placed(task, model)
-    bodies = SteppedBodies(robot.system.tree, [task.names.index(name) for name in names])
+        task = task.with_settings(integrator=integrator)
+    model, coordinates = task.load()
+    bodies, drawn = SteppedBodies(robot.tree), robot.samples
     found = step_engine(model, coordinates, bodies, drawn.start, drawn.forces, 1e-12)
     assert found is not None
     assert found.judgement.outcome is Outcome.AGREES
@@ -207,7 +205,7 @@ def test_of_runge_kutta_steps_that_are_not_stable_nothing_is_claimed(
     """Its stages turn a joint by some 1e6 rad; a rule of one stage has no such numbers."""
     file = tmp_path / "stiff.xml"
     file.write_text(STIFF.format(step, integrator))
-    found = run_robot(prepare_robot(file).task("mujoco", 1e-9)).stepping
+    found = run_case(model_task(prepare_tree(file), "mujoco")).stepping
     assert (found is not None) is known
     assert found is None or found.outcome is not Outcome.DIFFERS
 
@@ -307,8 +305,8 @@ def test_a_case_tells_its_next_state_beside_its_limit() -> None:
     assert case.stepping.outcome is Outcome.DIFFERS
 
 
-def _task(own: Prepared, model: Sidecar) -> CaseTask:
-    return case_task(own, model, "mujoco", next(iter(own.motions)), 1e-9)
+def _task(own: PreparedSystem, model: Sidecar) -> SystemTask:
+    return model_task(own, "mujoco", model, scenario=next(iter(own.motions)))
 
 
 def test_a_thousand_steps_stay_within_their_own_roundings() -> None:

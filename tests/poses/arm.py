@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.checks.poses import PoseCheck, check_poses
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.mechanism.declaration import (
     Constant,

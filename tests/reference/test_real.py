@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from sympy import DiracDelta, Heaviside, I, Integral, Piecewise, Rational, exp, log, sin, sqrt, tan
 
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.reference import DeclarationError, Equilibrium, Output, Scenario, System, t
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
@@ -273,7 +273,7 @@ def test_the_file_and_the_line_of_what_is_wrong_are_told(
     path = tmp_path / "system.py"
     path.write_text(FILE.format(**given))
     with pytest.raises(DeclarationError) as caught:
-        prepare(tmp_path, described=False)
+        prepare_system(tmp_path, described=False)
     assert str(caught.value).startswith(f"{path}:{line}: ")
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)

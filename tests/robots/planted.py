@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.robot_case import PreparedRobot, prepare_robot, run_robot
-from physics_crosscheck.harness.checks.robot_task import RobotTask
-from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -19,8 +20,8 @@ class Checked:
     """A file, what its equations say, and how an engine is held against these."""
 
     file: Path
-    prepared: PreparedRobot
-    task: RobotTask
+    prepared: PreparedTree
+    task: TreeTask
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -29,15 +30,14 @@ class Checked:
 
     def outcome(self, **settings: object) -> tuple[Outcome, str]:
         """What a run says, and why; with other settings too."""
-        task = replace(self.task, settings={**self.task.settings, **settings})
-        case = run_robot(task)
+        case = run_case(self.task.with_settings(**settings))
         return case.outcome, case.reason
 
     def differs(self, old: str, new: str) -> Outcome:
         """What a run says of the file with another number."""
         text = self._write(old, new)
         try:
-            return run_robot(self.task).outcome
+            return run_case(self.task).outcome
         finally:
             self.file.write_text(text)
 
@@ -47,8 +47,8 @@ class Checked:
         (which,) = [i for i, (a, b) in enumerate(zip(words, others, strict=True)) if a != b]
         text = self._write(old, new)
         try:
-            assert run_robot(self.task).outcome is Outcome.DIFFERS
-            found = diagnose_robot(RobotDiagnosisTask(task=self.task, is_reference=False))
+            assert run_case(self.task).outcome is Outcome.DIFFERS
+            found = diagnose_robot(self.task, is_reference=False)
         finally:
             self.file.write_text(text)
         right, wrong = float(words[which]), float(others[which])
@@ -65,9 +65,9 @@ def checked(folder: Path, text: str, engine: str = "") -> Checked:
     """A file of that text."""
     file = folder / "model.xml"
     file.write_text(text)
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     name = engine or next(one.name for one in engines_reading(".xml") if one.version())
-    return Checked(file, prepared, prepared.task(name, 1e-9))
+    return Checked(file, prepared, model_task(prepared, name))
 
 
 def tree_of(file: Path) -> Tree:

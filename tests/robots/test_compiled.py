@@ -9,7 +9,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
@@ -61,7 +63,7 @@ def written(folder: Path, more: str = "", **words: Any) -> Path:
 def outcome(file: Path) -> tuple[Outcome, str]:
     engine = compiler(".xml")
     assert engine is not None
-    case = run_robot(prepare_robot(file).task(engine.name, 1e-9))
+    case = run_case(model_task(prepare_tree(file), engine.name))
     return case.outcome, case.reason
 
 
@@ -70,7 +72,7 @@ def outcome(file: Path) -> tuple[Outcome, str]:
 def test_a_robot_that_others_wrote_agrees(name: str) -> None:
     file = ASSETS / f"{name}.xml"
     assert outcome(file) == (Outcome.AGREES, "")
-    assert len(prepare_robot(file).names) == SOUND[name]
+    assert len(prepare_tree(file).names) == SOUND[name]
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
@@ -78,7 +80,7 @@ def test_whatever_a_format_resolves_agrees(tmp_path: Path, integrator: str) -> N
     """Anchors, references, several joints a body, welded bodies, tensors with products, shapes."""
     file = written(tmp_path, integrator=integrator)
     assert outcome(file) == (Outcome.AGREES, "")
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     assert prepared.names == ("turn", "shift", "joint_2", "wave")
     assert prepared.record.title.startswith("4 joints, 3 links in 4 bodies, ")
     assert set(prepared.left_out) == {
@@ -116,7 +118,7 @@ def test_so_do_free_and_ball_joints(tmp_path: Path, integrator: str) -> None:
     file = tmp_path / "loose.xml"
     file.write_text(LOOSE.format(integrator=integrator))
     assert outcome(file) == (Outcome.AGREES, "")
-    names = prepare_robot(file).names
+    names = prepare_tree(file).names
     assert names[:6] == ("base:rx", "base:ry", "base:rz", "base:x", "base:y", "base:z")
     assert names[6:] == (
         "turn", "shoulder:rx", "shoulder:ry", "shoulder:rz", "joint_3:rx", "joint_3:ry",
@@ -135,9 +137,9 @@ def test_a_millionth_in_one_of_them_differs(tmp_path: Path, old: str, new: str) 
     file.write_text(text)
     engine = compiler(".xml")
     assert engine is not None
-    task = prepare_robot(file).task(engine.name, 1e-9)
+    task = model_task(prepare_tree(file), engine.name)
     file.write_text(text.replace(old, new))
-    assert run_robot(task).outcome is Outcome.DIFFERS
+    assert run_case(task).outcome is Outcome.DIFFERS
 
 
 PULLING = """
@@ -164,7 +166,7 @@ def test_so_do_tendons_and_actuators_whose_inputs_are_held(tmp_path: Path) -> No
     cubic = 'class="soft"><joint damping="0.1 0 0.2"'
     file.write_text(file.read_text().replace('class="soft"><joint', cubic))
     assert outcome(file) == (Outcome.AGREES, "")
-    prepared = prepare_robot(file)
+    prepared = prepare_tree(file)
     assert "actuators of other laws or transmissions" in prepared.left_out
     assert "saturation of actuators (2)" in prepared.left_out
     controls = prepared.settings["controls"]
@@ -190,9 +192,9 @@ def test_a_millionth_in_what_pulls_differs(tmp_path: Path, old: str, new: str) -
     assert old in text
     engine = compiler(".xml")
     assert engine is not None
-    task = prepare_robot(file).task(engine.name, 1e-9)
+    task = model_task(prepare_tree(file), engine.name)
     file.write_text(text.replace(old, new, 1))
-    assert run_robot(task).outcome is Outcome.DIFFERS
+    assert run_case(task).outcome is Outcome.DIFFERS
 
 
 @pytest.mark.parametrize("flag", ["gravity", "spring", "damper", "actuation"])
@@ -227,7 +229,7 @@ def test_equalities_that_are_off_hold_nothing_and_others_hold_under_any_flag(
 ) -> None:
     file = tmp_path / "coupled.xml"
     file.write_text(COUPLED.format(flags, active))
-    assert len(prepare_robot(file).names) == count
+    assert len(prepare_tree(file).names) == count
     assert outcome(file) == (Outcome.AGREES, "")
 
 
@@ -242,7 +244,7 @@ MORE = {
 def test_what_is_left_out_acts_on_nothing_and_is_told(tmp_path: Path, what: str) -> None:
     file = written(tmp_path, MORE[what])
     assert outcome(file) == (Outcome.AGREES, "")
-    assert what in prepare_robot(file).left_out
+    assert what in prepare_tree(file).left_out
 
 
 @pytest.mark.parametrize("joints", [("turn", "wave"), ("wave", "turn")])
@@ -251,7 +253,7 @@ def test_joints_with_dampers_follow_each_other(tmp_path: Path, joints: tuple[str
     one, other = joints
     file = written(tmp_path, f'<equality><joint joint1="{one}" joint2="{other}"/></equality>')
     assert outcome(file) == (Outcome.AGREES, "")
-    assert prepare_robot(file).settings["couplings"] == [one]
+    assert prepare_tree(file).settings["couplings"] == [one]
 
 
 @pytest.mark.parametrize("given", [[1.0], "all", [1.0, "x", 2.0, 3.0, 4.0]])
@@ -290,7 +292,7 @@ def test_all_that_is_not_covered_is_told_at_once_by_name(tmp_path: Path) -> None
     assert any("flexible bodies: not covered" in one for one in told)
     assert any("it has no joint that moves" in one for one in told)
     with pytest.raises(RobotError, match=r"r\.xml: .*not covered"):
-        prepare_robot(file)
+        prepare_tree(file)
 
 
 def test_gravity_compensation_of_actuators_that_are_off_is_not_covered(tmp_path: Path) -> None:
@@ -312,7 +314,7 @@ MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7"
 def test_an_agreement_on_inertias_of_another_engine_has_a_reservation(tmp_path: Path) -> None:
     file = tmp_path / "meshed.xml"
     file.write_text(MESHED)
-    case = run_robot(prepare_robot(file).task("pinocchio", 1e-9))
+    case = run_case(model_task(prepare_tree(file), "pinocchio"))
     assert case.outcome is Outcome.AGREES
     assert case.reason == "the inertia of 1 body is as MuJoCo compiles the file"
 

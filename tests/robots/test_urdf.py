@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physics_crosscheck.harness.checks.robot_case import prepare_robot, run_robot
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, link, read, read_text, told, tree_of
@@ -150,7 +152,7 @@ def test_what_floats_beside_a_root_that_stands_still_counts_from_the_world(tmp_p
     assert free.rotation == pytest.approx(np.eye(3))
     assert hinge.position == pytest.approx([0.3, 0.2, 0.5])
     assert not robot.floats
-    case = run_robot(prepare_robot(robot.file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(robot.file), "mujoco"))
     assert (case.outcome, case.reason) == (Outcome.AGREES, "")
     assert read(tmp_path, link("a"), link("b"), joint("j", "a", "b"), floating=True).floats
 
@@ -172,7 +174,7 @@ def test_what_an_engine_is_asked_to_make_of_inertias_differs(tmp_path: Path, opt
         tmp_path, f"<mujoco><compiler {option}/></mujoco>", link("root", ""), swung,
         joint("j", "root", "a", '<axis xyz="0.2 1 0.3"/>'),
     )  # fmt: skip
-    case = run_robot(prepare_robot(robot.file).task("mujoco", 1e-9))
+    case = run_case(model_task(prepare_tree(robot.file), "mujoco"))
     assert case.outcome is (Outcome.AGREES if OPTIONS[option] else Outcome.DIFFERS)
     assert "<mujoco>" in told(robot)
 

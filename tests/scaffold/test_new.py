@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.checks.poses import check_poses
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import bindings, mismatches
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection

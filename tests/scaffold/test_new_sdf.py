@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.multibody import PreparedTree, prepare_folder
-from physics_crosscheck.harness.checks.robot_case import judge_robot
+from physics_crosscheck.harness.checks.case import judge
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import default_engines, engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -60,10 +61,10 @@ def test_the_folder_agrees_and_a_wrong_number_does_not(tmp_path: Path, engine: s
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
     made = written(tmp_path)
-    prepared = prepare_folder(made)
+    prepared = prepare(made)
     assert isinstance(prepared, PreparedTree)
     sidecar = read_sidecar(made / "robot.sdf.toml")
-    assert judge_robot(prepared.task(sidecar, engine, 1e-8)).outcome is Outcome.AGREES
+    assert judge(model_task(prepared, engine, sidecar, resolution=1e-8)).outcome is Outcome.AGREES
     file = made / "robot.sdf"
     file.write_text(file.read_text().replace("<mass>2</mass>", "<mass>2.001</mass>"))
-    assert judge_robot(prepared.task(sidecar, engine, 1e-8)).outcome is Outcome.DIFFERS
+    assert judge(model_task(prepared, engine, sidecar, resolution=1e-8)).outcome is Outcome.DIFFERS

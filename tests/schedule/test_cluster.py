@@ -20,7 +20,7 @@ import msgspec
 import pytest
 from msgspec import structs
 
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare, prepare_system
 from physics_crosscheck.harness.extras.sweep.store import read_rows
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs import payload
@@ -184,7 +184,7 @@ def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_he
     ]  # fmt: skip
     with executor(jobs=1, limits=LIMITS) as local:
         here = outcomes(local, *tasks)
-    mine = prepare(pendulum)
+    mine = prepare_system(pendulum)
     beside = Path("beside.txt")
     beside.write_text("not sent")
     with executor(
@@ -194,15 +194,15 @@ def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_he
         assert outcomes(pool, *tasks) == here
         theirs = outcomes(pool, (prepare, pendulum))[0]
         missing = outcomes(pool, (opened, beside), (opened, beside.with_name("nowhere")))
-    assert isinstance(theirs, Prepared)
-    assert theirs.folder == pendulum
+    assert isinstance(theirs, PreparedSystem)
+    assert theirs.place == pendulum
     assert record(theirs) == record(mine)
     # One that is here was not sent, one that is nowhere is missed as on this machine.
     assert missing[0].reason.endswith("put everything else that it reads into the folder")
     assert missing[1].reason.endswith("nowhere'")
 
 
-def record(prepared: Prepared) -> Any:
+def record(prepared: PreparedSystem) -> Any:
     return msgspec.to_builtins(msgspec.structs.replace(prepared.record, seconds=0.0))
 
 

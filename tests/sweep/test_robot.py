@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.robot_case import judge_robot, prepare_robot
+from physics_crosscheck.harness.checks.case import judge
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.extras.sweep import robot as swept_robot
 from physics_crosscheck.harness.extras.sweep.case import run_block, swept
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
@@ -108,7 +110,7 @@ def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
     }
     copy = copy_with_texts(urdf, numbers.texts(values), tmp_path / "copy")
     assert f'damping="{last.constants[DAMPING]!r}"' in copy.read_text()
-    assert judge_robot(prepare_robot(copy).task(last.engine, 1e-9)).outcome is last.outcome
+    assert judge(model_task(prepare_tree(copy), last.engine)).outcome is last.outcome
 
 
 def test_a_copy_that_does_not_follow_the_draw_differs(

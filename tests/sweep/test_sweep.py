@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.case import case_task, run_case
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
 from physics_crosscheck.harness.extras.sweep.run import run_single, sweep
@@ -116,10 +117,10 @@ def test_a_drawn_verdict_is_that_of_a_run_on_a_folder_with_those_constants(
 ) -> None:
     row = rows[index]
     place, sidecar = written_by_hand(folder, row, tmp_path / "by_hand")
-    prepared = prepare(place, described=False)
+    prepared = prepare_system(place, described=False)
     stepped = {row.engine: {**sidecar.engine_settings.get(row.engine, {}), "step": row.step}}
     given = Sidecar(**{**vars(sidecar), "engine_settings": stepped})
-    case = run_case(case_task(prepared, given, row.engine, "free", 1e-9))
+    case = run_case(model_task(prepared, row.engine, given, scenario="free"))
     assert case.outcome is row.outcome
     assert case.verdict is not None
     assert case.full_run is not None

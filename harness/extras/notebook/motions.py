@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.case import load
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.not_run import not_of_a_tree
+from physics_crosscheck.harness.checks.prepare import joints_of
 from physics_crosscheck.harness.checks.robot_record import settings_of
-from physics_crosscheck.harness.checks.robot_task import joints_of
+from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.notebook.columns import Columns
@@ -233,7 +233,7 @@ def _loaded(source: _Source, subject: NotebookSubject, engine: str) -> tuple[Mod
         spec = ModelSpec(path=file, settings=settings)
     model = adapter.load(spec)
     followers = Followers.of(source.declaration.tree)
-    order = joints_of(followers, model, file, engine)
+    order = joints_of(followers, tuple(model.coordinates), file, engine)
     names = tuple(c.name for c in source.declaration.coordinates)
     return model, followers.map(order, names)
 

@@ -11,8 +11,9 @@ from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.robot_case import judge_loaded, judge_robot, prepare_robot
-from physics_crosscheck.harness.checks.robot_task import RobotTask, load_robot
+from physics_crosscheck.harness.checks.case import judge
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
@@ -48,7 +49,7 @@ class SweptRobot(Source):
     signed = False
 
     def __init__(self, file: Path) -> None:
-        self._prepared = prepare_robot(file)
+        self._prepared = prepare_tree(file)
         self._numbers = robot_numbers(file, self._prepared.settings)
         self._index = {
             self._numbers.numerals[i].address: i for i in reversed(self._numbers.relevant_numbers)
@@ -82,7 +83,7 @@ class SweptRobot(Source):
 
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Yield the file with every engine that reads it, or with the selected engines."""
-        file = self._prepared.file
+        file = self._prepared.place
         for engine in (engines_reading if only else engines_to_run)(file.suffix):
             if not only or engine.name in only:
                 yield file.name, engine.name
@@ -92,7 +93,7 @@ class SweptRobot(Source):
         if self._resolved is None:
             self._resolved = ReusedSegments(self._prepared.system, self._prepared.samples)
         if engine not in self._ways:
-            loaded_model = load_robot(self._task(engine))
+            loaded_model, _ = self._task(engine).load()
             self._ways[engine] = loaded_model.integrator, loaded_model.integrators
         return self._ways[engine]
 
@@ -101,29 +102,24 @@ class SweptRobot(Source):
         values = {self._index[name]: case.constants[name] for name in sorted(self._varied)}
         with record.timing("reference_seconds"):
             drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))
-        file = self._prepared.file
-        if values:
-            file = copy_with_texts(file, self._numbers.texts(values), place)
-        model_task = self._task(case.engine)
-        task = replace(
-            model_task,
-            file=file,
-            tree=drawn.tree,
-            samples=drawn.samples,
-            settings={**model_task.settings, **case.settings},
-            resolution=resolution,
+        task = self._task(case.engine, resolution).with_settings(**case.settings)
+        task = task.with_target(
+            system=replace(self._prepared.system, tree=drawn.tree), samples=drawn.samples
         )
+        if values:
+            task = task.with_file(copy_with_texts(task.file, self._numbers.texts(values), place))
         with record.timing("loading_seconds"):
-            model = Timed(load_robot(task))
+            loaded, coordinates = task.load()
+            model = Timed(loaded)
         record.check_step(model, case)
         with record.stepping(model):
-            verdict = judge_loaded(task, model)
+            verdict = judge(task, (model, coordinates))
         if verdict.outcome is Outcome.UNRESOLVED:
-            verdict = judge_robot(task)
+            verdict = judge(task)
         record.tell_verdict(verdict)
 
-    def _task(self, engine: str) -> RobotTask:
-        return self._prepared.task(engine, resolution=0.0)
+    def _task(self, engine: str, resolution: float = 0.0) -> TreeTask:
+        return model_task(self._prepared, engine, resolution=resolution)
 
     def _solved(self, values: Mapping[int, float]) -> _Draw:
         scenarios = self._prepared
@@ -134,5 +130,7 @@ class SweptRobot(Source):
             (one.name, one.kind) for one in scenarios.system.tree.links
         ]
         if tree is None or not same:
-            raise RobotError(f"{scenarios.file}: with these numbers it makes other joints, or none")
+            raise RobotError(
+                f"{scenarios.place}: with these numbers it makes other joints, or none"
+            )
         return _Draw(tree, self._resolved.for_tree(tree))

@@ -41,7 +41,7 @@ from physics_crosscheck.harness.results.github import (
 )
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.harness.run import Interruption, Options, run
+from physics_crosscheck.harness.run import Options, RunControl, run
 
 
 def main(options: argparse.Namespace) -> int:
@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
     with journal(options.out, resume=options.resume) as done:
         with Progress(every=options.verbose) as progress:
             with asking() as stop:
-                control = Interruption(stop, done)
+                control = RunControl(stop, done)
                 ran = run(wanted.folders, run_options, progress, control, wanted.robots)
             results = ran.results
             if not (results.cases or stop.asked or run_options.choice.everything):

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from physics_crosscheck.harness.checks.declared import Declared
-from physics_crosscheck.harness.checks.not_run import Hurdle, barred_case, failed_case
+from physics_crosscheck.harness.checks.not_run import CannotRun, barred_case, failed_case
 from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.model_files import (
@@ -223,7 +223,7 @@ class CrosscheckItem(pytest.Item):
             return []
         return self.config.stash[RUNNER].judged_by(record.id, self.target)
 
-    def _precondition(self, model: Sidecar | Path) -> Hurdle | None:
+    def _precondition(self, model: Sidecar | Path) -> CannotRun | None:
         """Return why it can't run; the audit of a robot file needs no engine."""
         if self.engine == NO_ENGINE:
             return None

@@ -16,25 +16,24 @@ from msgspec import structs
 from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known, mark_models
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.checks.declared import Declared, declared
-from physics_crosscheck.harness.checks.not_run import Hurdle, failed_case, hurdle, not_of_a_tree
+from physics_crosscheck.harness.checks.not_run import (
+    CannotRun,
+    cannot_run,
+    failed_case,
+    not_of_a_tree,
+)
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning import tasks
-from physics_crosscheck.harness.planning.prepared import (
-    FolderFacts,
-    ModelTask,
-    Preparation,
-    RobotFacts,
-)
+from physics_crosscheck.harness.planning.prepared import Arguments, Preparation
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
 
 Argument = TypeVar("Argument")
@@ -55,9 +54,9 @@ class CaseRunner:
         self._robot_cases: dict[tuple[Path, CaseId], Case] = {}
         self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
-    def precondition(self, model: Sidecar | Path, engine: str) -> Hurdle | None:
+    def precondition(self, model: Sidecar | Path, engine: str) -> CannotRun | None:
         """Return why a model can't run at all; None if it can."""
-        return hurdle(self._engines, engine, model)
+        return cannot_run(self._engines, engine, model)
 
     def declared(self, target: Path) -> Declared | Failure:
         """Return the names of a declaration or robot file."""
@@ -66,12 +65,7 @@ class CaseRunner:
     def prepared(self, target: Path) -> Preparation | Failure:
         """Prepare a system folder or a robot file, once."""
         if target not in self._prepared:
-            prepare: Callable[[Path], Preparation] = (
-                partial(tasks.folder, described=False)
-                if target.is_dir()
-                else partial(tasks.robot, floating=False, model="")
-            )
-            self._prepared[target] = self._ask(prepare, target)
+            self._prepared[target] = self._ask(tasks.target, target)
         return self._prepared[target]
 
     def case(self, case_id: CaseId, target: Path, model: Sidecar | Path) -> Case:
@@ -98,20 +92,21 @@ class CaseRunner:
         prepared = self.prepared(target)
         if isinstance(prepared, Failure):
             return failed_case(case_id, str(target), prepared)
-        if _has_bodies(prepared) and isinstance(model, Sidecar) and (why := not_of_a_tree(model)):
+        bodies = prepared.facts.declares == "bodies"
+        if bodies and isinstance(model, Sidecar) and (why := not_of_a_tree(model)):
             return failed_case(case_id, str(target), Failure(why, "", kind="sidecar"))
         task = self._task(model, case_id.engine, case_id.scenario)
 
         def measured(accepted: Snapshot) -> Measurement | Failure:
             measuring = replace(task, snapshot=accepted)
-            return self._ask(partial(tasks.measurement, task=measuring), prepared.solved)
+            return self._ask(partial(tasks.measurement, given=measuring), prepared.solved)
 
-        case = self._ask(partial(tasks.case, task=task), prepared.solved)
+        case = self._ask(partial(tasks.case, given=task), prepared.solved)
         return self._judged(case, case_id, target, measured)
 
-    def _task(self, model: Sidecar | Path, engine: str, scenario: str = "") -> ModelTask:
+    def _task(self, model: Sidecar | Path, engine: str, scenario: str = "") -> Arguments:
         sidecar = model if isinstance(model, Sidecar) else None
-        return ModelTask(
+        return Arguments(
             engine=engine, resolution=self._resolution, sidecar=sidecar, scenario=scenario
         )
 
@@ -153,17 +148,9 @@ class CaseRunner:
         preparation = self.prepared(target)
         if isinstance(preparation, Failure):
             return preparation
-        if isinstance(preparation.facts, RobotFacts):
-            return Audit(
-                findings=preparation.facts.findings, poses=Poses(note="no poses are declared")
-            )
-        task = self._task(model, engine)
-        if not _has_bodies(preparation):
-            return self._ask(partial(tasks.audit, task=task), preparation.solved)
-        survey = self._ask(partial(tasks.survey, task=task), preparation.solved)
-        if isinstance(survey, Failure):
-            return survey
-        return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
+        if preparation.facts.declares == "robot file":
+            return Audit(findings=preparation.facts.findings)
+        return self._ask(partial(tasks.audit, given=self._task(model, engine)), preparation.solved)
 
     def diagnosis(self, target: Path, model: Sidecar | Path, engine: str) -> Diagnosis:
         """Diagnose a model once from its motions in every scenario."""
@@ -175,7 +162,7 @@ class CaseRunner:
                 value = preparation
             else:
                 task = self._task(model, engine)
-                value = self._ask(partial(tasks.diagnosis, task=task), preparation.solved)
+                value = self._ask(partial(tasks.diagnosis, given=task), preparation.solved)
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value
@@ -192,7 +179,3 @@ class CaseRunner:
             if self._workers is None:
                 self._workers = Workers(1, self._limits)
             return self._workers.outcome(self._workers.submit(function, argument))
-
-
-def _has_bodies(preparation: Preparation) -> bool:
-    return isinstance(preparation.facts, FolderFacts) and preparation.facts.bodies

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from physics_crosscheck.harness.diagnosis.task import DiagnosisTask
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.engines.protocol import Engine, Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import Binding
@@ -32,7 +32,7 @@ class Subject:
         found: bindings of the model.
     """
 
-    task: DiagnosisTask
+    task: SystemTask
     model: Model
     coordinates: CoordinateMap
     found: tuple[Binding, ...]
@@ -40,7 +40,7 @@ class Subject:
     @property
     def suffix(self) -> str:
         """Suffix of the model file, which gives its format."""
-        return self.task.sidecar.model.suffix
+        return self.task.declared.model.suffix
 
     @cached_property
     def engine(self) -> Engine:
@@ -50,13 +50,13 @@ class Subject:
     @cached_property
     def elements(self) -> tuple[RawElement, ...]:
         """Elements of an XML file; empty for other formats."""
-        return elements(self.task.sidecar.model) if self.suffix in XML else ()
+        return elements(self.task.declared.model) if self.suffix in XML else ()
 
     def numbers(self, kinds: str) -> dict[str, float]:
         """Return the numbers of the model file by address, of the kinds known to
         `files.locations`.
         """
-        file = self.task.sidecar.model
+        file = self.task.declared.model
         try:
             places = find(file, numbers(file, kinds))
         except LocationError:
@@ -79,8 +79,8 @@ class Subject:
     @cached_property
     def _slopes(self) -> Array:
         """Largest |dZ/dq| over the motions, engine coordinates by the system's, (nz, n)."""
-        n = len(self.task.system.q)
-        starts = np.concatenate([m.start[:, :n] for m in self.task.motions.values()])
+        n = len(self.task.target.system.q)
+        starts = np.concatenate([m.start[:, :n] for m in self.task.target.motions.values()])
         slopes = self.coordinates.forward_slope(starts).reshape(len(starts), -1, n)
         largest: Array = np.max(np.abs(slopes), axis=0)
         return largest
@@ -90,7 +90,7 @@ class Subject:
         first.
         """
         row = self._slopes[self.model.coordinates.index(joint)]
-        names = [c.name for c in self.task.system.coordinates]
+        names = [c.name for c in self.task.target.system.coordinates]
         return tuple(names[i] for i in np.argsort(-row) if row[i] > 0)
 
     def about(self, joint: str, kind: CauseKind) -> frozenset[CauseId]:
@@ -103,16 +103,16 @@ class Subject:
         """Return the size of an added inertia, damping or friction that matters at a joint, in its
         units.
         """
-        names = [c.name for c in self.task.system.coordinates]
+        names = [c.name for c in self.task.target.system.coordinates]
         name = self.follows(joint)[0]
         slope = self._slopes[self.model.coordinates.index(joint), names.index(name)]
         parameters: dict[tuple[CauseKind, str], float]
-        parameters = {(p.kind, p.name): p.size for p in self.task.variants.parameters}
+        parameters = {(p.kind, p.name): p.size for p in self.task.target.variants.parameters}
         return float(parameters[kind, name] / slope ** (1 if kind == "friction" else 2))
 
     def reach(self, joint: str) -> float:
         """Return the largest movement of a joint to either side, in its own units."""
-        moved = [self.coordinates.to_engine(m.start)[0] for m in self.task.motions.values()]
+        moved = [self.coordinates.to_engine(m.start)[0] for m in self.task.target.motions.values()]
         mine = np.concatenate(moved)[:, self.model.coordinates.index(joint)]
         return float(np.ptp(mine)) / 2
 

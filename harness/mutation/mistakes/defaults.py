@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 
 def defaults(subject: Subject) -> Iterator[Mistake]:
     """Yield each default that the model's settings do not already request."""
-    stated = subject.task.sidecar.spec(subject.task.engine).settings
+    stated = subject.task.declared.spec(subject.task.engine).settings
     for usual in subject.engine.usual_mistakes:
         if isinstance(usual, DefaultLeftOn) and stated.get(usual.setting) != usual.value:
             yield Mistake(

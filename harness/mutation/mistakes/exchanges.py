@@ -14,7 +14,7 @@ from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 
 def exchanges(subject: Subject) -> Iterator[Mistake]:
     """Yield each pair of such constants in the model, exchanged in all of their literals."""
-    system, sidecar = subject.task.system, subject.task.sidecar
+    system, sidecar = subject.task.target.system, subject.task.declared
     for first, second in combinations(system.constants, 2):
         if first.unit != second.unit or first.value == second.value:
             continue
@@ -35,7 +35,7 @@ def exchanges(subject: Subject) -> Iterator[Mistake]:
 
 def _stated(subject: Subject, name: str) -> bool:
     """Return whether a literal depends on a constant."""
-    system, sidecar = subject.task.system, subject.task.sidecar
+    system, sidecar = subject.task.target.system, subject.task.declared
     value = next(c.value for c in system.constants if c.name == name)
     moved = at_constants(system, {name: 1.01 * value})
     return any(not b.exact for b in bindings(moved, sidecar))

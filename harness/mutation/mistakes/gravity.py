@@ -26,7 +26,7 @@ def gravity(subject: Subject) -> Iterator[Mistake]:
         return
     vector = [*map(float, present), 0.0][:3]
     size = float(np.linalg.norm(vector))
-    constants = {c.name for c in subject.task.system.constants if c.unit in ACCELERATION}
+    constants = {c.name for c in subject.task.target.system.constants if c.unit in ACCELERATION}
     if constants:
         for other in SIZES:
             if abs(other - size) > 1e-9 * size:
@@ -50,7 +50,7 @@ def _changed(
     causes = {CauseId(kind="gravity", subject=("xyz"[i],)) for i in moved}
     causes |= {CauseId(kind="constant", subject=(name,)) for name in constants}
     # On a coordinate along gravity, its effect is a constant force.
-    pulled = [c.name for c in subject.task.system.coordinates]
+    pulled = [c.name for c in subject.task.target.system.coordinates]
     causes |= {CauseId(kind="offset force", subject=(name,)) for name in pulled}
     if all(i in addresses for i in moved):
         present, signs = (
@@ -65,7 +65,7 @@ def _changed(
 
 def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
     """Return the addresses of components in the file, its sidecar or a bound number."""
-    sidecar, engine = subject.task.sidecar, subject.task.engine
+    sidecar, engine = subject.task.declared, subject.task.engine
     for key, settings in (
         (f"settings.{engine}.gravity", sidecar.engine_settings.get(engine, {})),
         ("settings.gravity", sidecar.settings),
@@ -77,7 +77,7 @@ def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
         return dict(enumerate(stated)) if len(stated) == 3 else {}
     addresses: dict[int, str] = {}
     for b in subject.found:
-        names = {c.name for c in subject.task.system.constants if c.unit in ACCELERATION}
+        names = {c.name for c in subject.task.target.system.constants if c.unit in ACCELERATION}
         if b.expression.strip(" -") in names:
             addresses |= {i: b.address for i in range(3) if abs(old[i]) == abs(b.value)}
     return addresses

@@ -25,7 +25,7 @@ def _left_out(subject: Subject, usual: LeftOut) -> Iterator[Mistake]:
         if stated and element.parent is not None and element.parent.tag == usual.within:
             edit = Edit(attributes=tuple(Attribute(element.start, key, None) for key in stated))
             yield Mistake(usual.name, element.spelled(2), edit, causes)
-    settings = subject.task.sidecar.spec(subject.task.engine).settings
+    settings = subject.task.declared.spec(subject.task.engine).settings
     stated_settings = {key: value for key, value in usual.defaults.items() if key in settings}
     if stated_settings:
         yield Mistake(

@@ -95,7 +95,7 @@ def _python(subject: Subject) -> Iterator[Mistake]:
 
 def _declared(subject: Subject) -> Iterator[Mistake]:
     """Yield changes of the springs in the sidecar."""
-    for index, spring in enumerate(subject.task.sidecar.springs):
+    for index, spring in enumerate(subject.task.declared.springs):
         joints = [name for name in spring.joints if name in subject.model.coordinates]
         if spring.stiffness and joints:
             address = f"{SIDECAR}spring[{index}].rest"

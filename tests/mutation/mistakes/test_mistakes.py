@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
-from physics_crosscheck.harness.checks.case import case_task, load, run_case
-from physics_crosscheck.harness.checks.prepare import Prepared, prepare
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
+from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.checks.verdict import judge
-from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
+from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -60,11 +61,11 @@ def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
 
 
 @cache
-def prepared(folder: Path) -> Prepared:
-    return prepare(folder, described=False)
+def prepared(folder: Path) -> PreparedSystem:
+    return prepare_system(folder, described=False)
 
 
-def physics_of(mistake: Mistake, sidecar: Sidecar) -> Prepared:
+def physics_of(mistake: Mistake, sidecar: Sidecar) -> PreparedSystem:
     """The built-in folder's, or that of the copy where its equations are edited too."""
     files = {file for file, _, _ in (*mistake.needs, *mistake.edits)}
     folder = sidecar.model.parent if SYSTEM in files else builtin() / mistake.system
@@ -108,7 +109,7 @@ def test_a_mistake_is_caught_and_named(
     physics = physics_of(mistake, sidecar)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
     motions = dict(list(physics.motions.items())[:SCENARIOS])
-    task = replace(diagnosis_task(physics, sidecar, mistake.engine), motions=motions)
+    task = model_task(physics, mistake.engine, sidecar).with_target(motions=motions)
     ranking = ranked(task)
     first = ranking.fits[0]
     named = {str(cause) for cause in (*first.causes, *first.tied_with)}
@@ -133,8 +134,8 @@ def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
     scenario = physics.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
     motion = solve(derive(physics.system), short)
-    task = case_task(physics, sidecar, mistake.engine, scenario.name, 1e-9)
-    case = run_case(replace(task, motion=motion))
+    task = model_task(physics, mistake.engine, sidecar, scenario=scenario.name)
+    case = run_case(task.with_target(motions={scenario.name: motion}))
     assert case.full_run is not None
     return case.outcome, case.full_run
 
