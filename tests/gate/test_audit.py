@@ -85,7 +85,7 @@ def test_what_was_accepted_of_an_audit_passes_until_it_is_another(
     assert not read_baseline(repository.baseline)[SYSTEM].audits
 
 
-def _broken(_: object, task: object = None) -> None:
+def _broken(_: object, given: object = None) -> None:
     raise RuntimeError("no audit today")
 
 
