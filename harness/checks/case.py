@@ -17,6 +17,7 @@ from physics_crosscheck.harness.checks.case_record import (
     verdict_record,
 )
 from physics_crosscheck.harness.checks.full_run_check import with_full_runs
+from physics_crosscheck.harness.checks.poses import PoseCheck, check_bodies, with_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
 from physics_crosscheck.harness.checks.verdict import Verdict, judged
@@ -109,9 +110,13 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     motion, why = _motion(task, model)
     if why and isinstance(task.target, PreparedSystem):
         raise StepError(f"{_place_of_step(task)}: {why}")
+    # Now: some engines unload this model when another one is loaded.
+    poses = _poses(task, model, coordinates)
     shipped, verdict = _judged(task, (model, coordinates))
     stepping = _stepping(task, shipped)  # with the integrator that the file selects
     followed, verdict, dynamics = _decided(task, shipped, verdict)
+    if poses is not None:
+        verdict = with_poses(verdict, poses)
     outcome, reason, kind = verdict.outcome, verdict.reason, verdict.kind
     full_run, series = None, None
     if why:
@@ -145,6 +150,8 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     return structs.replace(
         case,
         kind=kind,
+        locations=_lines(task, poses) if kind == "pose" and poses is not None else (),
+        poses=None if poses is None else poses.record,
         verdict=verdict_record(verdict, followed.limits, followed.claimed),
         full_run=full_run,
         series=series,
@@ -232,8 +239,24 @@ def _by_another_integrator(
     return followed, verdict
 
 
+def _poses(task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap) -> PoseCheck | None:
+    """Compare the poses of a robot file's bodies; those of a folder's model are audited."""
+    if task.sidecar is not None or not isinstance(task.target, PreparedTree):
+        return None
+    return check_bodies(task.target, model, coordinates)
+
+
+def _lines(task: ModelTask[Prepared], poses: PoseCheck) -> tuple[SourceLine, ...]:
+    """Return the lines of the bodies that are elsewhere."""
+    assert isinstance(task.target, PreparedTree)
+    lines, names = task.target.lines, (name for one in poses.findings for name in one.frames)
+    return tuple(
+        SourceLine(file=str(task.file), line=lines[name]) for name in names if lines.get(name)
+    )
+
+
 def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str]:
-    """Return the motion for full runs, and why there is none although one is asked for."""
+    """Return the motion for full runs, and why it is missing although one is asked for."""
     motion = task.target.motion(task.scenario)
     if isinstance(motion, str):
         return None, motion

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.quote import quote, truncate
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.reference.mechanism.frames import ENTRIES, frame_function
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 
 STEPS = 16.0
@@ -53,7 +53,7 @@ class Frames:
     model: Model
     coordinates: CoordinateMap
     said: SidecarFrames
-    function: NumericFunction
+    function: Callable[[Array], Array]
     rows: tuple[int, ...]
 
     @staticmethod

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.placed_frames import Frames
 from physics_crosscheck.harness.checks.pose_mistakes import Miss, kind_of
+from physics_crosscheck.harness.checks.prepare import PreparedTree
+from physics_crosscheck.harness.checks.verdict import Verdict
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.modelfiles.frames import sidecar_frames
+from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import FramePose, Poses
+from physics_crosscheck.reference.dynamics.tree_frames import TreeFrames
+from physics_crosscheck.reference.mechanism.declaration import Coordinate
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
+
+BODIES = ("link", "body")
+"""Words of engines for a body, in the names of its places."""
 
 SEED = 20260115
 DRAWS = 64
@@ -81,18 +90,81 @@ def check_poses(
     frames = Frames.of(system, mapped_frames, model, coordinates)
     with np.errstate(all="ignore"):
         q = _positions(frames, system, reached)
-    return _compared(frames, system, q, unchecked)
+    points = [system.frames[row].rotation is None for row in frames.rows]
+    return _compared(frames, system.coordinates, points, q, unchecked)
 
 
-def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ...]) -> PoseCheck:
-    """Compare every mapped frame at positions q, (K, n)."""
+def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap) -> PoseCheck:
+    """Compare the bodies of a robot file, by name, at the sampled positions."""
+    engine_names = {
+        name: place
+        for name in target.bodies
+        if (place := _place_of(name, model.places)) is not None
+    }
+    unchecked = tuple(name for name in target.bodies if name not in engine_names)
+    if not engine_names:
+        return PoseCheck(
+            Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
+        )
+    targets = tuple(
+        FrameTarget(name=name, place=place, offset=np.zeros(3), axes=np.eye(3), where="")
+        for name, place in engine_names.items()
+    )
+    frames = Frames(
+        model,
+        coordinates,
+        SidecarFrames(targets=targets, axes=np.eye(3), origin=np.zeros(3)),
+        TreeFrames(target.tree, [target.bodies[name] for name in engine_names]),
+        tuple(range(len(targets))),
+    )
+    q, points = target.samples.start[:, : len(target.names)], [False] * len(targets)
+    return _compared(frames, target.system.coordinates, points, q, unchecked)
+
+
+def _place_of(name: str, places: Collection[str]) -> str | None:
+    """Return a body's name in an engine, or None if the engine lacks it."""
+    return next((f"{kind}:{name}" for kind in BODIES if f"{kind}:{name}" in places), None)
+
+
+def with_poses(verdict: Verdict, check: PoseCheck) -> Verdict:
+    """Combine the verdict on a motion with the one on poses: a difference in either counts."""
+    if not check.findings or verdict.outcome is Outcome.DIFFERS:
+        return verdict
+    worst, near = min(check.findings, key=lambda one: one.share), max(RESOLUTION, EPSILON)
+    moved = (
+        f"every segment agrees within {verdict.largest_uncertainty:.1e}"
+        if verdict.outcome is Outcome.AGREES
+        else f"its motions: {verdict.reason}"
+    )
+    return replace(
+        verdict,
+        outcome=Outcome.DIFFERS,
+        discrepancy=near / worst.share,
+        uncertainty=near,
+        largest_discrepancy=near / worst.share,
+        largest_uncertainty=near,
+        component=worst.frames[0],
+        time=float("nan"),
+        reason="; ".join([*(one.message for one in check.findings), moved]),
+        resolution=near,
+        kind="pose",
+    )
+
+
+def _compared(
+    frames: Frames,
+    coordinates: Sequence[Coordinate],
+    points: Sequence[bool],
+    q: Array,
+    unchecked: tuple[str, ...],
+) -> PoseCheck:
+    """Compare every mapped frame at positions q, (K, n); a point has no rotation."""
     z = frames.coordinates.forward(q)
     expected, measured = frames.expected(q), frames.found(z)
     length = frames.length(z)
     uncertainty = frames.uncertainty(q, length)
-    points = [system.frames[row].rotation is None for row in frames.rows]
     far, turned = expected.miss(measured)
-    turned[:, points] = 0.0
+    turned[:, np.flatnonzero(points)] = 0.0
     size = float(np.max(np.abs(expected.at), initial=0.0)) or length
     near = max(uncertainty[0], RESOLUTION * size), max(uncertainty[1], RESOLUTION)
     # A pose that is not a number counts as infinitely far away.
@@ -115,7 +187,7 @@ def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ..
         uncertainty=number(uncertainty[0]),
         unchecked=unchecked,
     )
-    flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in enumerate(system.coordinates)}
+    flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in enumerate(coordinates)}
     alike: dict[str, list[int]] = {}
     for f in elsewhere:
         miss = Miss.of(f, expected, measured, flipped, point=points[f], uncertainty=uncertainty)
@@ -123,7 +195,7 @@ def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ..
     findings = []
     for kind, group in alike.items():
         worst = q[int(np.argmax((far + turned)[:, group].max(axis=1)))]
-        message = _sentence([rows[f] for f in group], kind, _place(system, worst), near)
+        message = _sentence([rows[f] for f in group], kind, _place(coordinates, worst), near)
         apart = far[:, group].max() / near[0] if near[0] else 0.0, turned[:, group].max() / near[1]
         names = tuple(rows[f].name for f in group)
         off, share = float(far[:, group].max()), 1 / float(max(apart))
@@ -150,8 +222,8 @@ def _positions(frames: Frames, system: System, reached: Array) -> Array:
     return q[is_finite]
 
 
-def _place(system: System, q: Array) -> str:
-    named = zip(system.coordinates, q, strict=True)
+def _place(coordinates: Sequence[Coordinate], q: Array) -> str:
+    named = zip(coordinates, q, strict=True)
     return ", ".join(f"{c.name} = {value:.4g}" for c, value in named)
 
 

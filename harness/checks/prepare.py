@@ -32,7 +32,11 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
+from physics_crosscheck.harness.modelfiles.robot_system import (
+    RobotError,
+    robot_bodies,
+    robot_system,
+)
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch, even_indices, held, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
@@ -44,10 +48,12 @@ from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
+from physics_crosscheck.reference.mechanism.assemble import Assembled
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.integrate import ReferenceError
@@ -260,20 +266,24 @@ class PreparedTree(Prepared):
         scenario: name of the states.
         samples: the states, and the states that the equations reach from them.
         followers: map to the joints of an engine.
+        bodies: index of each body's link, or `WORLD`, and its pose in that link, by name.
         rest: the motion from rest, or why it can't be solved; None if none was requested.
         settings: settings of the engines; those of a folder's models are in sidecars.
         left_out: statements of the file that the equations omit.
         findings: what is wrong with the file by reading it.
+        lines: line of each link of the file, by name.
     """
 
     system: TreeSystem
     scenario: str
     samples: Samples
     followers: Followers
+    bodies: Mapping[str, tuple[int, Place]]
     rest: Motion | str | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     findings: tuple[AuditFinding, ...] = ()
+    lines: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def tree(self) -> Tree:
@@ -428,12 +438,17 @@ def prepare_tree(
     robot = read_robot(file, floating=floating, model=model)
     system = robot_system(robot)
     try:
-        prepared = _solved(file, system, robot.limits, scenario_of(robot), motion, states)
+        whole = robot_bodies(robot).assembled
+        prepared = _solved(file, system, whole, scenario_of(robot), motion, states)
     except ReferenceError as error:
         raise RobotError(f"{file}: {error}") from None
     left_out = (*(format_omission(one) for one in robot.left_out), *sidecar_beside(file))
     prepared = replace(
-        prepared, settings=settings_of(robot), left_out=left_out, findings=robot_findings(robot)
+        prepared,
+        settings=settings_of(robot),
+        left_out=left_out,
+        findings=robot_findings(robot),
+        lines={part.name: part.line for part in robot.parts},
     )
     return _finished(prepared, began, {})
 
@@ -452,9 +467,8 @@ def _from_bodies(
     folder: Path, declared: MultibodySystem, motion: float, states: int
 ) -> PreparedTree:
     try:
-        return _solved(
-            folder, declared.tree_system, declared.assembled.limits, SCENARIO, motion, states
-        )
+        whole = declared.assembled
+        return _solved(folder, declared.tree_system, whole, SCENARIO, motion, states)
     except ReferenceError as error:
         raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
 
@@ -462,7 +476,7 @@ def _from_bodies(
 def _solved(
     place: Path,
     system: TreeSystem,
-    limits: tuple[Array, Array],
+    whole: Assembled,
     scenario: str,
     motion: float,
     states: int,
@@ -473,7 +487,8 @@ def _solved(
         ReferenceError: if a joint moves nothing that has mass.
     """
     kept = Coupled(system.tree).kept
-    within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
+    within = np.stack(whole.limits, axis=1)[kept]
+    home = home_of(system.tree, whole.limits)[kept]
     drawn = samples(TreeEquations(system), within, home, states, SEED)
     return PreparedTree(
         place=place,
@@ -483,6 +498,7 @@ def _solved(
         scenario=scenario,
         samples=drawn,
         followers=Followers.of(system.tree),
+        bodies=whole.places,
         rest=_motion_from_rest(system, drawn, motion) if motion else None,
     )
 

@@ -107,10 +107,10 @@ class ModelTask(Generic[P]):
 
 
 SystemTask = ModelTask[PreparedSystem]
-"""Of a folder that declares energies."""
+"""Task of a folder that declares energies."""
 
 TreeTask = ModelTask[PreparedTree]
-"""Of a folder that declares bodies, or of a robot file."""
+"""Task of a folder that declares bodies, or of a robot file."""
 
 
 def model_task(

@@ -32,7 +32,7 @@ from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
-from physics_crosscheck.harness.planning.prepared import Facts
+from physics_crosscheck.harness.planning.prepared import TargetFacts
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case
@@ -52,7 +52,7 @@ SECONDS_A_DAY = 86_400.0
 
 
 KINDS: Mapping[str, Any] = {
-    "target": Facts,
+    "target": TargetFacts,
     "case": Case,
     "linearizations": tuple[EngineLinearization, ...],
     "coverage": Coverage,

@@ -1,4 +1,4 @@
-"""Facts about prepared targets, and the arguments of the tasks that use them.
+"""TargetFacts about prepared targets, and the arguments of the tasks that use them.
 
 Workers resolve a task by its name in `planning.tasks`, so that planning imports no equations.
 """
@@ -20,8 +20,8 @@ from physics_crosscheck.harness.records.system import System
 TASKS = "physics_crosscheck.harness.planning.tasks"
 
 
-class Facts(Record, frozen=True, kw_only=True):
-    """Facts about a prepared folder or robot file, without its equations.
+class TargetFacts(Record, frozen=True, kw_only=True):
+    """TargetFacts about a prepared folder or robot file, without its equations.
 
     Attributes:
         record: its entry in the results.
@@ -42,7 +42,7 @@ class Facts(Record, frozen=True, kw_only=True):
 class Preparation:
     """The facts of a folder or a file, and its solved equations, which its tasks use."""
 
-    facts: Facts
+    facts: TargetFacts
     solved: object
 
 

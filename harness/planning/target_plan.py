@@ -31,8 +31,8 @@ from physics_crosscheck.harness.planning.cache import (
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import (
     Arguments,
-    Facts,
     Preparation,
+    TargetFacts,
     task_function,
 )
 from physics_crosscheck.harness.planning.result_builder import Jobs, ResultBuilder
@@ -70,7 +70,7 @@ class TargetPlan:
         self.place, self.options, self.results = place, options, results
         self.standalone = place.is_file()
         self._cache, self._before = options.cache, before
-        self._facts: Facts | None = None
+        self._facts: TargetFacts | None = None
         self._solved: object = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
         self._key: CacheKey | None = None
@@ -89,8 +89,8 @@ class TargetPlan:
             self._hashes = inputs(place, options.resolution, options.baseline)
 
     @property
-    def facts(self) -> Facts:
-        """Facts about the target, once it is prepared or known."""
+    def facts(self) -> TargetFacts:
+        """TargetFacts about the target, once it is prepared or known."""
         assert self._facts is not None
         return self._facts
 
@@ -111,13 +111,13 @@ class TargetPlan:
         if self._waiting:
             yield self._preparation(self._resumed)
 
-    def _know(self, facts: Facts) -> None:
+    def _know(self, facts: TargetFacts) -> None:
         self._facts = facts
         self.results.reads[str(self.place)] = facts.reads
 
-    def _known_facts(self) -> Facts | None:
+    def _known_facts(self) -> TargetFacts | None:
         """Return the cached facts; those with a derivation also serve if none is needed."""
-        facts: Facts | None = self._had(self._key)
+        facts: TargetFacts | None = self._had(self._key)
         if facts is None and self._cache is not None and self._reading.get("described") is False:
             facts = self._had(key_of_folder(self.place, {**self._reading, "described": True}))
         return facts

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.diagnosis.coverage import count_numbers
 from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
-from physics_crosscheck.harness.planning.prepared import Arguments, Facts, Preparation
+from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, TargetFacts
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.coverage import Coverage
@@ -49,9 +49,9 @@ def target(
     """
     solved = prepare(place, described=described, floating=floating, model=model, motion=motion)
     if isinstance(solved, PreparedSystem):
-        facts = Facts(record=solved.record, declares="energies", reads=dict(solved.reads))
+        facts = TargetFacts(record=solved.record, declares="energies", reads=dict(solved.reads))
     else:
-        facts = Facts(
+        facts = TargetFacts(
             record=solved.record,
             declares="robot file" if place.is_file() else "bodies",
             reads=dict(solved.reads),

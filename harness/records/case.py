@@ -18,10 +18,11 @@ from physics_crosscheck.harness.records.base import (
 )
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
+from physics_crosscheck.harness.records.poses import Poses
 
 CaseKind = Literal[
     "",
-    "motion", "coordinate map", "acceleration",
+    "motion", "coordinate map", "acceleration", "pose",
     "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding",
     "full run", "time step",
     "not finite", "blows up", "too coarse", "long step",
@@ -34,7 +35,7 @@ Each has a message code and a page.
 """
 
 MEASURED: tuple[CaseKind, ...] = (
-    "motion", "coordinate map", "acceleration", "stands still", "diverges", "wrong order",
+    "motion", "coordinate map", "acceleration", "pose", "stands still", "diverges", "wrong order",
     "not smooth", "coarse", "rounding", "full run", "time step", "not finite", "blows up",
     "too coarse",
 )  # fmt: skip
@@ -395,6 +396,7 @@ class Case(Record, frozen=True, kw_only=True):
         series: Data for plots; None if the case was not judged.
         stepping: Check of the next state; None without a known step rule.
         forward_dynamics: Check of the accelerations; None if the engine reports none.
+        poses: Check of the poses of a robot file's bodies; None for other models.
     """
 
     system: str
@@ -415,6 +417,7 @@ class Case(Record, frozen=True, kw_only=True):
     series: Series | None = None
     stepping: Stepping | None = None
     forward_dynamics: ForwardDynamics | None = None
+    poses: Poses | None = None
 
     def __post_init__(self) -> None:
         msgspec.structs.force_setattr(self, "code", case_code(self.outcome, self.kind))
@@ -460,6 +463,8 @@ class Case(Record, frozen=True, kw_only=True):
             return f"AGREES contradicts the residual {v.map_residual:.1e} of its coordinate map"
         if dynamics is not None and dynamics.outcome is Outcome.DIFFERS:
             return "AGREES contradicts its accelerations, which differ"
+        if self.poses is not None and self.poses.wrong:
+            return "AGREES contradicts its poses, which differ"
         return ""
 
     @property

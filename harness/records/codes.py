@@ -813,6 +813,21 @@ leg.urdf in PyBullet
         remedy="""Read the forces that the message lists: they name the term to look at.""",
     ),
     _code(
+        "XC304",
+        "poses-differ",
+        "A body is not where the file puts it.",
+        kinds="case:DIFFERS:pose",
+        cause="""At the sampled positions a body of the robot has another position or orientation
+        in the engine than the file's joints and origins give. Its motion may be right all the
+        same, as for a frame without mass.""",
+        example="""
+arm.urdf in PyBullet
+  tool (link:tool): off by up to 0.02 m from the equations' pose
+""",
+        remedy="""Look at the origins of the joints between the root and this body, and at what
+        the engine does with links on fixed joints.""",
+    ),
+    _code(
         "XC311",
         "engine-does-not-step",
         "Every step size returned the same values.",

@@ -41,3 +41,8 @@ class Poses(Record, frozen=True, kw_only=True):
     uncertainty: Number = None
     unchecked: tuple[str, ...] = ()
     note: str = ""
+
+    @property
+    def wrong(self) -> tuple[FramePose, ...]:
+        """Frames and points that differ."""
+        return tuple(frame for frame in self.frames if not frame.agrees)

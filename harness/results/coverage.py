@@ -96,7 +96,7 @@ def poses_checked(poses: Poses) -> str:
     """Return which frames agree, or why none was compared."""
     if poses.note:
         return f"poses not compared: {poses.note}"
-    wrong = [frame.name for frame in poses.frames if not frame.agrees]
+    wrong = [frame.name for frame in poses.wrong]
     line = f"{counted(len(poses.frames), 'pose')} compared"
     if wrong:
         line += f", {len(wrong)} wrong ({', '.join(wrong)})"

@@ -45,14 +45,15 @@ class Assembled:
 
     Attributes:
         tree: links in the order of the bodies.
-        bodies: index of each body's link, by body name; `WORLD` for fixed bodies.
+        places: index of each body's link, or `WORLD`, and its pose in that link's frame, by body
+            name.
         limits: lower and upper bound of each velocity's coordinate, rad or m, each (nv,); infinite
             where there is no limit.
         cancelled: names of bodies whose mass cancels the mass of the bodies they are welded to.
     """
 
     tree: Tree
-    bodies: Mapping[str, int]
+    places: Mapping[str, tuple[int, Place]]
     limits: tuple[Array, Array]
     cancelled: tuple[str, ...]
 
@@ -95,7 +96,7 @@ def assembled(
     )
     return Assembled(
         tree=tree,
-        bodies={name: link for name, (link, _) in builder.places.items()},
+        places=builder.places,
         limits=(lower, upper),
         cancelled=tuple(builder.cancelled),
     )

@@ -17,6 +17,7 @@ from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.terminal.console import print_wrapped
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
@@ -43,6 +44,9 @@ INDENT = 8
 
 MASSLESS = "massless"
 """Subject of audit findings about a link with inertia and without mass."""
+
+POSES_NAMED = 3
+"""Number of bodies to name in a headline."""
 
 SAME_FAULT = ("inertia", "stiffness", "damping", "acceleration", "linearization")
 """Kinds of findings without a line, about terms that the motions depend on."""
@@ -214,12 +218,24 @@ def difference(case: Case) -> str:
     verdict, dynamics = case.verdict, case.forward_dynamics
     if verdict is None or verdict.discrepancy is None:
         return case.reason
+    if case.kind == "pose" and case.poses is not None:
+        return _poses_differ(case.poses)
     if _is_motion(verdict):
         return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
     if dynamics is not None and dynamics.outcome is Outcome.DIFFERS and dynamics.discrepancy:
         component = dynamics.component.removesuffix("_ddot")
         return f"acceleration of {component} off by up to {percent(dynamics.discrepancy)}"
     return case.reason
+
+
+def _poses_differ(poses: Poses) -> str:
+    """Return which bodies are elsewhere, and how far."""
+    names = ", ".join(one.name for one in poses.wrong[:POSES_NAMED])
+    more = len(poses.wrong) - POSES_NAMED
+    far = max(one.position or 0.0 for one in poses.wrong)
+    turned = max(one.rotation or 0.0 for one in poses.wrong)
+    by = f"{turned:.3g} degrees" if far <= (poses.uncertainty or 0.0) else f"{far:.3g} m"
+    return f"{names}{f' and {more} more' if more > 0 else ''} off by up to {by}"
 
 
 def _is_motion(verdict: Verdict) -> bool:

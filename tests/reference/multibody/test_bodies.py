@@ -30,7 +30,12 @@ def test_what_is_welded_is_one_body_and_several_joints_are_a_chain() -> None:
     two = (Joint(name="b", kind="slide", zero=0.5), Joint(name="c", kind="hinge", at=(0, 0, 1)))
     last = RigidBody(name="last", parent="tip", joints=two, mass=1.0)
     found = assembled([base, ROD, tip, last], DOWN)
-    assert dict(found.bodies) == {"base": WORLD, "rod": 0, "tip": 0, "last": 2}
+    assert {name: link for name, (link, _) in found.places.items()} == {
+        "base": WORLD,
+        "rod": 0,
+        "tip": 0,
+        "last": 2,
+    }
     assert [link.mass for link in found.tree.links] == [4.0, 0.0, 1.0]
     assert found.tree.links[0].center.tolist() == [0, 0, -0.5]
     assert found.tree.links[0].inertia.tolist() == np.diag([2.0, 3.0, 3.0]).tolist()

@@ -1,0 +1,104 @@
+"""A robot's bodies are where its file puts them, in every engine that tells where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.engines.mujoco.adapter import MujocoModel
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.problems import difference
+
+DATA = Path(pybullet_data.getDataPath())
+ARM = """<robot name="arm">
+<link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="boom"><inertial><origin xyz="0.01 0.02 -0.2"/><mass value="1.3"/>
+<inertia ixx="0.021" iyy="0.018" izz="0.006" ixy="0.001" ixz="0" iyz="0"/></inertial></link>
+<joint name="lift" type="continuous"><parent link="base"/><child link="boom"/>
+<origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><axis xyz="0 1 0"/></joint>
+<link name="tool"/>
+<joint name="flange" type="fixed"><parent link="boom"/><child link="tool"/>
+<origin xyz="0.1 0 -0.4" rpy="0 0.5 0"/></joint>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(("name", "floating", "bodies"), [
+    ("franka_panda/panda.urdf", False, 13),
+    ("a1/a1.urdf", True, 22),
+])  # fmt: skip
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet", "drake", "pinocchio", "dart"])
+def test_every_body_of_a_robot_is_where_the_file_puts_it(
+    name: str, floating: bool, bodies: int, engine: str
+) -> None:
+    """Panda has two links without mass on fixed joints, a1 a root that turns."""
+    if engines()[engine].version() is None:
+        pytest.skip(f"{engine} is not installed")
+    case = run_case(model_task(prepare_tree(DATA / name, floating=floating), engine))
+    assert case.poses is not None
+    assert len(case.poses.frames) == bodies
+    assert not case.poses.wrong
+    assert max(one.position or 0.0 for one in case.poses.frames) < 1e-14
+    assert max(one.rotation or 0.0 for one in case.poses.frames) < 1e-12
+
+
+def shifted(link: str, by: Sequence[float], turn: float) -> object:
+    """MuJoCo's poses with one link moved, m, and turned about its z axis, rad."""
+    right = MujocoModel.poses
+    c, s = np.cos(turn), np.sin(turn)
+
+    def poses(self: MujocoModel, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        origins, turns = right(self, places, z)
+        if link in places:
+            row = list(places).index(link)
+            origins[:, row] += turns[:, row] @ np.array(by)
+            turns[:, row] = turns[:, row] @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        return origins, turns
+
+    return poses
+
+
+@pytest.mark.parametrize(("by", "turn", "says"), [
+    ((0.0, 1e-8, 0.0), 0.0, "off by up to 1e-08 m"),
+    ((0.0, 0.0, 0.0), 1e-6, "off by up to 5.73e-05 degrees"),
+])  # fmt: skip
+def test_a_massless_tool_that_is_elsewhere_differs_at_its_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    by: tuple[float, float, float],
+    turn: float,
+    says: str,
+) -> None:
+    """No motion shows it: it carries no mass."""
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    task = model_task(prepare_tree(file), "mujoco")
+    assert run_case(task).outcome is Outcome.AGREES
+    monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", by, turn))
+    case = run_case(task)
+    assert (case.outcome, case.kind, case.code) == (Outcome.DIFFERS, "pose", "XC304")
+    assert case.poses is not None
+    assert [one.name for one in case.poses.wrong] == ["tool"]
+    assert says in case.reason
+    assert "every segment agrees" in case.reason
+    (line,) = case.locations
+    assert ARM.splitlines()[(line.line or 0) - 1].startswith('<link name="tool"')
+    assert difference(case) == f"tool {says}"
+    assert not case.contradiction(1e-9)
+
+
+def test_a_difference_of_rounding_agrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", (0, 1e-11, 0), 1e-11))
+    assert run_case(model_task(prepare_tree(file), "mujoco")).outcome is Outcome.AGREES
