@@ -98,10 +98,10 @@ def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap)
     """Compare the bodies of a robot file, by name, at the sampled positions."""
     engine_names = {
         name: place
-        for name in target.bodies
+        for name in target.tree.frames
         if (place := _place_of(name, model.places)) is not None
     }
-    unchecked = tuple(name for name in target.bodies if name not in engine_names)
+    unchecked = tuple(name for name in target.tree.frames if name not in engine_names)
     if not engine_names:
         return PoseCheck(
             Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
@@ -114,7 +114,7 @@ def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap)
         model,
         coordinates,
         SidecarFrames(targets=targets, axes=np.eye(3), origin=np.zeros(3)),
-        TreeFrames(target.tree, [target.bodies[name] for name in engine_names]),
+        TreeFrames(target.tree, tuple(engine_names)),
         tuple(range(len(targets))),
     )
     q, points = target.samples.start[:, : len(target.names)], [False] * len(targets)

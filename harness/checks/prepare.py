@@ -34,7 +34,6 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import (
     RobotError,
-    robot_bodies,
     robot_system,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -48,12 +47,10 @@ from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
-from physics_crosscheck.reference.mechanism.assemble import Assembled
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.integrate import ReferenceError
@@ -266,7 +263,6 @@ class PreparedTree(Prepared):
         scenario: name of the states.
         samples: the states, and the states that the equations reach from them.
         followers: map to the joints of an engine.
-        bodies: index of each body's link, or `WORLD`, and its pose in that link, by name.
         rest: the motion from rest, or why it can't be solved; None if none was requested.
         settings: settings of the engines; those of a folder's models are in sidecars.
         left_out: statements of the file that the equations omit.
@@ -278,7 +274,6 @@ class PreparedTree(Prepared):
     scenario: str
     samples: Samples
     followers: Followers
-    bodies: Mapping[str, tuple[int, Place]]
     rest: Motion | str | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
@@ -438,8 +433,7 @@ def prepare_tree(
     robot = read_robot(file, floating=floating, model=model)
     system = robot_system(robot)
     try:
-        whole = robot_bodies(robot).assembled
-        prepared = _solved(file, system, whole, scenario_of(robot), motion, states)
+        prepared = _solved(file, system, robot.limits, scenario_of(robot), motion, states)
     except ReferenceError as error:
         raise RobotError(f"{file}: {error}") from None
     left_out = (*(format_omission(one) for one in robot.left_out), *sidecar_beside(file))
@@ -467,8 +461,8 @@ def _from_bodies(
     folder: Path, declared: MultibodySystem, motion: float, states: int
 ) -> PreparedTree:
     try:
-        whole = declared.assembled
-        return _solved(folder, declared.tree_system, whole, SCENARIO, motion, states)
+        limits = declared.assembled.limits
+        return _solved(folder, declared.tree_system, limits, SCENARIO, motion, states)
     except ReferenceError as error:
         raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
 
@@ -476,7 +470,7 @@ def _from_bodies(
 def _solved(
     place: Path,
     system: TreeSystem,
-    whole: Assembled,
+    limits: tuple[Array, Array],
     scenario: str,
     motion: float,
     states: int,
@@ -487,8 +481,7 @@ def _solved(
         ReferenceError: if a joint moves nothing that has mass.
     """
     kept = Coupled(system.tree).kept
-    within = np.stack(whole.limits, axis=1)[kept]
-    home = home_of(system.tree, whole.limits)[kept]
+    within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
     drawn = samples(TreeEquations(system), within, home, states, SEED)
     return PreparedTree(
         place=place,
@@ -498,7 +491,6 @@ def _solved(
         scenario=scenario,
         samples=drawn,
         followers=Followers.of(system.tree),
-        bodies=whole.places,
         rest=_motion_from_rest(system, drawn, motion) if motion else None,
     )
 

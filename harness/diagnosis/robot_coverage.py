@@ -14,9 +14,11 @@ from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.reference.dynamics.tree_frames import TreeFrames
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
 _INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
@@ -35,6 +37,8 @@ def count_robot(task: TreeTask) -> Coverage:
         return Coverage(note="; ".join(numbers.unread))
     problem = problem_of(task, numbers, is_reference=False)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
+    if task.sidecar is None:  # the bodies of a robot file are compared in their poses too
+        says |= _in_frames(task, problem, [i for i in says if says[i] in _UNMOVED])
     choices, fixed = _choices(task), _fixed(task)
     counted = [
         CountedNumber(
@@ -57,6 +61,30 @@ def _effect(problem: RobotProblem, index: int, resolution: float) -> NumberEffec
     if moved > resolution:
         return NumberEffect.MOTION
     return NumberEffect.FAINT if moved else NumberEffect.NONE
+
+
+_UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
+
+
+def _in_frames(
+    task: TreeTask, problem: RobotProblem, unmoved: Collection[int]
+) -> dict[int, NumberEffect]:
+    """Return those of the numbers that move nothing in time, but where a body is."""
+    target, numbers = task.target, problem.numbers
+    names = tuple(problem.flow.tree.frames)
+    q = target.samples.start[:, : len(target.names)]
+    before = TreeFrames(problem.flow.tree, names)(q)
+    least = task.resolution * max(1.0, float(np.max(np.abs(before), initial=0.0)))
+    found = {}
+    for i in unmoved:
+        number = numbers.numerals[i]
+        tree = numbers.tree({i: number.value - SLOPE_NUDGE * number.scale})  # known, from the slope
+        if tree is None or tree.dof != len(target.names) or tuple(tree.frames) != names:
+            continue
+        moved = float(np.max(np.abs(TreeFrames(tree, names)(q) - before), initial=0.0))
+        if moved * NUDGE / SLOPE_NUDGE > least:
+            found[i] = NumberEffect.FRAMES
+    return found
 
 
 def _otherwise(

@@ -196,7 +196,7 @@ def robot_of(
         name=name,
         file=file,
         tree=built.tree,
-        parts=tuple(replace(part, body=built.places[part.name][0]) for part in parts),
+        parts=tuple(replace(part, body=built.tree.frames[part.name][0]) for part in parts),
         limits=built.limits,
         home=home_of(built.tree, built.limits),
         left_out=(*left_out, *held),

@@ -11,7 +11,6 @@ from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.frames import ENTRIES
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 
@@ -20,11 +19,11 @@ class TreeFrames:
 
     Args:
         tree: the links.
-        frames: index of each frame's link, or `WORLD`, and its pose in that link's frame.
+        names: the frames, of those that the tree has.
     """
 
-    def __init__(self, tree: Tree, frames: Sequence[tuple[int, Place]]) -> None:
-        self._recursion, self._frames = Recursion(tree), frames
+    def __init__(self, tree: Tree, names: Sequence[str]) -> None:
+        self._recursion, self._frames = Recursion(tree), [tree.frames[name] for name in names]
         self._coupled, self._chart = Coupled(tree), MinimalCoordinates(tree)
 
     def __call__(self, x: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,19 +41,16 @@ from physics_crosscheck.reference.mechanism.tree import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assembled:
-    """A tree and the location of each body in it.
+    """A tree, and what else its bodies state.
 
     Attributes:
         tree: links in the order of the bodies.
-        places: index of each body's link, or `WORLD`, and its pose in that link's frame, by body
-            name.
         limits: lower and upper bound of each velocity's coordinate, rad or m, each (nv,); infinite
             where there is no limit.
         cancelled: names of bodies whose mass cancels the mass of the bodies they are welded to.
     """
 
     tree: Tree
-    places: Mapping[str, tuple[int, Place]]
     limits: tuple[Array, Array]
     cancelled: tuple[str, ...]
 
@@ -93,10 +90,10 @@ def assembled(
         fluid=fluid,
         bushings=tuple(builder.bushings),
         immersed=tuple(builder.immersed),
+        frames=builder.places,
     )
     return Assembled(
         tree=tree,
-        places=builder.places,
         limits=(lower, upper),
         cancelled=tuple(builder.cancelled),
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from physics_crosscheck.reference.mechanism.force_paths import JointForce, Way
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 
 Kind = Literal["hinge", "slide", "ball", "free"]
 """Kind of a joint: rotation about an axis, translation along one, any rotation, any motion."""
@@ -223,6 +224,8 @@ class Tree:
         fluid: fluid around the bodies; None for none.
         immersed: boxes on which the fluid acts.
         bushings: springs of ball and free joints.
+        frames: named frames of bodies: the link's index, or `WORLD`, and the pose in that link's
+            frame.
     """
 
     links: tuple[TreeLink, ...]
@@ -232,6 +235,7 @@ class Tree:
     fluid: Fluid | None = None
     immersed: tuple[Immersed, ...] = ()
     bushings: tuple[Bushing, ...] = ()
+    frames: Mapping[str, tuple[int, Place]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for i, link in enumerate(self.links):

@@ -46,9 +46,10 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     assert "link[base]/inertial/mass@value" in still
     idle = by_reason[NumberEffect.NONE.value].examples
     assert len(idle) == counts[NumberEffect.NONE.value]
-    # Where the joint is, and moments about other axes have no say.
-    assert {"joint[a]/origin@xyz[2]", "link[one]/inertial/inertia@ixx"} <= set(idle)
-    assert not {"link[one]/inertial/mass@value", "link[one]/inertial/inertia@iyy",
+    # Moments about other axes have no say; where the joint is shows in poses alone.
+    assert "link[one]/inertial/inertia@ixx" in idle
+    assert found.frames == 3
+    assert not {"link[one]/inertial/mass@value", "joint[a]/origin@xyz[2]", "link[one]/inertial/inertia@iyy",
                 "link[one]/inertial/origin@xyz[2]", "joint[a]/axis@xyz[2]"} & set(idle)  # fmt: skip
 
 
@@ -71,7 +72,8 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file.write_text(MJCF)
     found = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in found.untested}
-    assert counts.pop(NumberEffect.NONE.value) == 6  # of axes, places along them, and a site
+    assert counts.pop(NumberEffect.NONE.value) == 5  # of axes, and a site
+    assert found.frames == 1  # along the axis of the joint above
     assert counts == {
         "visual geometry": 3 + 4,
         "collision and visual shapes": 2,

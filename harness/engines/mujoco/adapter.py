@@ -365,7 +365,10 @@ class MujocoModel(Model):
             tree = mujoco.MjSpec.from_file(str(path))
             complete_urdf(tree, self._spec, robot)  # a floating root has coordinates
             tree.compiler.fusestatic = False
-            return PoseEvaluator(tree.compile(), "link")
+            try:
+                return PoseEvaluator(tree.compile(), "link")
+            except ValueError:  # a free joint of a link whose parent stands still must be fused
+                return PoseEvaluator(self.model, "link")
 
     @property
     def places(self) -> tuple[str, ...]:

@@ -136,6 +136,8 @@ def _plain(value: object) -> object:
         return value.tolist()
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
     if is_dataclass(value):
         return tuple(_plain(getattr(value, field.name)) for field in fields(value))
     return value

@@ -62,7 +62,7 @@ def compiled_robot(
         name=compiled.name or path.stem,
         file=path,
         tree=whole.tree,
-        parts=tuple(_part(body, whole.places[body.name][0]) for body in body_model.bodies),
+        parts=tuple(_part(body, whole.tree.frames[body.name][0]) for body in body_model.bodies),
         limits=whole.limits,
         home=home_of(whole.tree, whole.limits),
         left_out=left_out,

@@ -30,7 +30,8 @@ def test_what_is_welded_is_one_body_and_several_joints_are_a_chain() -> None:
     two = (Joint(name="b", kind="slide", zero=0.5), Joint(name="c", kind="hinge", at=(0, 0, 1)))
     last = RigidBody(name="last", parent="tip", joints=two, mass=1.0)
     found = assembled([base, ROD, tip, last], DOWN)
-    assert {name: link for name, (link, _) in found.places.items()} == {
+    links = {name: link for name, (link, _) in found.tree.frames.items()}
+    assert links == {
         "base": WORLD,
         "rod": 0,
         "tip": 0,
