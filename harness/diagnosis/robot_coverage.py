@@ -75,7 +75,7 @@ def _in_frames(
     q = target.samples.start[:, : len(target.names)]
     before = TreeFrames(problem.flow.tree, names)(q)
     least = task.resolution * max(1.0, float(np.max(np.abs(before), initial=0.0)))
-    found = {}
+    effects = {}
     for i in unmoved:
         number = numbers.numerals[i]
         tree = numbers.tree({i: number.value - SLOPE_NUDGE * number.scale})  # known, from the slope
@@ -83,8 +83,8 @@ def _in_frames(
             continue
         moved = float(np.max(np.abs(TreeFrames(tree, names)(q) - before), initial=0.0))
         if moved * NUDGE / SLOPE_NUDGE > least:
-            found[i] = NumberEffect.FRAMES
-    return found
+            effects[i] = NumberEffect.FRAMES
+    return effects
 
 
 def _otherwise(
