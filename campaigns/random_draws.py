@@ -165,6 +165,7 @@ def _of_linearizations(
             taylor=taylor.arrays,
             amplitude=np.where(motion.amplitude > 0, motion.amplitude, 1.0),
             push=np.where(push > 0, push, 1.0),
+            hold=np.zeros_like(push),
             resolution=RESOLUTION,
         )
         for key, own, error in (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.harness.checks.case_record import linearization_record
-from physics_crosscheck.harness.checks.prepare import Equilibrium
-from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.checks.prepare import Equilibrium, PreparedSystem, PreparedTree
+from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION, linearize_step
@@ -14,8 +14,10 @@ from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.model import EngineLinearization
 
+Linearized = ModelTask[PreparedSystem | PreparedTree]
 
-def run_linearizations(task: SystemTask) -> tuple[EngineLinearization, ...]:
+
+def run_linearizations(task: Linearized) -> tuple[EngineLinearization, ...]:
     """Linearize the engine's model about each equilibrium, and compare with Taylor's series.
 
     There is no linearization where a joint limit acts near the equilibrium, such as a spring that
@@ -31,17 +33,18 @@ def run_linearizations(task: SystemTask) -> tuple[EngineLinearization, ...]:
 
 
 def _linearization(
-    task: SystemTask, model: Model, coordinates: CoordinateMap, about: Equilibrium
+    task: Linearized, model: Model, coordinates: CoordinateMap, about: Equilibrium
 ) -> EngineLinearization:
     """Linearize in the limit of a zero step, and for one step at the file's own time step."""
     one_step = linearize_step(
         model,
         coordinates,
-        task.target.steps,
+        task.target.stepped,
         position=about.position,
         taylor=about.matrices,
         amplitude=task.target.amplitude,
         push=task.target.push,
+        hold=about.hold,
         resolution=task.resolution,
     )
     linearization = linearize_engine(
@@ -52,6 +55,7 @@ def _linearization(
         taylor=about.matrices,
         amplitude=task.target.amplitude,
         push=task.target.push,
+        hold=about.hold,
         resolution=task.resolution,
     )
     return linearization_record(linearization, one_step)

@@ -39,6 +39,8 @@ from physics_crosscheck.harness.modelfiles.robot_system import (
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch, even_indices, held, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.numerics.differences import moved, slopes
+from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import FLOOR
@@ -156,10 +158,18 @@ class Prepared(ABC):
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A linearization as plain arrays: `matrices` holds M, C, K, F, A, B, Cy and D."""
+    """A linearization as plain arrays.
+
+    Attributes:
+        name: of the equilibrium.
+        position: (n,).
+        hold: inputs that hold it, (inputs,).
+        matrices: A, B, Cy and D; of declared energies also M, C, K and F.
+    """
 
     name: str
     position: Array
+    hold: Array
     matrices: Mapping[str, Array]
 
 
@@ -264,6 +274,8 @@ class PreparedTree(Prepared):
         samples: the states, and the states that the equations reach from them.
         followers: map to the joints of an engine.
         rest: the motion from rest, or why it can't be solved; None if none was requested.
+        equilibria: the middle of the joints' ranges, held by forces on the joints, where a motion was
+            requested.
         settings: settings of the engines; those of a folder's models are in sidecars.
         left_out: statements of the file that the equations omit.
         findings: what is wrong with the file by reading it.
@@ -275,6 +287,7 @@ class PreparedTree(Prepared):
     samples: Samples
     followers: Followers
     rest: Motion | str | None = None
+    equilibria: tuple[Equilibrium, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     findings: tuple[AuditFinding, ...] = ()
@@ -302,6 +315,17 @@ class PreparedTree(Prepared):
     ) -> CoordinateMap:
         """Match joints by name."""
         return self.followers.map(joints_of(self.followers, there, file, engine), self.names)
+
+    @property
+    def amplitude(self) -> Array:
+        """Largest magnitude over all states, (2n,); nowhere zero."""
+        return filled(np.max(np.abs(self.samples.start), axis=0))
+
+    @property
+    def push(self) -> Array:
+        """Largest force over all states, (n,); nowhere zero."""
+        largest = np.max(np.abs(self.samples.forces), axis=0)
+        return np.where(largest > 0, largest, 1.0)
 
     @cached_property
     def scale(self) -> Array:
@@ -492,7 +516,30 @@ def _solved(
         samples=drawn,
         followers=Followers.of(system.tree),
         rest=_motion_from_rest(system, drawn, motion) if motion else None,
+        equilibria=(_held(system, home, drawn),) if motion else (),
     )
+
+
+def _held(system: TreeSystem, position: Array, drawn: Samples) -> Equilibrium:
+    """Linearize about a position, at rest, held by forces on the joints.
+
+    A and B are differences of accelerations; an engine's are those of the same steps.
+    """
+    equations, n = TreeEquations(system), len(system.coordinates)
+    still = np.zeros((1, n))
+    hold = equations.forces_for(position[None], still, still)[0]
+    sizes = np.max(np.abs(drawn.start), axis=0)
+    deltas = MAX_PERTURBATION * np.concatenate(
+        [np.minimum(np.where(sizes > 0, sizes, 1.0), 1.0), np.maximum(np.abs(hold), 1.0)]
+    )
+    by = moved(deltas)
+    q, v = position + by[:, :n], by[:, n : 2 * n]
+    accelerations = equations.pushed_acceleration(q, v, hold + by[:, 2 * n :])
+    rates = np.concatenate([v, accelerations], axis=1)
+    both = slopes(rates, np.zeros_like(rates), deltas).value
+    none = np.zeros((0, 2 * n)), np.zeros((0, n))
+    matrices = {"A": both[:, : 2 * n], "B": both[:, 2 * n :], "Cy": none[0], "D": none[1]}
+    return Equilibrium("home, held by forces", position, hold, matrices)
 
 
 def _motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Motion | str:
@@ -540,7 +587,9 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
         amplitude=amplitude,
         push=np.where(push > 0, push, 1.0),
         numeric_power=equations.numeric_power,
-        equilibria=tuple(Equilibrium(e.equilibrium, e.position, e.arrays) for e in linear),
+        equilibria=tuple(
+            Equilibrium(e.equilibrium, e.position, np.zeros(len(push)), e.arrays) for e in linear
+        ),
         steps=stepped_equations(equations),
         variants=variants(equations, amplitude),
     )

@@ -64,6 +64,7 @@ def linearize_step(
     taylor: Mapping[str, Array],
     amplitude: Array,
     push: Array,
+    hold: Array,
     resolution: float,
 ) -> StepLinearization | None:
     """Linearize one step, of the file's own time step, about an equilibrium.
@@ -74,6 +75,7 @@ def linearize_step(
         taylor: A of the Taylor linearization, among others.
         amplitude: size of the system's motions, per component, (2n,).
         push: size of its inputs, (inputs,).
+        hold: inputs at the equilibrium, (inputs,).
         resolution: smallest difference that counts, as a share of the largest entry.
 
     Returns:
@@ -83,7 +85,7 @@ def linearize_step(
     origin = np.concatenate([position, np.zeros(size - len(position))])
     deltas = MAX_PERTURBATION * np.concatenate([np.minimum(amplitude, 1.0), push])
     by = moved(deltas)
-    states, inputs = origin + by[:, :size], by[:, size:]
+    states, inputs = origin + by[:, :size], hold + by[:, size:]
     run = Steps(model, coordinates, states, inputs)
     took = run.engine(1)
     ends = took[: len(states)]

@@ -80,6 +80,7 @@ def linearize_engine(
     taylor: Mapping[str, Array],
     amplitude: Array,
     push: Array,
+    hold: Array,
     resolution: float,
 ) -> LinearizationComparison:
     """Linearize an engine's model about an equilibrium, and compare.
@@ -89,13 +90,20 @@ def linearize_engine(
         taylor: A, B, Cy, D of the Taylor linearization.
         amplitude: size of the system's motions, per component, (2n,).
         push: size of its inputs, (inputs,).
+        hold: inputs at the equilibrium, (inputs,).
         resolution: smallest difference that counts, as a share of the largest entry.
     """
     a, b = taylor["A"], taylor["B"]
     fastest = _fastest(a, amplitude)
     length = 2 * np.pi / fastest / 20
     transition = _transition(
-        model, coordinates, position=position, length=length, amplitude=amplitude, push=push
+        model,
+        coordinates,
+        position=position,
+        length=length,
+        amplitude=amplitude,
+        push=push,
+        hold=hold,
     )
     from scipy.linalg import logm  # slow import, not needed by every command
 
@@ -115,7 +123,7 @@ def linearize_engine(
     ]
     poles, taylor_poles, shapes = _pair(found_a, a)
     transfer_error = float("nan")
-    if b.size:
+    if b.size and len(taylor["Cy"]):
         transfer_error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
     return LinearizationComparison(
         equilibrium=equilibrium,
@@ -154,6 +162,7 @@ def _transition(
     length: float,
     amplitude: Array,
     push: Array,
+    hold: Array,
 ) -> Estimate:
     """Return exp([[A, B], [0, 0]] length), extrapolated in perturbation size and in h."""
     size = len(amplitude)
@@ -163,7 +172,7 @@ def _transition(
     batch = Batch(
         states=origin + by[:, :size],
         lengths=np.full(len(by), length),
-        inputs=held(by[:, size:]),
+        inputs=held(hold + by[:, size:]),
         varying=False,
         scale=deltas[:size],
     )

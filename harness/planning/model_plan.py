@@ -67,7 +67,8 @@ class ModelPlan:
             yield from self._case(case)
             if self._sidecar is not None:
                 yield from self._target.measure(case, self._sidecar)
-        if self._options.described and self._target.facts.declares == "energies":
+        energies = self._target.facts.declares == "energies"
+        if self._options.described and (energies or self._options.motion):
             yield from self._linearizations()
         if coverage_of and self._options.selection is None:
             yield from self._coverage(coverage_of)

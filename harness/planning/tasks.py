@@ -89,7 +89,7 @@ def coverage(solved: Solved, given: Arguments) -> Coverage:
     return count_robot(_task(solved, given))
 
 
-def linearizations(solved: PreparedSystem, given: Arguments) -> tuple[EngineLinearization, ...]:
+def linearizations(solved: Solved, given: Arguments) -> tuple[EngineLinearization, ...]:
     """Linearize the engine's model at every equilibrium."""
     return run_linearizations(_task(solved, given))
 

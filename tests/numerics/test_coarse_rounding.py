@@ -70,6 +70,7 @@ def linearization(made: Bench) -> Array:
         taylor=taylor.arrays,
         amplitude=made.motion.amplitude,
         push=np.array([5.0]),
+        hold=np.zeros(1),
         resolution=1e-9,
     )
     a = np.abs(found.a - taylor.arrays["A"]) / found.a_uncertainty

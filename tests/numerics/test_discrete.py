@@ -40,6 +40,7 @@ def one_step(
         taylor=about.matrices,
         amplitude=own.amplitude,
         push=own.push,
+        hold=np.zeros_like(own.push),
         resolution=resolution,
     )
     assert found is not None
@@ -111,6 +112,7 @@ def of_oscillator(bench: MakeBench, model: SymplecticEuler) -> StepLinearization
         taylor={"A": _a(model)},
         amplitude=np.array([0.25, 1.5]),
         push=np.ones(1),
+        hold=np.zeros(1),
         resolution=1e-9,
     )
     assert found is not None

@@ -22,6 +22,7 @@ def linear(bench: Bench, resolution: float = 1e-9) -> LinearizationComparison:
         taylor=taylor.arrays,
         amplitude=bench.motion.amplitude,
         push=np.array([5.0]),
+        hold=np.zeros(1),
         resolution=resolution,
     )
 

@@ -69,27 +69,52 @@ class LinearView:
 def linear_views(system: System, models: Sequence[Model]) -> tuple[LinearView, ...]:
     """Return the views of a system's linearizations, with those of its models."""
     if system.derivation is None:
-        return ()
+        names = dict.fromkeys(one.equilibrium for model in models for one in model.linearizations)
+        return tuple(_poles_alone(name, models) for name in names)
     return tuple(_linear_view(one, system, models) for one in system.derivation.linearizations)
 
 
-def _linear_view(about: Linearization, system: System, models: Sequence[Model]) -> LinearView:
-    of_models = [
+def _poles_alone(equilibrium: str, models: Sequence[Model]) -> LinearView:
+    """Return the view of a linearization without formulas, as of a robot."""
+    of_models = _of_models(equilibrium, models)
+    exact = of_models[0][1].taylor_poles
+    return LinearView(
+        equilibrium=shown(equilibrium),
+        equations=Markup(""),
+        transfers=(),
+        modes=(),
+        poles=_exact_poles(exact),
+        engines=tuple(_engine(model, one) for model, one in of_models),
+    )
+
+
+def _of_models(
+    equilibrium: str, models: Sequence[Model]
+) -> list[tuple[Model, EngineLinearization]]:
+    return [
         (model, one)
         for model in models
         for one in model.linearizations
-        if one.equilibrium == about.equilibrium
+        if one.equilibrium == equilibrium
     ]
+
+
+def _exact_poles(poles: Sequence[Pole | EnginePole]) -> tuple[tuple[str, str], ...]:
+    size = _largest(poles)
+    return tuple((_pole(poles[i], size), _pace(poles[i], size)) for i in _shown_poles(poles))
+
+
+def _linear_view(about: Linearization, system: System, models: Sequence[Model]) -> LinearView:
+    of_models = _of_models(about.equilibrium, models)
     taylor: Sequence[Pole | EnginePole] = about.poles
     if of_models:
         taylor = of_models[0][1].taylor_poles
-    size = _largest(taylor)
     return LinearView(
         equilibrium=shown(about.equilibrium),
         equations=mathml(about.formula.latex, block=True),
         transfers=tuple(_transfer(one, system) for one in about.transfer_functions),
         modes=tuple(_mode(mode, system.coordinates) for mode in about.modes),
-        poles=tuple((_pole(taylor[i], size), _pace(taylor[i], size)) for i in _shown_poles(taylor)),
+        poles=_exact_poles(taylor),
         engines=tuple(_engine(model, one) for model, one in of_models),
     )
 
