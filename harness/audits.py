@@ -49,8 +49,8 @@ class ModelAudit:
         failure: the reason for missing findings; empty otherwise.
         absent: whether the failure is that the engine is not installed.
         left_out: statements of the file that the equations omit.
-        is_survey: whether the file was read without its declaration, so that its numbers were not
-            compared with energies.
+        bodies: whether its equations come from bodies, so that no number is bound to a formula.
+        mechanics: whether its compiled terms were compared with the equations.
     """
 
     id: ModelId
@@ -58,7 +58,8 @@ class ModelAudit:
     failure: str = ""
     absent: bool = False
     left_out: tuple[str, ...] = ()
-    is_survey: bool = False
+    bodies: bool = False
+    mechanics: bool = True
 
 
 def audits(
@@ -115,7 +116,7 @@ class _TargetAudits:
             record = self._found.models.get((str(self._target), audit.id.model, audit.id.engine))
             if record is None:
                 yield audit
-            elif record.audit is not None:
+            elif record.audit is not None and not record.audit_failure:
                 left_out = () if record.coverage is None else record.coverage.left_out
                 yield replace(audit, findings=record.audit, left_out=left_out)
             elif record.audit_failure:
@@ -124,7 +125,7 @@ class _TargetAudits:
 
     def _models(self, target: TargetPlan) -> Iterator[Job[Any]]:
         system, adapters = target.facts.record.name, registered()
-        is_survey = target.facts.declares != "energies"
+        bodies = target.facts.declares != "energies"
         for file in [self._target] if target.standalone else model_files(self._target):
             name = file.model if isinstance(file, UnreadModel) else model_path(file).name
             if not self._wants(name):
@@ -137,16 +138,19 @@ class _TargetAudits:
                 model_id = ModelId(system=system, model=name, engine=engine)
                 if not self._wants(name, engine):
                     continue
+                why = cannot_run(adapters, engine, file)
                 # The findings of a robot file apply to every engine, also to missing ones.
-                if not target.standalone and (why := cannot_run(adapters, engine, file)):
+                if why and not target.standalone:
                     absent = why.outcome is Outcome.ABSENT
                     self._audits.append(ModelAudit(model_id, failure=why.reason, absent=absent))
                     continue
                 # Its findings go to its record.
-                self._audits.append(ModelAudit(model_id, is_survey=is_survey))
+                self._audits.append(ModelAudit(model_id, bodies=bodies, mechanics=not why))
                 model = ModelPlan(target, file, engine, ())
                 model.begin()
                 yield from model.audit()
+                if bodies and not why:
+                    yield from model.mechanics()
 
     def _wants(self, model: str, engine: str = "") -> bool:
         """Return whether to audit a model, in an engine or in any."""

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.checks.robot_record import (
     negative_findings,
     robot_findings,
 )
-from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.remark import Remark
@@ -27,6 +27,9 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
+
+MAX_DOF = 12
+"""Largest number of coordinates of a robot whose terms are compared: they are n^2, in n states."""
 
 
 def audit_file(sidecar: Sidecar) -> Audit:
@@ -40,6 +43,23 @@ def audit_file(sidecar: Sidecar) -> Audit:
         findings=robot_findings(robot),
         left_out=tuple(format_omission(one) for one in robot.left_out),
     )
+
+
+def audit_terms(task: TreeTask) -> Audit:
+    """Compare the compiled terms of a model of bodies with those of the equations.
+
+    Raises:
+        EngineError, BlownUpError: naming the file.
+    """
+    count = len(task.target.names)
+    if count > MAX_DOF:
+        message = (
+            f"the terms of {count} coordinates are not compared one by one, since they are more "
+            f"than {MAX_DOF}; `crosscheck run` compares its accelerations"
+        )
+        return Audit(findings=(finding("unresolved", ("terms",), message, severity="note"),))
+    model, coordinates = task.load()
+    return Audit(findings=tuple(Compiled.of(task, model, coordinates).findings()))
 
 
 def audit_declared(task: SystemTask) -> Audit:

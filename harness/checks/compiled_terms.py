@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy as sp
 
 from physics_crosscheck.harness.checks.audit_finding import finding
-from physics_crosscheck.harness.checks.prepare import Equilibrium
-from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.checks.linearizations import Linearized
+from physics_crosscheck.harness.checks.prepare import Equilibrium, MassAndForce
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.accelerations import (
     RESOLVED_SHARE,
@@ -20,8 +19,7 @@ from physics_crosscheck.harness.numerics.accelerations import (
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
-from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.numeric import Array
 
 SEED = 20260101
 DRAWS = 24
@@ -32,6 +30,9 @@ MOVED, SLOW, QUICKER = 0.2, 0.3, 0.1
 small: the equations are evaluated at the same states.
 """
 
+NAMED = 4
+"""Number of unresolved terms that a note names."""
+
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -40,21 +41,21 @@ class Compiled:
     """The engine's compiled terms and those of the equations.
 
     Attributes:
-        equations: M, flattened, and the generalized forces, of (q, v, u, (t,)).
+        mechanics: M and the generalized forces of the equations.
         inertia: the diagonal of M, a scale.
     """
 
-    task: SystemTask
+    task: Linearized
     accelerations: Accelerations
-    equations: NumericFunction
+    mechanics: MassAndForce
     names: tuple[str, ...]
     inertia: Array
 
     @staticmethod
-    def of(task: SystemTask, model: Model, coordinates: CoordinateMap) -> Compiled:
+    def of(task: Linearized, model: Model, coordinates: CoordinateMap) -> Compiled:
         """Prepare the measurement of a loaded model's terms."""
-        equations = derive(task.target.system)
-        n = len(task.target.system.q)
+        names = task.target.names
+        n = len(names)
         speed = np.where(task.target.amplitude[n:] > 0, task.target.amplitude[n:], 1.0)
         accelerations = Accelerations(
             model=model,
@@ -62,11 +63,9 @@ class Compiled:
             speed=speed,
             fastest=max(task.target.fastest, 1e-6),
         )
-        entries: list[sp.Expr] = [*equations.mass, *equations.force]
-        names = tuple(c.name for c in task.target.system.coordinates)
         # The scale may come from any equilibrium.
         inertia = np.abs(np.diagonal(task.target.equilibria[0].matrices["M"]))
-        return Compiled(task, accelerations, equations.compile(entries), names, inertia)
+        return Compiled(task, accelerations, task.target.mechanics(), names, inertia)
 
     def findings(self) -> Iterator[AuditFinding]:
         """Yield differences about each equilibrium, each term once, and of accelerations."""
@@ -132,9 +131,7 @@ class Compiled:
 
     def _reference(self, states: Array, inputs: Array) -> tuple[Array, Array]:
         """Return mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
-        n = len(self.names)
-        both = self.equations(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
-        return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
+        return self.mechanics(states, inputs)
 
     def _about(self, equilibrium: Equilibrium) -> Iterator[AuditFinding]:
         """Yield the terms that differ about an equilibrium."""
@@ -233,7 +230,7 @@ class Compiled:
         )
 
     def _rest(self, equilibrium: Equilibrium, position: Array, name: str, force: float) -> str:
-        if np.array_equal(position, equilibrium.position):
+        if np.array_equal(position, equilibrium.position) and not equilibrium.hold.any():
             where, other = f"in equilibrium {equilibrium.name!r}", "have none there"
         else:
             where = f"where {self._place(position)}"
@@ -313,7 +310,7 @@ class Compiled:
             yield finding(
                 "unresolved",
                 (kind, *unresolved),
-                f"the audit can't resolve {kind} of {', '.join(unresolved)} without motion",
+                f"the audit can't resolve {kind} of {_listed(unresolved)} without motion",
                 severity="note",
             )
 
@@ -357,6 +354,11 @@ class Compiled:
             found=here,
             severity="note" if is_explained else "finding",
         )
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _slopes(values: Array, steps: Array) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import TypeVar
 
 import msgspec
 import numpy as np
+import sympy as sp
 
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.robot_record import (
@@ -88,6 +89,10 @@ VISITED = 200
 """Number of states of all motions at which compiled terms and poses are compared."""
 
 
+MassAndForce = Callable[[Array, Array], tuple[Array, Array]]
+"""Mass matrices and forces at states (B, 2n) and inputs (B, m)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Prepared(ABC):
     """A target's equations, solved; picklable.
@@ -144,6 +149,12 @@ class Prepared(ABC):
         """Return states of these segments, (B, 2n), and the inputs there, (B, m)."""
 
     @abstractmethod
+    def mechanics(self) -> MassAndForce:
+        """Return M, (B, n, n), and the forces of M a = f, (B, n), as a function of states and
+        inputs.
+        """
+
+    @abstractmethod
     def motion(self, scenario: str) -> Motion | str | None:
         """Return the motion for full runs, or why it can't be solved; None without one."""
 
@@ -164,7 +175,7 @@ class Equilibrium:
         name: of the equilibrium.
         position: (n,).
         hold: inputs that hold it, (inputs,).
-        matrices: A, B, Cy and D; of declared energies also M, C, K and F.
+        matrices: A, B, Cy, D, M, C and K; of declared energies also F.
     """
 
     name: str
@@ -250,6 +261,18 @@ class PreparedSystem(Prepared):
         inputs = over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
         return motion.start[rows], inputs
 
+    def mechanics(self) -> MassAndForce:
+        """Compile the derived terms."""
+        equations, n = derive(self.system), len(self.names)
+        entries: list[sp.Expr] = [*equations.mass, *equations.force]
+        compiled = equations.compile(entries)
+
+        def mechanics(states: Array, inputs: Array) -> tuple[Array, Array]:
+            both = compiled(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
+            return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
+
+        return mechanics
+
     def motion(self, scenario: str) -> Motion:
         """Return the motion of the scenario itself."""
         return self.motions[scenario]
@@ -274,8 +297,7 @@ class PreparedTree(Prepared):
         samples: the states, and the states that the equations reach from them.
         followers: map to the joints of an engine.
         rest: the motion from rest, or why it can't be solved; None if none was requested.
-        equilibria: the middle of the joints' ranges, held by forces on the joints, where a motion was
-            requested.
+        equilibria: the middle of the joints' ranges, held by forces on the joints.
         settings: settings of the engines; those of a folder's models are in sidecars.
         left_out: statements of the file that the equations omit.
         findings: what is wrong with the file by reading it.
@@ -357,6 +379,21 @@ class PreparedTree(Prepared):
     def states(self, scenario: str) -> tuple[Array, Array]:
         """Return the sampled states, and their forces."""
         return self.samples.start, self.samples.forces
+
+    def mechanics(self) -> MassAndForce:
+        """Return the terms by recursion."""
+        equations, n = TreeEquations(self.system), len(self.names)
+        return lambda states, inputs: equations.mechanics(states[:, :n], states[:, n:], inputs)
+
+    @property
+    def visited(self) -> Array:
+        """The sampled states, (S, 2n)."""
+        return self.samples.start
+
+    @property
+    def fastest(self) -> float:
+        """Fastest rate at the sampled states, rad/s."""
+        return self.samples.fastest
 
     def motion(self, scenario: str) -> Motion | str | None:
         """Return the motion from rest, if one was requested."""
@@ -516,7 +553,7 @@ def _solved(
         samples=drawn,
         followers=Followers.of(system.tree),
         rest=_motion_from_rest(system, drawn, motion) if motion else None,
-        equilibria=(_held(system, home, drawn),) if motion else (),
+        equilibria=(_held(system, home, drawn),),
     )
 
 
@@ -537,8 +574,12 @@ def _held(system: TreeSystem, position: Array, drawn: Samples) -> Equilibrium:
     accelerations = equations.pushed_acceleration(q, v, hold + by[:, 2 * n :])
     rates = np.concatenate([v, accelerations], axis=1)
     both = slopes(rates, np.zeros_like(rates), deltas).value
-    none = np.zeros((0, 2 * n)), np.zeros((0, n))
-    matrices = {"A": both[:, : 2 * n], "B": both[:, 2 * n :], "Cy": none[0], "D": none[1]}
+    lower = both[n:, : 2 * n]
+    mass = np.asarray(np.linalg.inv(both[n:, 2 * n :]), dtype=np.float64)
+    matrices: dict[str, Array] = {
+        "A": both[:, : 2 * n], "B": both[:, 2 * n :], "M": mass, "K": -mass @ lower[:, :n],
+        "C": -mass @ lower[:, n:], "Cy": np.zeros((0, 2 * n)), "D": np.zeros((0, n)),
+    }  # fmt: skip
     return Equilibrium("home, held by forces", position, hold, matrices)
 
 

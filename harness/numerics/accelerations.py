@@ -140,7 +140,7 @@ class Accelerations:
         n = len(self.speed)
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), n, -1)
-        push = np.einsum("bnz,bn->bz", slope, forces) + self.coordinates.push(z, inputs)
+        push = np.einsum("bnz,bn->bz", slope, forces) + self.coordinates.pushes(z, inputs)
         last = COMPARED_STEPS[-1]
         starts = with_companions(z, w, self.model.epsilon)
         held = None

@@ -58,6 +58,7 @@ KINDS: Mapping[str, Any] = {
     "coverage": Coverage,
     "diagnosis": Diagnosis,
     "audit": Audit,
+    "mechanics": Audit,
     "measurement": Measurement,
 }
 """Result type of each kind of task."""

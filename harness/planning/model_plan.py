@@ -18,7 +18,7 @@ from physics_crosscheck.harness.planning.result_builder import Jobs
 from physics_crosscheck.harness.planning.target_plan import Done, Failed, TargetPlan
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
@@ -123,7 +123,8 @@ class ModelPlan:
             return
 
         def done(value: Audit) -> Jobs:
-            self._results.amend(self.key, audit=value.findings)
+            known = self._results.models[self.key].audit or ()
+            self._results.amend(self.key, audit=(*known, *value.findings))
             if value.poses is not None:
                 self._results.amend(self.key, poses=value.poses)
             if self._target.facts.declares == "bodies":
@@ -137,6 +138,32 @@ class ModelPlan:
             return ()
 
         yield from self._do("audit", done, failed)
+
+    def mechanics(self) -> Iterator[Job[Any]]:
+        """Compare the compiled terms of a model of bodies; accelerations show the same in a run."""
+
+        def done(value: Audit) -> Jobs:
+            known = self._results.models[self.key].audit or ()
+            self._results.amend(self.key, audit=(*known, *value.findings))
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            if self._sidecar is not None:
+                self._results.amend(self.key, audit_failure=failure.reason)
+                return ()
+            # What reading a robot file finds stands, also where an engine refuses the file.
+            note = AuditFinding(
+                kind="unresolved",
+                subject=("engine",),
+                message=f"its compiled terms are not compared: {failure.about(self._file)}",
+                location=None,
+                expected=None,
+                found=None,
+                severity="note",
+            )
+            return done(Audit(findings=(note,)))
+
+        return self._do("mechanics", done, failed)
 
     def _coverage(self, models: Sequence[ModelKey]) -> Iterator[Job[Any]]:
         """Count the numbers of the file; what is left out is known from reading it."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from physics_crosscheck.harness.baseline import measure as measuring
-from physics_crosscheck.harness.checks.audit import audit_declared, audit_file
+from physics_crosscheck.harness.checks.audit import audit_declared, audit_file, audit_terms
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import (
@@ -100,6 +100,11 @@ def audit(solved: Solved, given: Arguments) -> Audit:
         return audit_declared(_task(solved, given))
     assert given.sidecar is not None  # the findings of a robot file are among its facts
     return audit_file(given.sidecar)
+
+
+def mechanics(solved: PreparedTree, given: Arguments) -> Audit:
+    """Compare the terms that an engine compiled from a model of bodies with the equations."""
+    return audit_terms(_task(solved, given))
 
 
 _P = TypeVar("_P", bound=Prepared)

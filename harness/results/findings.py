@@ -12,9 +12,13 @@ from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.places import shown_path
 
 
-def survey_lines(findings: Iterable[AuditFinding], left_out: Sequence[str]) -> list[str]:
-    """Return the lines of a file that was read without a comparison of its numbers."""
-    lines = audit_lines(findings, success="ok: no inertia or sign is implausible")
+def survey_lines(
+    findings: Iterable[AuditFinding], left_out: Sequence[str], *, mechanics: bool
+) -> list[str]:
+    """Return the lines of a model of bodies; `mechanics`: whether its terms were compared."""
+    success = "ok: no inertia or sign is implausible"
+    success += "; compiled terms match the equations" if mechanics else ""
+    lines = audit_lines(findings, success=success)
     skipped = [f"{'note':<8} left out: {', '.join(left_out)}"] if left_out else []
     return [*lines, *skipped]
 

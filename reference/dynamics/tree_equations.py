@@ -92,6 +92,18 @@ class TreeEquations(EquationsOfMotion):
             columns.append(equations.second_derivatives(positions, by) / (2 * sizes[some][:, None]))
         return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
 
+    def mechanics(self, q: Array, v: Array, forces: Array) -> tuple[Array, Array]:
+        """Return M, (B, n, n), and the other forces, (B, n), of M a = f in the coordinates.
+
+        M is the inverse of the accelerations per unit force on each coordinate: not symmetric for
+        joints that turn freely, whose forces are moments.
+        """
+        n, x = q.shape[1], _first(q)
+        columns = [self._doubles.effect(x, _repeated(unit, x)) for unit in np.eye(n)]
+        mass = np.linalg.inv(np.moveaxis(np.stack(columns, axis=1), -1, 0))
+        other = np.einsum("bij,bj->bi", mass, self.pushed_acceleration(q, v, forces))
+        return mass, other
+
     def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
         """Return the generalized forces that cause accelerations, all (..., n)."""
         return _last(self._doubles.forces_for(*map(_first, (q, v, wanted))))

@@ -24,8 +24,10 @@ ARM = """<robot name="arm"><link name="base"/>
 """
 
 
-def linearized(file: Path, engine: str = "mujoco", **options: bool) -> EngineLinearization:
-    prepared = prepare_tree(file, motion=0.1, states=4, **options)
+def linearized(
+    file: Path, engine: str = "mujoco", *, floating: bool = False
+) -> EngineLinearization:
+    prepared = prepare_tree(file, motion=0.1, states=4, floating=floating)
     (found,) = run_linearizations(model_task(prepared, engine))
     return found
 

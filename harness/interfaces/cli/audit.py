@@ -86,8 +86,8 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str]) -> 
         codes.append(part_code())
     else:
         lines = (
-            survey_lines(model.findings, model.left_out)
-            if model.is_survey
+            survey_lines(model.findings, model.left_out, mechanics=model.mechanics)
+            if model.bodies
             else audit_lines(model.findings)
         )
         found_codes = [one.code for one in model.findings if one.severity == "finding"]

@@ -1,0 +1,63 @@
+"""The terms that an engine compiles from a robot file, against the file's equations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pybullet_data
+import pytest
+
+from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.checks.audit import audit_terms
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.interfaces.cli.main import main
+from tests.cases.test_robot_linearization import ARM
+
+DATA = Path(pybullet_data.getDataPath())
+
+
+@pytest.mark.parametrize(("old", "new", "says"), [
+    ('damping="0.7"', 'damping="0.75"', "damping of lift is 0.75 in the model and 0.7 in the"),
+    ('iyy="0.018"', 'iyy="0.02"', "inertia of lift is 0.1375 in the model and 0.1355 in the"),
+    ("0.02 0 -0.3", "0.12 0 -0.3", "a force of -1.67832 acts on lift at rest where lift = 0.8"),
+])  # fmt: skip
+def test_a_wrong_number_is_told_by_its_term(tmp_path: Path, old: str, new: str, says: str) -> None:
+    file, copy = tmp_path / "arm.urdf", tmp_path / "copy.urdf"
+    file.write_text(ARM)
+    copy.write_text(ARM.replace(old, new))
+    task = model_task(prepare_tree(file), "mujoco")
+    assert not [one for one in audit_terms(task).findings if one.severity == "finding"]
+    found = audit_terms(task.with_file(copy)).findings
+    messages = [one.message for one in found if one.severity == "finding"]
+    assert any(message.startswith(says) for message in messages), messages
+
+
+def test_what_mujoco_makes_of_a_massless_inertia_is_told_by_the_audit_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = str(DATA / "franka_panda" / "panda.urdf")
+    assert main(["audit", file, "--engine", "mujoco"]) == 1
+    out = " ".join(capsys.readouterr().out.split())
+    assert "inertia of panda_joint7 is" in out
+    assert "in the model and" in out
+
+
+def test_a_large_robot_is_left_to_its_accelerations() -> None:
+    (note,) = audit_terms(
+        model_task(prepare_tree(DATA / "a1" / "a1.urdf", floating=True), "mujoco")
+    ).findings
+    assert note.severity == "note"
+    assert "18 coordinates are not compared one by one" in note.message
+
+
+def test_what_an_engine_refuses_keeps_the_findings_of_reading_it(tmp_path: Path) -> None:
+    """MuJoCo refuses an inertia that no body can have."""
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM.replace('iyy="0.018"', 'iyy="0.028"'))
+    (one,) = audits([file], engines=("mujoco",))
+    assert not one.failure
+    inertia, note = one.findings
+    assert inertia.code == "XC107"
+    assert note.severity == "note"
+    assert note.message.startswith("its compiled terms are not compared: ")
