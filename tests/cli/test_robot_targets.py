@@ -109,7 +109,7 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
     file = Path("robots", "deep", "lamp.xml")
     assert done.stdout.splitlines() == [
         f"swing/arm.urdf [{', '.join(names('.urdf'))}]",
-        "  ok: no inertia or sign is implausible",
+        "  ok: no inertia or sign is implausible; compiled terms match the equations",
         f"lamp/lamp.xml [{', '.join(names('.xml'))}]",
         f"  finding  XC109 {file}:2: joint[hinge]@damping is -0.1: negative damping"
         " adds energy to the motion. Write a positive number",
@@ -118,12 +118,12 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
     ]
 
 
-def test_an_audit_that_a_run_has_done_is_reused(
+def test_an_audit_that_was_done_is_reused(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words = ("robots/arm.urdf", "--engine", "mujoco", "--cache", "kept")
     # With the engines of the other tests of caches: their versions are read once a process.
-    done = crosscheck("run", *words, cwd=place, known=True)
+    done = crosscheck("audit", *words, cwd=place, known=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
     def submit(*_: object, **__: object) -> None:
