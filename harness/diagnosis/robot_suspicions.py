@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import rank
 from physics_crosscheck.harness.diagnosis.robot_problem import FileHypothesis
+from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
@@ -16,6 +18,10 @@ from physics_crosscheck.harness.records.cause import CauseId
 MAX_NAMED_ELEMENTS = 4
 """Maximum number of elements that are named if all their numbers are ignored."""
 
+AXIS = re.compile(r".*(axis@xyz|axis/xyz|joint@axis)")
+"""Paths of the numbers of a joint's axis."""
+
+_MOMENT = re.compile(r"(.*inertia[@/])i(?:xx|yy|zz)|(.*@diaginertia)\[\d\]")
 _MOMENTS = re.compile(r".*/inertia@\w+")
 _PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
 
@@ -38,8 +44,55 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothes
             correction=1.0 if is_reference else -1.0,
         )
         yield FileHypothesis(hypothesis=hypothesis, units={i: hypothesis.correction})
+    yield from _reversed(numbers)
+    yield from _exchanged(numbers)
     if is_reference:
         yield from _dropped(numbers)
+
+
+def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
+    """Yield each joint with a reversed axis."""
+    axes: dict[str, dict[int, float]] = {}
+    relevant = set(numbers.relevant_numbers)
+    for i, number in enumerate(numbers.numerals):
+        if AXIS.fullmatch(number.path) and (joint := joint_of(number.element)):
+            axes.setdefault(joint, {})[i] = number.value
+    for joint, values in axes.items():
+        units = {i: -2.0 * value for i, value in values.items() if value}
+        if relevant.isdisjoint(values) or not units:  # the length of an axis has no effect
+            continue
+        yield _switch(numbers, CauseId(kind="axis", subject=(joint,)), units)
+
+
+def joint_of(element: RawElement | None) -> str:
+    """Return the name of the joint that an element belongs to, or ""."""
+    while element is not None and element.tag != "joint":
+        element = element.parent
+    return "" if element is None else element.identity or ""
+
+
+def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
+    """Yield each pair of moments of one tensor with exchanged values."""
+    tensors: dict[str, list[int]] = {}
+    for i in numbers.relevant_numbers:
+        if match := _MOMENT.fullmatch(numbers.numerals[i].address):
+            tensors.setdefault(match[1] or match[2], []).append(i)
+    for tensor in tensors.values():
+        for i, j in combinations(tensor, 2):
+            first, second = numbers.numerals[i], numbers.numerals[j]
+            change = second.value - first.value
+            if change:
+                cause = CauseId(kind="exchange", subject=(first.address, second.address))
+                yield _switch(numbers, cause, {i: change, j: -change})
+
+
+def _switch(numbers: Numbers, cause: CauseId, units: Mapping[int, float]) -> FileHypothesis:
+    """Return a hypothesis whose fault is 0 or 1."""
+    places = tuple(dict.fromkeys(_line(numbers.numerals[i]) for i in units))
+    hypothesis = Hypothesis(
+        id=cause, value=0.0, size=1.0, rank=rank(cause.kind), where=places, switch=True
+    )
+    return FileHypothesis(hypothesis=hypothesis, units=units)
 
 
 def _dropped(numbers: Numbers) -> Iterator[FileHypothesis]:

@@ -1,7 +1,7 @@
-"""Faults in single numbers of robot files and of models of declared bodies.
+"""Faults in robot files and in models of declared bodies: wrong numbers, and typical mistakes.
 
 The equations give the effect of a number on the ends of segments, so only numbers that affect
-motions are run. Known mistakes are not planted: they need declared energies.
+motions are run.
 """
 
 from __future__ import annotations
@@ -14,15 +14,22 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.task import TreeTask
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
-from physics_crosscheck.harness.diagnosis.robot_task import at_some, problem_of, ranked
+from physics_crosscheck.harness.diagnosis.robot_task import (
+    at_some,
+    diagnose_robot,
+    problem_of,
+    ranked,
+)
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
 from physics_crosscheck.harness.modelfiles.quote import original_paths
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
+from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.mutation.faults import SIZES
 from physics_crosscheck.harness.mutation.survey import MutationError
+from physics_crosscheck.harness.mutation.tree_mistakes import TreeMistake, tree_mistakes
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
@@ -38,31 +45,27 @@ SHOWN = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class TreeFault:
-    """A sound model with one wrong number.
+    """A sound model with one wrong number, or one typical mistake.
 
     Attributes:
         model: the sound model, at the states of a diagnosis.
-        index: index of the number.
-        size: name of the size of the fault: a key of `SIZES`.
+        mistake: what is wrong.
+        size: the wrong number's relative size; None for a typical mistake.
         first_seen: smallest detectable change of the number, as a share of its size; inf:
-            undetectable.
+            undetectable; 0: unknown.
         uncertainty: relative uncertainty of the ends of the sound model's segments.
     """
 
     model: TreeTask
-    index: int
-    size: str
+    mistake: TreeMistake
+    size: float | None
     first_seen: float
     uncertainty: float
 
-    @property
-    def share(self) -> float:
-        """Size of the fault as a share of the number's size."""
-        return SIZES[self.size] - 1
-
 
 def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
-    """Return all faults of a model: three for each number that may affect the bodies.
+    """Return all faults of a model: three for each number that may affect the bodies, and typical
+    mistakes.
 
     Raises:
         MutationError: for a model that is not sound.
@@ -78,16 +81,31 @@ def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
     uncertainty = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
     numbers = robot_numbers(task.file, task.spec.settings)
     problem = problem_of(task, numbers, is_reference=False)
-    return tuple(
+    literals = (
         TreeFault(
             model=task,
-            index=index,
-            size=size,
+            mistake=_wrong(numbers.numerals[index], index, name, factor - 1),
+            size=factor - 1,
             first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), uncertainty),
             uncertainty=uncertainty,
         )
         for k, index in enumerate(numbers.relevant_numbers)
-        for size in SIZES
+        for name, factor in SIZES.items()
+    )
+    mistakes = (
+        TreeFault(model=task, mistake=one, size=None, first_seen=0.0, uncertainty=uncertainty)
+        for one in tree_mistakes(task, numbers)
+    )
+    return (*literals, *mistakes)
+
+
+def _wrong(entry: Number, index: int, name: str, share: float) -> TreeMistake:
+    """Return one number that is off by a share of its size."""
+    return TreeMistake(
+        name=name,
+        location=entry.address,
+        values={index: entry.value + share * _size(entry)},
+        causes=frozenset({CauseId(kind="literal", subject=(entry.address,))}),
     )
 
 
@@ -108,19 +126,19 @@ def _first(slope: Array | None, size: float, uncertainty: float) -> float:
 
 
 def mutated_tree(fault: TreeFault) -> Mutation:
-    """Plant one wrong number in a model, and judge it."""
+    """Plant one fault in a model, and judge it."""
     began = time.process_time()
-    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
-    entry = numbers.numerals[fault.index]
-    value = entry.value + fault.share * _size(entry)
-    row = _row(fault, entry.address, FaultVerdict.UNTESTED)
+    row = _row(fault, FaultVerdict.UNTESTED)
     if np.isfinite(fault.first_seen):
+        numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
         with scratch() as copies:
-            copy = copy_with_texts(fault.model.file, numbers.texts({fault.index: value}), copies)
+            texts = numbers.texts(fault.mistake.values)
+            copy = copy_with_texts(fault.model.file, texts, copies)
+            wrong = fault.model.with_file(copy).with_settings(**fault.mistake.settings)
             try:
-                row = _judged(fault, entry, value, fault.model.with_file(copy))
+                row = _judged(fault, numbers, wrong)
             except (EngineError, BlownUpError) as error:
-                row = _row(fault, entry.address, FaultVerdict.REFUSED, str(error))
+                row = _row(fault, FaultVerdict.REFUSED, str(error))
             message = original_paths(row.message, copy.parent, fault.model.file.parent)
             row = msgspec.structs.replace(row, message=message)
     return msgspec.structs.replace(row, seconds=time.process_time() - began)
@@ -128,41 +146,63 @@ def mutated_tree(fault: TreeFault) -> Mutation:
 
 def died(fault: TreeFault, reason: str) -> Mutation:
     """Build the row of a fault that the engine does not run."""
-    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
-    return _row(fault, numbers.numerals[fault.index].address, FaultVerdict.REFUSED, reason)
+    return _row(fault, FaultVerdict.REFUSED, reason)
 
 
-def _judged(fault: TreeFault, entry: Number, value: float, wrong: TreeTask) -> Mutation:
+def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
     case = run_case(wrong)
     if case.outcome is Outcome.REFUSED:
-        return _row(fault, entry.address, FaultVerdict.REFUSED, case.reason)
+        return _row(fault, FaultVerdict.REFUSED, case.reason)
     size = None if case.verdict is None else case.verdict.largest_discrepancy
+    if case.outcome is Outcome.UNRESOLVED:  # it does not agree
+        return _row(fault, FaultVerdict.CAUGHT, f"unresolved: {case.reason}", size)
     if case.outcome is not Outcome.DIFFERS:
-        verdict = FaultVerdict.UNTESTED if _is_faint(fault, value) else FaultVerdict.MISSED
-        return _row(fault, entry.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
-    ranking = ranked(wrong, is_reference=False)
+        verdict = FaultVerdict.UNTESTED if _is_faint(fault, numbers) else FaultVerdict.MISSED
+        return _row(fault, verdict, f"{case.outcome} {case.reason}".strip(), size)
+    if case.kind == "pose":
+        return _row(fault, FaultVerdict.CAUGHT, case.reason, size)
+    # A setting is a mistake of the engine, which takes a right file otherwise.
+    by_engine = bool(fault.mistake.settings)
+    if by_engine:
+        diagnosis = diagnose_robot(wrong, is_reference=True)
+        causes = diagnosis.explanations[0].causes if diagnosis.explanations else ()
+        right = diagnosis.explained and fault.mistake.causes.issuperset(one.id for one in causes)
+        verdict = FaultVerdict.NAMED if right else FaultVerdict.CAUGHT
+        return _row(fault, verdict, " and ".join(str(one.id) for one in causes), size)
+    try:
+        ranking = ranked(wrong, is_reference=False)
+    except ReferenceError as error:  # a fault so large that its file has other segments
+        return _row(fault, FaultVerdict.CAUGHT, f"not diagnosed: {error}", size)
     if not ranking.fits:
-        return _row(fault, entry.address, FaultVerdict.CAUGHT, "", size)
-    first, cause = ranking.fits[0], CauseId(kind="literal", subject=(entry.address,))
-    right = len(first.causes) == 1 and cause in (*first.causes, *first.tied_with)
+        return _row(fault, FaultVerdict.CAUGHT, "", size)
+    first, wanted = ranking.fits[0], fault.mistake.causes
+    is_single = len(first.causes) == 1
+    right = wanted.issuperset(first.causes) or (is_single and bool(wanted & {*first.tied_with}))
     verdict = FaultVerdict.NAMED if right and ranking.explained else FaultVerdict.CAUGHT
-    row = _row(fault, entry.address, verdict, " and ".join(map(str, first.causes)), size)
+    row = _row(fault, verdict, " and ".join(map(str, first.causes)), size)
+    return msgspec.structs.replace(row, estimate_error=_estimate_error(fault, numbers, ranking))
+
+
+def _estimate_error(fault: TreeFault, numbers: Numbers, ranking: Ranking) -> float | None:
+    """Return the error of one number's fitted value, relative to the fault."""
+    if fault.size is None:
+        return None
+    ((index, value),), (cause,) = fault.mistake.values.items(), fault.mistake.causes
+    right = numbers.numerals[index].value
     fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
-    off = None if fit is None else abs(fit.estimates[0] - entry.value) / abs(value - entry.value)
-    return msgspec.structs.replace(row, estimate_error=number(off))
+    return None if fit is None else number(abs(fit.estimates[0] - right) / abs(value - right))
 
 
-def _is_faint(fault: TreeFault, value: float) -> bool:
-    """Return whether a fault of this size moves no segment beyond its uncertainty.
+def _is_faint(fault: TreeFault, numbers: Numbers) -> bool:
+    """Return whether a fault moves no segment beyond its uncertainty.
 
-    The slope decides, or the equations with that value if the effect is quadratic, such as that of
-    an axis out of the plane of all motions.
+    The slope decides, or the equations with those values if the effect is quadratic, such as that
+    of an axis out of the plane of all motions.
     """
-    if fault.share < SHOWN * fault.first_seen:
+    if fault.size is not None and fault.size < SHOWN * fault.first_seen:
         return True
-    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
-    tree = numbers.tree({fault.index: value})
+    tree = numbers.tree(fault.mistake.values)
     if tree is None:
         return False
     try:
@@ -173,22 +213,18 @@ def _is_faint(fault: TreeFault, value: float) -> bool:
 
 
 def _row(
-    fault: TreeFault,
-    address: str,
-    verdict: FaultVerdict,
-    message: str = "",
-    size: float | None = None,
+    fault: TreeFault, verdict: FaultVerdict, message: str = "", size: float | None = None
 ) -> Mutation:
     return Mutation(
         system=fault.model.target.record.name,
         model=fault.model.file.name,
         engine=fault.model.engine,
-        kind=FaultKind.LITERAL,
-        name=fault.size,
-        location=address,
+        kind=FaultKind.MISTAKE if fault.size is None else FaultKind.LITERAL,
+        name=fault.mistake.name,
+        location=fault.mistake.location,
         verdict=verdict,
         discrepancy=number(size),
         message=message,
         estimate_error=None,
-        first_caught=number(fault.first_seen),
+        first_caught=None if fault.size is None else number(fault.first_seen),
     )

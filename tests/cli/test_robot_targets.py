@@ -118,9 +118,7 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
     ]
 
 
-def test_an_audit_that_was_done_is_reused(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_audit_that_was_done_is_reused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("robots/arm.urdf", "--engine", "mujoco", "--cache", "kept")
     # With the engines of the other tests of caches: their versions are read once a process.
     done = crosscheck("audit", *words, cwd=place, known=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,7 @@ from physics_crosscheck.harness.mutation.mutate import mutate
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.mutation.text import mutation_lines
 from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
-from physics_crosscheck.harness.records.mutation import FaultVerdict
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from tests.records.made import case
 from tests.robots.files import ARM, TIPPED
 
@@ -53,8 +52,7 @@ def found(folder: Path) -> dict[tuple[str, str], TreeFault]:
     prepared = prepare(folder)
     assert isinstance(prepared, PreparedTree)
     task = model_task(prepared, "mujoco", read_sidecar(folder / "m.xml.toml"))
-    return {(mutated_tree(replace(one, first_seen=float("inf"))).location, one.size): one
-            for one in faults_of(task)}  # fmt: skip
+    return {(one.mistake.location, one.mistake.name): one for one in faults_of(task)}
 
 
 def test_a_number_is_caught_and_named_or_has_no_say(folder: Path) -> None:
@@ -108,8 +106,11 @@ def test_an_effect_of_second_order_counts_by_its_size(
     verdicts = {}
     for fault in faults:
         address = died(fault, "").location
-        if address in ("joint[hinge]/axis@xyz[2]", "link[rod]/inertial/mass@value"):
-            verdicts[address[:4], fault.size] = mutated_tree(fault).verdict
+        if fault.size is not None and address in (
+            "joint[hinge]/axis@xyz[2]",
+            "link[rod]/inertial/mass@value",
+        ):
+            verdicts[address[:4], fault.mistake.name] = mutated_tree(fault).verdict
     untested = [key for key, verdict in verdicts.items() if verdict is FaultVerdict.UNTESTED]
     assert untested == [("join", "1e-6")]
     assert set(verdicts.values()) == {FaultVerdict.UNTESTED, FaultVerdict.MISSED}
@@ -123,9 +124,46 @@ def test_an_engine_that_disagrees_with_a_robot_is_skipped_where_another_agrees(a
     assert {row.engine for row in rows} == {"pinocchio"}
     assert {row.system for row in rows} == {"swing"}
     assert FaultVerdict.MISSED not in {row.verdict for row in rows}
-    masses = [row for row in rows if row.location == "link[rod]/inertial/mass@value"]
+    numbers = [row for row in rows if row.kind is FaultKind.LITERAL]
+    masses = [row for row in numbers if row.location == "link[rod]/inertial/mass@value"]
     assert [row.verdict for row in masses] == [FaultVerdict.NAMED] * 3
     (sentence,) = warned
     assert "arm.urdf: it does not agree with its equations in mujoco" in sentence
     with pytest.raises(MutationError, match="it does not agree with its equations in mujoco"):
         mutate([arm], lambda *_: None, only=("mujoco",))
+
+
+PLAIN = """<robot name="swing"><link name="base"/><link name="rod">
+<inertial><origin xyz="0.1 0.02 -0.3"/><mass value="1.2"/>
+<inertia ixx="0.03" iyy="0.02" izz="0.012" ixy="0.001" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="rod"/>
+<axis xyz="0 0.6 0.8"/><dynamics damping="0.1"/></joint></robot>
+"""
+
+
+def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
+    """No single number explains a reversed axis, or two moments that were exchanged."""
+    file = tmp_path / "swing.urdf"
+    file.write_text(PLAIN)
+    task = model_task(prepare_tree(file), "mujoco")
+    rows = [mutated_tree(fault) for fault in faults_of(task) if fault.size is None]
+    assert {(row.name, row.location): row.verdict for row in rows} == {
+        ("axis flipped", "joint[hinge]/axis@xyz"): FaultVerdict.NAMED,
+        ("grams for kilograms", "link[rod]/inertial/mass@value"): FaultVerdict.CAUGHT,
+        ("moments exchanged", "link[rod]/inertial/inertia"): FaultVerdict.NAMED,
+        ("centre of mass left out", "link[rod]/inertial/origin@xyz"): FaultVerdict.CAUGHT,
+    }
+    assert {row.kind for row in rows} == {FaultKind.MISTAKE}
+    assert "axis of hinge reversed" in {row.message for row in rows}
+
+
+@pytest.mark.skipif(engines()["pybullet"].version() is None, reason="needs PyBullet")
+def test_the_engine_s_own_defaults_left_on_are_typical_mistakes_of_a_robot(tmp_path: Path) -> None:
+    file = tmp_path / "swing.urdf"
+    file.write_text(PLAIN)
+    task = model_task(prepare_tree(file), "pybullet")
+    faults = [one for one in faults_of(task) if one.mistake.settings]
+    rows = {row.location: row for row in map(mutated_tree, faults)}
+    assert rows["settings.motors"].verdict is not FaultVerdict.UNTESTED
+    flag = next(row for place, row in rows.items() if "inertia" in row.name)
+    assert flag.verdict is FaultVerdict.NAMED

@@ -1,0 +1,112 @@
+"""Typical mistakes in the file of a robot, and in the settings of an engine for it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from physics_crosscheck.harness.checks.task import TreeTask
+from physics_crosscheck.harness.diagnosis.robot_suspicions import AXIS, joint_of
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.numbers import Number
+from physics_crosscheck.harness.modelfiles.readers import Numbers
+from physics_crosscheck.harness.records.cause import CauseId
+
+GRAMS = 1000.0
+"""Factor of a mass that is stated in grams."""
+
+Group = Mapping[int, Number]
+"""Numbers of one list, or of one tensor, by index in the file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeMistake:
+    """One mistake.
+
+    Attributes:
+        name: action of the user.
+        location: the numbers, or the setting.
+        values: new values of numbers, by index.
+        settings: settings of the engine.
+        causes: causes of which a diagnosis may name any.
+    """
+
+    name: str
+    location: str
+    values: Mapping[int, float] = field(default_factory=dict)
+    settings: Mapping[str, object] = field(default_factory=dict)
+    causes: frozenset[CauseId]
+
+
+def tree_mistakes(task: TreeTask, numbers: Numbers) -> Iterator[TreeMistake]:
+    """Yield every mistake that the file has a place for."""
+    groups = _groups(numbers)
+    for pattern, name, change in _FAMILIES:
+        for place, group in groups.items():
+            if re.fullmatch(pattern, next(iter(group.values())).path):
+                values = change(group)
+                moved = {i: value for i, value in values.items() if value != group[i].value}
+                if moved:
+                    addresses = [group[i].address for i in moved]
+                    causes = {CauseId(kind="literal", subject=(one,)) for one in addresses}
+                    causes.add(CauseId(kind="exchange", subject=tuple(addresses)))
+                    if joint := joint_of(group[next(iter(moved))].element):
+                        causes.add(CauseId(kind="axis", subject=(joint,)))
+                    yield TreeMistake(
+                        name=name, location=place, values=moved, causes=frozenset(causes)
+                    )
+    for usual in engines()[task.engine].usual_mistakes:
+        if (
+            isinstance(usual, DefaultLeftOn)
+            and task.spec.settings.get(usual.setting) != usual.value
+        ):
+            yield TreeMistake(
+                name=usual.name,
+                location=f"settings.{usual.setting}",
+                settings={usual.setting: usual.value},
+                causes=frozenset({CauseId(kind="default", subject=(usual.cause,))}),
+            )
+
+
+def _groups(numbers: Numbers) -> dict[str, dict[int, Number]]:
+    """Return the lists that have relevant numbers; the six of a tensor are one list."""
+    groups: dict[str, dict[int, Number]] = {}
+    relevant = set(numbers.relevant_numbers)
+    for i, number in enumerate(numbers.numerals):
+        place = re.sub(r"\[\d\]$", "", number.address)
+        place = re.sub(r"(inertia)[@/]i[xyz]{2}$", r"\1", place)
+        groups.setdefault(place, {})[i] = number
+    return {place: group for place, group in groups.items() if not relevant.isdisjoint(group)}
+
+
+def _reversed(group: Group) -> dict[int, float]:
+    return {i: -one.value for i, one in group.items() if one.value}
+
+
+def _dropped(group: Group) -> dict[int, float]:
+    return dict.fromkeys(group, 0.0)
+
+
+def _in_grams(group: Group) -> dict[int, float]:
+    return {i: GRAMS * one.value for i, one in group.items()}
+
+
+def _exchanged(group: Group) -> dict[int, float]:
+    """Exchange the first and the last moment, as about x and z; products stay."""
+    moments = [i for i, one in group.items() if not re.search(r"i(xy|xz|yz)$", one.path)]
+    if len(moments) < 3:
+        return {}
+    first, last = moments[0], moments[-1]
+    return {first: group[last].value, last: group[first].value}
+
+
+_FAMILIES: tuple[tuple[str, str, Callable[[Group], dict[int, float]]], ...] = (
+    (AXIS.pattern, "axis flipped", _reversed),
+    (r".*(mass@value|inertial/mass|inertial@mass)", "grams for kilograms", _in_grams),
+    (r".*(inertia[@/]i[xyz]{2}|@diaginertia)", "moments exchanged", _exchanged),
+    (r".*(inertial/origin@xyz|inertial@pos)", "centre of mass left out", _dropped),
+    (r".*inertial/origin@rpy", "rotation of the inertia left out", _dropped),
+)
+"""Paths of numbers, the mistake, and the values that it gives to a list of them."""
