@@ -236,13 +236,20 @@ def literals(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
 @lru_cache(maxsize=1)
 def messages() -> tuple[Text, ...]:
     """Return what the program and the report's templates show, a text each."""
-    return (*_strings(), *_templates())
+    return (*_strings(), *_codes(), *_templates())
 
 
 def _strings() -> Iterator[Text]:
     """Yield the strings of code."""
     for path, nodes in trees():
         yield from (Text(path, line, text) for line, text in literals(nodes))
+
+
+def _codes() -> Iterator[Text]:
+    """Yield the texts of the message codes."""
+    for path in (ROOT / "harness" / "records").glob("*.toml"):
+        for table in tomllib.loads(path.read_text()).values():
+            yield from (Text(path, 0, table[key]) for key in ("title", "cause", "remedy"))
 
 
 def _templates() -> Iterator[Text]:

@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from physics_crosscheck.harness.records.codes import CODES, GROUPS, Code
+from physics_crosscheck.harness.records.codes import GROUPS, Code, codes
 from physics_crosscheck.harness.records.write import write_whole
 
 _INDEX = """# Messages
@@ -24,8 +24,8 @@ Every message of crosscheck has a code. Look it up here, or print its page with
 
 def find_code(word: str) -> Code | None:
     """Return the message of a code or name in any case; None for an unknown one."""
-    return CODES.get(word.upper()) or next(
-        (one for one in CODES.values() if one.name == word.lower()), None
+    return codes().get(word.upper()) or next(
+        (one for one in codes().values() if one.name == word.lower()), None
     )
 
 
@@ -42,8 +42,8 @@ def explain_hint(codes: Iterable[str]) -> str:
 
 def similar_codes(word: str) -> list[str]:
     """Return codes and names similar to a misspelled word, closest first."""
-    names = difflib.get_close_matches(word.lower(), [one.name for one in CODES.values()])
-    return [*difflib.get_close_matches(word.upper(), CODES), *names]
+    names = difflib.get_close_matches(word.lower(), [one.name for one in codes().values()])
+    return [*difflib.get_close_matches(word.upper(), codes()), *names]
 
 
 def code_page(code: Code) -> str:
@@ -58,7 +58,7 @@ def index_page() -> str:
     """Return the page that lists all messages, by group."""
     parts = [_INDEX]
     for prefix, title in GROUPS.items():
-        group = [one for one in CODES.values() if one.code.startswith(prefix)]
+        group = [one for one in codes().values() if one.code.startswith(prefix)]
         rows = (f"| [{one.code}]({one.code}.md) | {one.name} | {one.title} |\n" for one in group)
         parts.append(f"\n## {title}\n\n| code | name | meaning |\n|---|---|---|\n{''.join(rows)}")
     return "".join(parts)
@@ -68,7 +68,7 @@ def pages() -> dict[str, str]:
     """Return every page by the name of its file."""
     return {
         "index.md": index_page(),
-        **{f"{one.code}.md": code_page(one) for one in CODES.values()},
+        **{f"{one.code}.md": code_page(one) for one in codes().values()},
     }
 
 
@@ -85,7 +85,7 @@ def list_lines(width: int) -> Iterator[str]:
     """Yield all codes with their titles, by group, for a terminal of the given width in columns."""
     for prefix, title in GROUPS.items():
         yield f"{title} ({prefix}xx)"
-        for code in CODES.values():
+        for code in codes().values():
             if code.code.startswith(prefix):
                 yield from textwrap.wrap(
                     f"{code.code}  {code.title}", max(width, 40), initial_indent="  ",

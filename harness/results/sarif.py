@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.codes import CODES, Code
+from physics_crosscheck.harness.records.codes import Code, codes
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.github import Annotation, run_notes
@@ -28,15 +28,15 @@ SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema
 def sarif(results: Results) -> str:
     """Return the JSON of a log with one run, with paths relative to the working folder."""
     notes = run_notes(results)
-    codes = sorted({note.code for note in notes})
-    driver: dict[str, object] = {"name": "crosscheck", "rules": [_rule(CODES[c]) for c in codes]}
+    names = sorted({note.code for note in notes})
+    driver: dict[str, object] = {"name": "crosscheck", "rules": [_rule(codes()[c]) for c in names]}
     if version := results.versions.get("physics-crosscheck"):
         driver["version"] = version
     run = {
         "tool": {"driver": driver},
         "columnKind": "unicodeCodePoints",
         "newlineSequences": ["\r\n", "\r", "\n"],
-        "results": [_result(note, codes) for note in notes],
+        "results": [_result(note, names) for note in notes],
     }
     return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1)
 
@@ -70,14 +70,14 @@ def page_address(code: str) -> str:
     return ""
 
 
-def _result(note: Annotation, codes: Sequence[str]) -> dict[str, object]:
+def _result(note: Annotation, names: Sequence[str]) -> dict[str, object]:
     """Return a result with all locations if each must change, else the first and related ones."""
     artifact = {"artifactLocation": {"uri": _uri(note.file)}}
     places = list(_places(note)) or [{"physicalLocation": artifact}]
     count = len(places) if note.changes else 1
     result: dict[str, object] = {
         "ruleId": note.code,
-        "ruleIndex": codes.index(note.code),
+        "ruleIndex": names.index(note.code),
         "level": "note" if note.level == "notice" else note.level,
         "message": {"text": _message(f"{note.title}: {note.message}")},
         "locations": places[:count],

@@ -20,14 +20,14 @@ from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import GateChange
 from physics_crosscheck.harness.records.case import Case, CaseKind
 from physics_crosscheck.harness.records.cause import Cause, CauseKind
-from physics_crosscheck.harness.records.codes import CODES, GROUPS
+from physics_crosscheck.harness.records.codes import GROUPS, codes
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange
 from tests.records.made import case, finding
 
 HARNESS = Path(__file__).parents[2] / "harness"
-KINDS = [kind for one in CODES.values() for kind in one.kinds]
+KINDS = [kind for one in codes().values() for kind in one.kinds]
 CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
            "unexplained")  # fmt: skip
 """What the gate calls a change (`harness.baseline.changes`, `harness.gate.audits`)."""
@@ -80,9 +80,9 @@ def test_no_code_is_dead(group: str) -> None:
 
 
 def test_codes_and_names_are_unique_and_in_their_group() -> None:
-    assert len({one.name for one in CODES.values()}) == len(CODES)
-    assert list(CODES) == sorted(CODES)
-    assert all(code[:3] in GROUPS for code in CODES)
+    assert len({one.name for one in codes().values()}) == len(codes())
+    assert list(codes()) == sorted(codes())
+    assert all(code[:3] in GROUPS for code in codes())
 
 
 def test_a_code_is_written_and_is_never_another_than_that_of_its_kind() -> None:
@@ -128,7 +128,7 @@ def test_a_case_has_the_code_of_its_outcome_and_kind(
 
 def test_an_outcome_that_fails_has_a_code_whatever_its_kind() -> None:
     for outcome in set(Outcome) - {Outcome.AGREES}:
-        assert case(outcome, kind="").code in CODES
+        assert case(outcome, kind="").code in codes()
 
 
 class OwnError(EngineError):

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.checks.audit_finding import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.codes import CODES
+from physics_crosscheck.harness.records.codes import codes
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results import sarif as sarif_module
@@ -30,7 +30,7 @@ def found(text: str) -> list[dict[str, Any]]:
     (run,) = log["runs"]
     rules = [rule["id"] for rule in run["tool"]["driver"]["rules"]]
     for rule in run["tool"]["driver"]["rules"]:
-        assert CODES[rule["id"]].remedy in rule["help"]["text"].replace("{{", "{").replace(
+        assert codes()[rule["id"]].remedy in rule["help"]["text"].replace("{{", "{").replace(
             "}}", "}"
         )
     assert rules == sorted({one["ruleId"] for one in run["results"]})

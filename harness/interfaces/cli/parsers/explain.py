@@ -28,6 +28,6 @@ def add(command: argparse.ArgumentParser) -> None:
 
 
 def _known_codes(**_: object) -> Iterable[str]:
-    from physics_crosscheck.harness.records.codes import CODES
+    from physics_crosscheck.harness.records.codes import codes
 
-    return CODES
+    return codes()
