@@ -22,31 +22,31 @@ if TYPE_CHECKING:
     from physics_crosscheck.harness.extras.notebook.comparison import Comparison, compare
     from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
     from physics_crosscheck.harness.interfaces.api import Results, check
-    from physics_crosscheck.reference import (
-        CablePath,
+    from physics_crosscheck.reference.mechanism.bodies import (
+        Coupling,
+        ForceElement,
+        Joint,
+        RigidBody,
+        Site,
+    )
+    from physics_crosscheck.reference.mechanism.declaration import (
         Constant,
         Coordinate,
-        Coupling,
         DeclarationError,
         Equilibrium,
-        Fluid,
-        ForceElement,
-        FrameForce,
         Input,
-        Joint,
-        JointForce,
-        MultibodySystem,
         Output,
-        Pose,
         PublishedEquation,
         Quantity,
-        RigidBody,
         Scenario,
-        Site,
-        System,
         t,
     )
+    from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
     from physics_crosscheck.reference.mechanism.kinematics import Frame, ground, rotation
+    from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+    from physics_crosscheck.reference.mechanism.pose import Pose
+    from physics_crosscheck.reference.mechanism.system import System
+    from physics_crosscheck.reference.mechanism.tree import Fluid
 
 _FROM = {
     "physics_crosscheck.harness.interfaces.api": ("Results", "check"),
@@ -54,12 +54,20 @@ _FROM = {
     "physics_crosscheck.harness.extras.notebook.ask": ("simulate", "solve"),
     "physics_crosscheck.harness.extras.notebook.comparison": ("Comparison", "compare"),
     "physics_crosscheck.harness.extras.notebook.trajectory": ("MotionError", "Trajectory"),
-    "physics_crosscheck.reference": (
-        "Constant", "Coordinate", "CablePath", "Coupling", "DeclarationError",
-        "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Fluid",
-        "MultibodySystem", "Output", "Pose", "PublishedEquation", "ForceElement", "Quantity",
-        "RigidBody", "Scenario", "Site", "System", "t",
+    "physics_crosscheck.reference.mechanism.bodies": (
+        "Coupling", "ForceElement", "Joint", "RigidBody", "Site",
     ),
+    "physics_crosscheck.reference.mechanism.declaration": (
+        "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Output",
+        "PublishedEquation", "Quantity", "Scenario", "t",
+    ),
+    "physics_crosscheck.reference.mechanism.force_paths": (
+        "CablePath", "FrameForce", "JointForce",
+    ),
+    "physics_crosscheck.reference.mechanism.multibody": ("MultibodySystem",),
+    "physics_crosscheck.reference.mechanism.pose": ("Pose",),
+    "physics_crosscheck.reference.mechanism.system": ("System",),
+    "physics_crosscheck.reference.mechanism.tree": ("Fluid",),
     "physics_crosscheck.reference.mechanism.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 

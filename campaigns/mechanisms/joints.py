@@ -9,9 +9,7 @@ import sympy as sp
 
 from campaigns.mechanisms.mechanism import Drive
 from campaigns.mechanisms.written import joint_name
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
-from physics_crosscheck.reference import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     Equilibrium,
@@ -20,6 +18,8 @@ from physics_crosscheck.reference import (
     Scenario,
     System,
 )
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.signal import Inputs, SignalPiece, numeric_inputs
 

@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import cross, matrix, turned
 from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.installed import import_quietly
@@ -29,6 +28,12 @@ from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import with_masses, without_shapes
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from physics_crosscheck.reference.mechanism.rotations import (
+    cross,
+    from_quaternion,
+    rotate,
+    rotate_back,
+)
 
 MIMICS = "iDynTree's leaving out of <mimic>"
 MASSLESS = "iDynTree's taking of links without mass for frames"
@@ -140,19 +145,19 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         """Return accelerations at the root's origin; iDynTree's are at its base link, along world
         axes.
         """
-        forces, turn = f.copy(), matrix(x[:, 3:7])
+        forces, turn = f.copy(), from_quaternion(x[:, 3:7].T)
         forces[:, FREE:] += self._springs.forces(x[:, FREE + 1 :], m[:, FREE:])
-        arm, spin = turn @ self._arm, turned(turn, m[:, 3:6])
-        base = np.concatenate([m[:, :3] + cross(spin, arm), spin], axis=1)
-        forces[:, 3:6] = turned(turn, f[:, 3:6]) - cross(arm, f[:, :3])
-        rows = zip(turn, x, base, m[:, FREE:], strict=True)
+        arm, spin = rotate(turn, self._arm[:, None]), rotate(turn, m[:, 3:6].T)
+        base = np.concatenate([m[:, :3].T + cross(spin, arm), spin]).T
+        forces[:, 3:6] = (rotate(turn, f[:, 3:6].T) - cross(arm, f[:, :3].T)).T
+        rows = zip(np.moveaxis(turn, 2, 0), x, base, m[:, FREE:], strict=True)
         rows_of_terms = [
             self._mass_and_bias(self._frame(w, q[:3]), q[FREE + 1 :], v, u) for w, q, v, u in rows
         ]
         mass, bias = (np.array(part) for part in zip(*rows_of_terms, strict=True))
         a = self._solve(mass, forces - bias)
-        a[:, :3] -= cross(a[:, 3:6], arm) + cross(spin, cross(spin, arm))
-        a[:, 3:6] = turned(turn.swapaxes(1, 2), a[:, 3:6])
+        a[:, :3] -= (cross(a[:, 3:6].T, arm) + cross(spin, cross(spin, arm))).T
+        a[:, 3:6] = rotate_back(turn, a[:, 3:6].T).T
         return a
 
     def _frame(self, turn: Array, origin: Array) -> Array:
@@ -200,7 +205,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         x = to_state(z, 0 * z)[0] if self.floats else z
         for i, row in enumerate(x):
-            turn = matrix(row[None, 3:7])[0] if self.floats else np.eye(3)
+            turn = from_quaternion(row[3:7]) if self.floats else np.eye(3)
             origin, q = (row[:3], row[FREE + 1 :]) if self.floats else (np.zeros(3), row)
             rest = np.zeros(FREE), np.zeros(len(q)), self._down
             self._computed.setRobotState(self._frame(turn, origin), q, *rest)

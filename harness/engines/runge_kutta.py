@@ -16,16 +16,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    cross,
-    exponential,
-    product,
-    quaternion,
-    rate,
-)
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    exponential,
+    exponential_rate,
+    minimal_coordinates,
+    quaternion_product,
+    unit_quaternion,
+)
 
 Accelerations = Callable[[Array, Array, Array], Array]
 """dm/dt, (B, n), of positions x, velocities m and forces of B states.
@@ -161,39 +161,31 @@ def _weighted_sum(stages: list[Array]) -> Array:
 
 def to_state(q: Array, v: Array) -> tuple[Array, Array]:
     """Return positions x and velocities m of coordinates and their rates, (..., nz)."""
-    turn, spin = quaternion(q[..., 3:6]), angular_velocity(q[..., 3:6], v[..., 3:6])
+    p, rate = q[..., 3:6].T, v[..., 3:6].T
+    turn, spin = unit_quaternion(p).T, angular_velocity(p, rate).T
     return _joined(q[..., :3], turn, q[..., 6:]), _joined(v[..., :3], spin, v[..., 6:])
 
 
 def place(x: Array) -> Array:
     """Return the coordinates of positions x, near to their quaternions."""
-    return _joined(x[..., :3], coordinates(x[..., 3:7], x[..., 3:7]), x[..., 7:])
+    return _joined(x[..., :3], minimal_coordinates(x[..., 3:7].T, x[..., 3:7].T).T, x[..., 7:])
 
 
 def rates(z: Array, m: Array) -> Array:
     """Return the rates of coordinates z, by velocities m."""
-    return _joined(m[..., :3], rate(z[..., 3:6], m[..., 3:6]), m[..., 6:])
+    return _joined(m[..., :3], coordinate_rate(z[..., 3:6].T, m[..., 3:6].T).T, m[..., 6:])
 
 
 def displaced(x: Array, moved: Array) -> Array:
     """Return positions after a displacement; the root rotates about its own axes."""
-    turned = product(x[..., 3:7], exponential(moved[..., 3:6]))
+    turned = quaternion_product(x[..., 3:7].T, exponential(moved[..., 3:6].T)).T
     return _joined(x[..., :3] + moved[..., :3], turned, x[..., 7:] + moved[..., 6:])
 
 
 def displacement_rate(moved: Array, m: Array) -> Array:
-    """Return velocities m as rates of the displacement: the inverse of the exponential's
-    differential.
-    """
-    by, spin = moved[..., 3:6], m[..., 3:6]
-    square = np.sum(by * by, axis=-1, keepdims=True)
-    small = square < 1e-4
-    safe = np.where(small, 1.0, square)
-    half = np.sqrt(safe) / 2
-    # 1/12 + square/720 is the series; its next term is below the last digit here.
-    share = np.where(small, 1 / 12 + square / 720, (1 - half / np.tan(half)) / safe)
-    once = cross(by, spin)
-    return _joined(m[..., :3], spin + once / 2 + share * cross(by, once), m[..., 6:])
+    """Return velocities m as rates of the displacement."""
+    turning = exponential_rate(moved[..., 3:6].T, m[..., 3:6].T).T
+    return _joined(m[..., :3], turning, m[..., 6:])
 
 
 def _joined(*parts: Array) -> Array:

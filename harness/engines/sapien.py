@@ -15,13 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    matrix,
-    quaternion,
-    rate,
-)
 from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
 from physics_crosscheck.harness.engines.one_by_one import Stepper
@@ -34,6 +27,13 @@ from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_
 from physics_crosscheck.harness.engines.urdf_copy import Change, temporary_urdf, without_visuals
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    from_quaternion,
+    minimal_coordinates,
+    unit_quaternion,
+)
 
 SAPIEN_EFFECTS: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
     "link_damping": (0.05, "SAPIEN's damping of links"),
@@ -204,7 +204,7 @@ class SapienModel(UrdfModel):
             self._steps.reset(row, 0 * row)
             for f, (kind, _, name) in enumerate(place.partition(":") for place in places):
                 pose, centre = self._links[name].entity_pose, self._links[name].cmass_local_pose.p
-                turns[k, f] = matrix(np.array(pose.q, dtype=float))
+                turns[k, f] = from_quaternion(np.array(pose.q, dtype=float))
                 origins[k, f] = pose.p + (turns[k, f] @ centre if kind == "centre" else 0.0)
         return origins, turns
 
@@ -223,8 +223,8 @@ class _Steps(Stepper):
         """Set a state."""
         body, first = self._body, self._first
         if first:
-            self._near = quaternion(q[3:FREE])
-            turn = matrix(self._near)
+            self._near = unit_quaternion(q[3:FREE])
+            turn = from_quaternion(self._near)
             spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
             body.root_pose = self._pose(q[:3], self._near)
             body.root_linear_velocity = v[:3] + np.cross(spin, turn @ self._centre)
@@ -237,8 +237,8 @@ class _Steps(Stepper):
         if not self._first:
             return q
         pose = self._body.root_pose
-        turned = coordinates(np.array(pose.q, dtype=float), self._near)
-        self._near = quaternion(turned)
+        turned = minimal_coordinates(np.array(pose.q, dtype=float), self._near)
+        self._near = unit_quaternion(turned)
         return np.concatenate([pose.p, turned, q])
 
     def state(self) -> tuple[Array, Array]:
@@ -246,9 +246,9 @@ class _Steps(Stepper):
         z, v = self.position(), self._body.qvel.astype(float)
         if not self._first:
             return z, v
-        spin, turn = self._body.root_angular_velocity.astype(float), matrix(self._near)
+        spin, turn = self._body.root_angular_velocity.astype(float), from_quaternion(self._near)
         moved = self._body.root_linear_velocity - np.cross(spin, turn @ self._centre)
-        return z, np.concatenate([moved, rate(z[3:FREE], turn.T @ spin), v])
+        return z, np.concatenate([moved, coordinate_rate(z[3:FREE], turn.T @ spin), v])
 
     @property
     def _centre(self) -> Array:
@@ -260,7 +260,7 @@ class _Steps(Stepper):
         applied = np.zeros(self._first + self._body.dof) if force is None else force
         if self._first:
             placed = self._root.entity_pose
-            turn = matrix(np.array(placed.q, dtype=float))
+            turn = from_quaternion(np.array(placed.q, dtype=float))
             self._root.add_force_at_point(applied[:3], placed.p)
             self._root.add_force_torque(np.zeros(3), turn @ applied[3:FREE])
         applied = applied[self._first :]

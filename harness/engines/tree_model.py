@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import place_names, rotation_names
 from physics_crosscheck.harness.engines.one_by_one import Stepper, rollout
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -21,6 +20,7 @@ from physics_crosscheck.harness.engines.runge_kutta import Accelerations, RungeK
 from physics_crosscheck.harness.engines.source import engine_errors
 from physics_crosscheck.harness.engines.springs import SpringForces
 from physics_crosscheck.harness.engines.urdf import Mimic
+from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
 
 FREE = 6
 """Number of coordinates of a floating root; they come first."""

@@ -1,9 +1,7 @@
 """Minimal coordinates of a tree, one per degree of freedom, with velocities as their rates.
 
-A rotation has the coordinates p = 4 tan(angle/4) axis, four times the modified Rodrigues parameters
-(Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.6). They are close to the
-rotation vector, rational in both directions, and smooth for all angles below a full turn. A free
-joint adds the position of its origin in the joint's frame.
+A rotation has the coordinates p = 4 tan(angle/4) axis (see `rotations`). A free joint adds the
+position of its origin in the joint's frame.
 
 Generalized forces here are not conjugate to these coordinates. They are the forces that engines
 hold constant: a moment about the link's axes, and a force along the joint's axes.
@@ -20,22 +18,27 @@ from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,
     Field,
     Scalars,
+    angular_velocity,
+    coordinate_rate,
     cross,
+    exponential,
+    exponential_rate,
     from_quaternion,
+    minimal_coordinates,
+    place_names,
+    quaternion_product,
+    raw_quaternion,
     rotate,
     rotate_back,
+    rotation_names,
+    unit_quaternion,
 )
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree
-
-AXES = ("x", "y", "z")
-
-SMALL = 1e-3
-"""Half angle, rad, below which a series is more accurate than the quotient."""
 
 
 def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
     """Return names and units of a joint's coordinates, in the order of its velocities."""
-    turning = tuple((f"{joint}:r{axis}", "rad") for axis in AXES)
+    turning = tuple((name, "rad") for name in rotation_names(joint))
     match kind:
         case "hinge":
             return ((joint, "rad"),)
@@ -43,7 +46,7 @@ def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
             return ((joint, "m"),)
         case "ball":
             return turning
-    return (*turning, *((f"{joint}:{axis}", "m") for axis in AXES))
+    return (*turning, *((name, "m") for name in place_names(joint)))
 
 
 class _Joint(NamedTuple):
@@ -86,9 +89,7 @@ class MinimalCoordinates:
         for here, there in self._plain:
             q[here] = y[there]
         for joint in self._joints:
-            s = y[joint.turning] / 4
-            real = 1 - (s * s).sum(axis=0)
-            q[joint.quaternion] = np.concatenate([real[None], 2 * s])
+            q[joint.quaternion] = raw_quaternion(y[joint.turning])
             q[joint.place] = y[joint.moving]
         return q
 
@@ -113,7 +114,7 @@ class MinimalCoordinates:
         out = 0 * v
         for joint in self._joints:
             s, angular = y[joint.turning] / 4, v[joint.turning]
-            ds = _rate(s, angular) / 4
+            ds = coordinate_rate(y[joint.turning], angular) / 4
             along, across = (s * angular).sum(axis=0), (ds * angular).sum(axis=0)
             out[joint.turning] = (
                 2 * (ds * along + s * across - (s * ds).sum(axis=0) * angular)
@@ -128,14 +129,14 @@ class MinimalCoordinates:
         """Return the velocities that engines store: angular velocity replaces the rate of p."""
         out = rate.copy()
         for joint in self._joints:
-            out[joint.turning] = _unturned(y[joint.turning] / 4, rate[joint.turning])
+            out[joint.turning] = angular_velocity(y[joint.turning], rate[joint.turning])
         return out
 
     def rates_of_stored(self, y: Scalars, m: Scalars) -> Scalars:
         """Return the coordinate rates for the velocities that engines store."""
         out = m.copy()
         for joint in self._joints:
-            out[joint.turning] = _rate(y[joint.turning] / 4, m[joint.turning])
+            out[joint.turning] = coordinate_rate(y[joint.turning], m[joint.turning])
         return out
 
     def frame_acceleration(self, y: Scalars, m: Scalars) -> Scalars:
@@ -152,39 +153,19 @@ class MinimalCoordinates:
         return out
 
     def exponential_rate(self, moved: Scalars, m: Scalars) -> Scalars:
-        """Return m as the rate of the rotation vectors, after displacements `moved`, (nv, ...).
-
-        This is the inverse differential of the exponential map (Iserles, Munthe-Kaas, Norsett and
-        Zanna 2000, Lie-group methods, Acta Numerica 9, section 2): w + T x w / 2 + k T x (T x w).
-        """
+        """Return m as the rate of the rotation vectors, after displacements `moved`, (nv, ...)."""
         out = m.copy()
         for joint in self._joints:
-            by, angular = moved[joint.turning], m[joint.turning]
-            half = np.sqrt((by * by).sum(axis=0)) / 2
-            near = half < SMALL
-            safe = np.where(near, 1.0, half)
-            share = np.where(
-                near, (1 + half**2 / 15) / 12, (1 - safe / np.tan(safe)) / (2 * safe) ** 2
-            )
-            twist = cross(by, angular)
-            out[joint.turning] = angular + twist / 2 + share * cross(by, twist)
+            out[joint.turning] = exponential_rate(moved[joint.turning], m[joint.turning])
         return out
 
     def advance(self, y: Scalars, m: Scalars, h: float) -> Scalars:
         """Return the coordinates after h seconds at constant m; each rotation has a fixed axis."""
         out = y + h * m
         for joint in self._joints:
-            angular = m[joint.turning]
-            angle = h * np.sqrt((angular * angular).sum(axis=0))
-            # sin(a/2)/|w|, which tends to h/2 as w tends to zero
-            share = h / 2 * np.sinc(angle / 2 / np.pi)
-            s = y[joint.turning] / 4
-            square = (s * s).sum(axis=0)
-            real, imaginary = (1 - square) / (1 + square), 2 * s / (1 + square)
-            by = share * angular
-            turned_real = real * np.cos(angle / 2) - (imaginary * by).sum(axis=0)
-            turned_imaginary = real * by + np.cos(angle / 2) * imaginary + cross(imaginary, by)
-            out[joint.turning] = 4 * turned_imaginary / (1 + turned_real)
+            before = unit_quaternion(y[joint.turning])
+            after = quaternion_product(before, exponential(h * m[joint.turning]))
+            out[joint.turning] = minimal_coordinates(after, before)
         return out
 
     def forces(self, y: Scalars, coordinate_forces: Scalars) -> Scalars:
@@ -207,9 +188,7 @@ class MinimalCoordinates:
             out[joint.moving] = way(self._turn(y, joint), values[joint.moving])
 
     def _turn(self, y: Scalars, joint: _Joint) -> Scalars:
-        s = y[joint.turning] / 4
-        real = 1 - (s * s).sum(axis=0)
-        return from_quaternion(np.concatenate([real[None], 2 * s]))
+        return from_quaternion(raw_quaternion(y[joint.turning]))
 
 
 def _joints(tree: Tree) -> Iterator[_Joint]:
@@ -221,18 +200,3 @@ def _joints(tree: Tree) -> Iterator[_Joint]:
                 turning=slice(there.start, there.start + 3),
                 moving=slice(there.start + 3, there.stop),
             )
-
-
-def _rate(s: Scalars, angular: Scalars) -> Scalars:
-    """Return dp/dt of p = 4 s: B w, with B = (1 - s.s) 1 + 2 [s] + 2 s s^T."""
-    square, along = (s * s).sum(axis=0), (s * angular).sum(axis=0)
-    result: Scalars = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
-    return result
-
-
-def _unturned(s: Scalars, rate: Scalars) -> Scalars:
-    """Return the angular velocity for dp/dt: B^T dp/dt / (1 + s.s)^2."""
-    square, along = (s * s).sum(axis=0), (s * rate).sum(axis=0)
-    back = (1 - square) * rate - 2 * cross(s, rate) + 2 * s * along
-    result: Scalars = back / (1 + square) ** 2
-    return result

@@ -2,7 +2,11 @@
 
 Components come first and the batch after them: a vector is (3, ...), a matrix (3, 3, ...). A batch
 is then one array operation. The same code handles doubles, long doubles, mpmath numbers and
-symbols.
+symbols. Quaternions have their real part first, and angular velocities are in the body's axes.
+
+A rotation's minimal coordinates are p = 4 tan(angle/4) axis, four times the modified Rodrigues
+parameters (Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.6). They are close
+to the rotation vector, rational in both directions, and smooth for all angles below a full turn.
 """
 
 from __future__ import annotations
@@ -19,6 +23,9 @@ Scalars = NDArray[Any]
 
 VANISHING = 1e-300
 """Added to squares to avoid division by zero; negligible beside any nonzero square."""
+
+SMALL = 1e-3
+"""Half angle, rad, below which a series is more accurate than the quotient."""
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
@@ -129,6 +136,29 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     return result
 
 
+def to_rpy(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw of a rotation, (3, 3); at vertical pitch the yaw is arbitrary."""
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    pitch = np.arctan2(-rotation[2, 0], cosine * rotation[0, 0] + sine * rotation[1, 0])
+    across = cosine * rotation[1] - sine * rotation[0]  # the second row, rotated back by the yaw
+    return float(np.arctan2(-across[2], across[1])), float(pitch), float(yaw)
+
+
+def to_quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Return the unit quaternion (w, x, y, z) of a rotation, (3, 3), by its largest component."""
+    r = rotation
+    products = np.array([
+        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
+        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
+    ])  # fmt: skip
+    row = products[np.argmax(np.diagonal(products))]
+    w, x, y, z = (row / np.linalg.norm(row)).tolist()
+    return w, x, y, z
+
+
 def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
     """Return dq/dt = q (0, w)/2 of a quaternion (4, ...), with w (3, ...) in the body frame.
 
@@ -158,3 +188,72 @@ def rotation_vector(q: Scalars) -> Scalars:
     angle = 2 * np.arctan2(size, abs(w)) * w / abs(w)
     result: Scalars = angle / size * x
     return result
+
+
+def raw_quaternion(p: Scalars) -> Scalars:
+    """Return the quaternion (4, ...) of minimal coordinates (3, ...), of length 1 + p.p/16."""
+    s = p / 4
+    real = 1 - (s * s).sum(axis=0)
+    return np.concatenate([real[None], 2 * s])
+
+
+def unit_quaternion(p: Scalars) -> Scalars:
+    """Return the unit quaternion (4, ...) of minimal coordinates (3, ...)."""
+    s = p / 4
+    result: Scalars = raw_quaternion(p) / (1 + (s * s).sum(axis=0))
+    return result
+
+
+def minimal_coordinates(q: Scalars, near: Scalars) -> Scalars:
+    """Return minimal coordinates (3, ...) of a quaternion, with the sign nearer to `near`."""
+    q = np.where((q * near).sum(axis=0) < 0, -q, q)
+    result: Scalars = 4 * q[1:] / (np.sqrt((q * q).sum(axis=0)) + q[0])
+    return result
+
+
+def coordinate_rate(p: Scalars, angular: Scalars) -> Scalars:
+    """Return dp/dt, (3, ...): B w, with s = p/4 and B = (1 - s.s) 1 + 2 [s] + 2 s s^T."""
+    s = p / 4
+    square, along = (s * s).sum(axis=0), (s * angular).sum(axis=0)
+    result: Scalars = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
+    return result
+
+
+def angular_velocity(p: Scalars, rate: Scalars) -> Scalars:
+    """Return the angular velocity, (3, ...), for dp/dt: B^T dp/dt / (1 + s.s)^2."""
+    s = p / 4
+    square, along = (s * s).sum(axis=0), (s * rate).sum(axis=0)
+    back = (1 - square) * rate - 2 * cross(s, rate) + 2 * s * along
+    result: Scalars = back / (1 + square) ** 2
+    return result
+
+
+def exponential(vector: Scalars) -> Scalars:
+    """Return the unit quaternion of a rotation vector (3, ...): angle times axis."""
+    half = np.sqrt((vector * vector).sum(axis=0)) / 2
+    return np.concatenate([np.cos(half)[None], np.sinc(half / np.pi) / 2 * vector])
+
+
+def exponential_rate(vector: Scalars, angular: Scalars) -> Scalars:
+    """Return the rate of the rotation vector, (3, ...), of a body that turned by it.
+
+    This is the inverse differential of the exponential map (Iserles, Munthe-Kaas, Norsett and
+    Zanna 2000, Lie-group methods, Acta Numerica 9, section 2): w + T x w / 2 + k T x (T x w).
+    """
+    half = np.sqrt((vector * vector).sum(axis=0)) / 2
+    near = half < SMALL
+    safe = np.where(near, 1.0, half)
+    share = np.where(near, (1 + half**2 / 15) / 12, (1 - safe / np.tan(safe)) / (2 * safe) ** 2)
+    twist = cross(vector, angular)
+    result: Scalars = angular + twist / 2 + share * cross(vector, twist)
+    return result
+
+
+def rotation_names(joint: str) -> tuple[str, ...]:
+    """Return the names of a joint's three rotation coordinates."""
+    return tuple(f"{joint}:r{axis}" for axis in "xyz")
+
+
+def place_names(joint: str) -> tuple[str, ...]:
+    """Return the names of a free joint's three position coordinates."""
+    return tuple(f"{joint}:{axis}" for axis in "xyz")

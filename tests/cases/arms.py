@@ -1,6 +1,6 @@
 """A robot's arm of two joints, as a person would write it: for what is too long to read."""
 
-from physics_crosscheck.reference import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     Equilibrium,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck import System
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import system as records
-from physics_crosscheck.reference import System
 from physics_crosscheck.reference.dynamics.derive import derive
 
 NAMES = ("mass_spring_damper", "free_pair")

@@ -13,13 +13,7 @@ from unittest.mock import patch
 import numpy as np
 from sympy import Heaviside, exp, sin
 
-from physics_crosscheck.harness.checks.verdict import component_scale, judge
-from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.numerics.batch import Batch
-from physics_crosscheck.harness.numerics.coordinates import coordinate_map
-from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.reference import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     Equilibrium,
@@ -29,6 +23,12 @@ from physics_crosscheck.reference import (
     System,
     t,
 )
+from physics_crosscheck.harness.checks.verdict import component_scale, judge
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.coordinates import coordinate_map
+from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.solving import solve as reference_solve
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.attitude import matrix, quaternion
 from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion, unit_quaternion
 from tests.engines.test_readings import BELOW
 
 MJCF = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>
@@ -92,7 +92,8 @@ def test_links_of_a_urdf_whose_root_floats_are_where_they_are_put(
     z = np.array([[0.1, 0.2, 0.3, 0.5, -0.3, 0.2, 0.4]])
     origins, turns = model.poses(["link:g", "centre:a"], z)
     root, hinge = (
-        matrix(q) for q in (quaternion(z[0, 3:6]), np.array([np.cos(0.2), 0, np.sin(0.2), 0]))
+        from_quaternion(q)
+        for q in (unit_quaternion(z[0, 3:6]), np.array([np.cos(0.2), 0, np.sin(0.2), 0]))
     )
     assert turns[0] == pytest.approx(np.stack([root, root @ hinge]), abs=1e-12)
     at = z[0, :3]

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck import System
 from physics_crosscheck.harness.modelfiles.bindings import bindings, mismatches, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin, system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.reference import System
 from physics_crosscheck.reference.load import load_system
 from tests.files.literals import Number, unaccounted
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck import System
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
@@ -25,7 +26,6 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference import System
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.solving.motion import Motion

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.harness.engines.protocol import Array, Force, Model, StateForce
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
-from physics_crosscheck.reference import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     Equilibrium,
@@ -20,6 +17,9 @@ from physics_crosscheck.reference import (
     Scenario,
     System,
 )
+from physics_crosscheck.harness.engines.protocol import Array, Force, Model, StateForce
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.solve import solve

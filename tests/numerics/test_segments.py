@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sympy import Expr, Heaviside, Rational, sin
 
+from physics_crosscheck import t
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.batch import Batch
@@ -17,7 +18,6 @@ from physics_crosscheck.harness.numerics.segments import (
     limits_only,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference import t
 from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 NAMES = ("x", "x_dot")

@@ -7,7 +7,7 @@ from typing import Any
 import sympy as sp
 from sympy import cos
 
-from physics_crosscheck.reference import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     Equilibrium,

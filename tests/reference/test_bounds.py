@@ -12,7 +12,7 @@ from sympy import Heaviside, cos, exp, sin
 
 import physics_crosscheck.reference.solving.bounds
 import physics_crosscheck.reference.solving.solve
-from physics_crosscheck.reference import t
+from physics_crosscheck import t
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.roundoff import running_error

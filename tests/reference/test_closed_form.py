@@ -16,7 +16,7 @@ import sympy as sp
 from sympy import exp, sin
 
 import physics_crosscheck.reference.solving.closed_form
-from physics_crosscheck.reference import Equilibrium, Scenario, t
+from physics_crosscheck import Equilibrium, Scenario, t
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.mechanism.signal import pieces

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     DeclarationError,

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 from sympy.physics import mechanics as me
 
-from physics_crosscheck.reference import System
+from physics_crosscheck import System
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.reference.mechanisms import CART, EPS, NAMES, built_in, equations_of, oscillator

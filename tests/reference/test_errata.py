@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference import DeclarationError, PublishedEquation, Quantity
+from physics_crosscheck import DeclarationError, PublishedEquation, Quantity
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.errata import (
     AGREES,

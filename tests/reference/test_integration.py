@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from sympy import sin
 
-from physics_crosscheck.reference import Scenario, System, t
+from physics_crosscheck import Scenario, System, t
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.mechanism.numeric import Array

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference import Coordinate, Equilibrium, Input, Output, System
+from physics_crosscheck import Coordinate, Equilibrium, Input, Output, System
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import (
     TaylorLinearization,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.reference import DeclarationError
+from physics_crosscheck import DeclarationError
 from physics_crosscheck.reference.load import load_system
 from tests.reference.mechanisms import MODELS, NAMES, built_in
 

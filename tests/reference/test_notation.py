@@ -4,7 +4,7 @@ from time import process_time
 
 import pytest
 
-from physics_crosscheck.reference import DeclarationError, PublishedEquation
+from physics_crosscheck import DeclarationError, PublishedEquation
 from physics_crosscheck.reference.dynamics.notation import MAX_DEGREE, MAX_SIGNS, readings
 from tests.reference.mechanisms import built_in
 

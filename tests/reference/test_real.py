@@ -7,8 +7,8 @@ import pytest
 import sympy as sp
 from sympy import DiracDelta, Heaviside, I, Integral, Piecewise, Rational, exp, log, sin, sqrt, tan
 
+from physics_crosscheck import DeclarationError, Equilibrium, Output, Scenario, System, t
 from physics_crosscheck.harness.checks.prepare import prepare_system
-from physics_crosscheck.reference import DeclarationError, Equilibrium, Output, Scenario, System, t
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.solving.integrate import ReferenceError

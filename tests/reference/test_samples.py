@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference import Coordinate
+from physics_crosscheck import Coordinate
 from physics_crosscheck.reference.dynamics.equations import slopes_of
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations

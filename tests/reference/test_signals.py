@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from sympy import Abs, Heaviside, Max, Piecewise, Rational, cos, cosh, exp, floor, log, sin, sqrt
 
-from physics_crosscheck.reference import DeclarationError, Input, System, t
+from physics_crosscheck import DeclarationError, Input, System, t
 from physics_crosscheck.reference.mechanism.signal import (
     DIGITS,
     SignalPiece,

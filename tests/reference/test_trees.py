@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference import DeclarationError, Scenario, System, t
+from physics_crosscheck import DeclarationError, Scenario, System, t
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import TreeSystem

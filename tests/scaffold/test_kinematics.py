@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference import Coordinate
+from physics_crosscheck import Coordinate
 from physics_crosscheck.reference.mechanism.kinematics import ground, rotation
 
 A = Coordinate("a", "rad", "upper")

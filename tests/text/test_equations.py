@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck import DeclarationError, Equilibrium, System
 from physics_crosscheck.harness.checks.derivation import derivation
 from physics_crosscheck.harness.checks.tree_derivation import tree_derivation
 from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.terminal.equations import DerivedSystem, describe
 from physics_crosscheck.harness.render.terminal.typeset import Latex
 from physics_crosscheck.harness.scaffold.from_model import from_model
-from physics_crosscheck.reference import DeclarationError, Equilibrium, System
 from physics_crosscheck.reference.load import load_declaration, load_system
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from tests.cases.arms import arm

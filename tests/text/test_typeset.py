@@ -3,6 +3,7 @@
 import pytest
 import sympy as sp
 
+from physics_crosscheck import System
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.render.terminal.primes import primed
 from physics_crosscheck.harness.render.terminal.typeset import (
@@ -12,7 +13,6 @@ from physics_crosscheck.harness.render.terminal.typeset import (
     latex_name,
     latex_number,
 )
-from physics_crosscheck.reference import System
 from physics_crosscheck.reference.dynamics.modes import s
 from physics_crosscheck.reference.load import load_system
 

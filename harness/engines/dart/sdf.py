@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import from_rpy
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import SdfFile, number
 from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, has_automatic
 from physics_crosscheck.harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
 from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
 from physics_crosscheck.harness.engines.source import temporary_file
+from physics_crosscheck.reference.mechanism.rotations import from_rpy
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")
@@ -69,7 +69,7 @@ def turned_links(model: ET.Element) -> list[str]:
         inertial = link.find("inertial")
         if inertial is not None and np.any(_pose(inertial)[3:]):
             moments = _tensor(inertial)
-            turn = from_rpy(_pose(inertial)[3:])
+            turn = from_rpy(*_pose(inertial)[3:])
             if np.abs(turn @ moments @ turn.T - moments).max() > 1e-15 * np.abs(moments).max():
                 names.append(link.get("name", ""))
     return names
@@ -87,7 +87,7 @@ def with_turned(model: ET.Element) -> None:
         if inertial is None or not np.any(_pose(inertial)[3:]):
             continue
         pose, moments = _pose(inertial), _tensor(inertial)
-        turn = from_rpy(pose[3:])
+        turn = from_rpy(*pose[3:])
         mass = number(inertial, "mass", 1.0)
         _write_inertial(link, mass, pose[:3], turn @ moments @ turn.T)
 
@@ -189,7 +189,7 @@ def _collision(link: ET.Element, collision: ET.Element) -> tuple[float, Array, A
     volume, height, moments = solid(shape.tag, sizes)
     mass = volume * number(collision, "density", number(inertial, "density", WATER))
     pose = _pose(collision)
-    turn = from_rpy(pose[3:])
+    turn = from_rpy(*pose[3:])
     center = pose[:3] + turn @ np.array([0.0, 0.0, height])
     return mass, center, mass * turn @ np.diag(moments) @ turn.T
 

@@ -6,19 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    exponential,
-    matrix,
-    product,
-    quaternion,
-    rate,
-)
 from physics_crosscheck.harness.engines.one_by_one import Stepper
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.springs import SpringForces
 from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    exponential,
+    from_quaternion,
+    minimal_coordinates,
+    quaternion_product,
+    unit_quaternion,
+)
 
 INSTANT = 1e-200
 """Seconds."""
@@ -48,8 +48,8 @@ class WorldSteps(Stepper):
     def reset(self, q: Array, v: Array) -> None:
         """Set a state, and discard constraint impulses of earlier motions."""
         if self._floats:
-            self._near = quaternion(q[3:FREE])
-            spin = matrix(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
+            self._near = unit_quaternion(q[3:FREE])
+            spin = from_quaternion(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
             q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
             v = np.concatenate([spin, v[:3], v[FREE:]])
         self._set_dart_state(q, v)
@@ -68,8 +68,8 @@ class WorldSteps(Stepper):
         if not self._floats:
             return q
         turn = exponential(q[:3])
-        turned = coordinates(turn, self._near)
-        self._near = quaternion(turned)
+        turned = minimal_coordinates(turn, self._near)
+        self._near = unit_quaternion(turned)
         return np.concatenate([q[3:FREE], turned, q[FREE:]])
 
     def state(self) -> tuple[Array, Array]:
@@ -77,8 +77,8 @@ class WorldSteps(Stepper):
         z, v = self.position(), self._body.getVelocities()
         if not self._floats:
             return z, v
-        spin = matrix(self._near).T @ v[:3]
-        return z, np.concatenate([v[3:FREE], rate(z[3:FREE], spin), v[FREE:]])
+        spin = from_quaternion(self._near).T @ v[:3]
+        return z, np.concatenate([v[3:FREE], coordinate_rate(z[3:FREE], spin), v[FREE:]])
 
     def step(self, h: float, force: Array | None) -> None:
         """Step the world, whose step is h."""
@@ -88,7 +88,7 @@ class WorldSteps(Stepper):
         self._world.step()
         if self._turned:
             q, spin = self._body.getPositions(), self._body.getVelocities()[:3]
-            after = product(exponential(h * spin), exponential(before))
+            after = quaternion_product(exponential(h * spin), exponential(before))
             q[:3] = _rotation_vector(after if after[0] >= 0 else -after)
             self._body.setPositions(q)
 
@@ -105,7 +105,7 @@ class WorldSteps(Stepper):
         """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
         q, v = x, m
         if self._floats:
-            turn = matrix(x[3:7])
+            turn = from_quaternion(x[3:7])
             q = np.concatenate([_rotation_vector(x[3:7]), x[:3], x[7:]])
             v = np.concatenate([turn @ m[3:FREE], m[:3], m[FREE:]])
         self._set_dart_state(q, v)
@@ -125,7 +125,7 @@ class WorldSteps(Stepper):
         q, v = self._body.getPositions(), self._body.getVelocities()
         pushes = np.zeros(len(v)) if force is None else force.copy()
         if self._floats and force is not None:
-            turn = matrix(exponential(q[:3]))
+            turn = from_quaternion(exponential(q[:3]))
             pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
         if not self._springs.empty:
             pushes[free:] += self._springs.forces(q[free:], v[free:])

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import coordinates
 from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
 from physics_crosscheck.harness.engines.drake.plant import moving_joints
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
@@ -27,6 +26,7 @@ from physics_crosscheck.harness.engines.protocol import Array, Engine, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import finite_numbers
 from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
 
 ARMATURE = "Drake's leaving out of armature where no actuator drives a joint"
 MISPLACED = "Drake's placing of a body's first joints at its parent's origin"
@@ -75,7 +75,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
     def _drawn(self) -> Array:
         """Return the coordinates of a floating body at Drake's default state."""
         positions = np.array(moving_joints(self._plant)[0].default_positions())
-        return np.concatenate([positions[4:], coordinates(positions[:4], positions[:4])])
+        return np.concatenate([positions[4:], minimal_coordinates(positions[:4], positions[:4])])
 
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:

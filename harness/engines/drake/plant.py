@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import matrix
 from physics_crosscheck.harness.engines.one_by_one import Stepper
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.runge_kutta import place, rates, to_state
 from physics_crosscheck.harness.engines.springs import SpringForces
 from physics_crosscheck.harness.engines.tree_model import FREE, Weight
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 
 QUATERNION = 4
 
@@ -74,7 +74,7 @@ class Plant:
         if self._floats:
             turn = x[3:7] / np.linalg.norm(x[3:7])
             self._own_q[self._root_q :][:7] = np.concatenate([turn, x[:3]])
-            spin = matrix(turn) @ m[3:FREE]
+            spin = from_quaternion(turn) @ m[3:FREE]
             self._own_v[self._root_v :][:FREE] = np.concatenate([spin, m[:3]])
         self._plant.SetPositions(self.context, self._own_q)
         self._plant.SetVelocities(self.context, self._own_v)
@@ -87,7 +87,7 @@ class Plant:
         turn, place = np.split(q[self._root_q :][:7], [QUATERNION])
         spin, linear = np.split(v[self._root_v :][:FREE], 2)
         x = np.concatenate([place, turn, q[self._q]])
-        return x, np.concatenate([linear, matrix(turn).T @ spin, v[self._v]])
+        return x, np.concatenate([linear, from_quaternion(turn).T @ spin, v[self._v]])
 
     def push(self, x: Array, m: Array, f: Array) -> None:
         """Apply forces, springs and gravity compensation in the state that was set."""
@@ -97,7 +97,7 @@ class Plant:
             positions, rates = (x[7:], m[FREE:]) if self._floats else (x, m)
             forces[self._v] += self._springs.forces(positions, rates)
         if self._floats:
-            moment = matrix(x[3:7]) @ f[3:FREE]
+            moment = from_quaternion(x[3:7]) @ f[3:FREE]
             forces[self._root_v :][:FREE] = np.concatenate([moment, f[:3]])
         if self._lifts:
             forces += self._lifted()
@@ -131,7 +131,7 @@ class Plant:
         if not self._floats:
             return a[self._v]  # type: ignore[no-any-return]  # pydrake's are Any here
         spin, linear = np.split(a[self._root_v :][:FREE], 2)
-        return np.concatenate([linear, matrix(x[3:7]).T @ spin, a[self._v]])
+        return np.concatenate([linear, from_quaternion(x[3:7]).T @ spin, a[self._v]])
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix in the current state, for velocities in `RungeKutta`'s
@@ -142,7 +142,7 @@ class Plant:
         turned[self._v, np.arange(n - len(self._v), n)] = 1.0
         if self._floats:
             root = turned[self._root_v :]
-            root[:3, 3:FREE], root[3:FREE, :3] = matrix(x[3:7]), np.eye(3)
+            root[:3, 3:FREE], root[3:FREE, :3] = from_quaternion(x[3:7]), np.eye(3)
         result: Array = turned.T @ self._plant.CalcMassMatrix(self.context) @ turned
         return result
 

@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    place_names,
-    quaternion,
-    rate,
-    rotation_names,
-)
 from physics_crosscheck.harness.engines.mujoco.pulls import joint_name
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    minimal_coordinates,
+    place_names,
+    rotation_names,
+    unit_quaternion,
+)
 
 
 class _RotationSlices(NamedTuple):
@@ -59,7 +59,7 @@ class States:
         out = np.empty((*z.shape[:-1], self._nq))
         out[..., self._qpos] = z[..., self._dofs]
         for turning in self._turning:
-            out[..., turning.quaternion] = quaternion(z[..., turning.angular])
+            out[..., turning.quaternion] = unit_quaternion(z[..., turning.angular].T).T
         return out
 
     def qvel(self, z: Array, w: Array) -> Array:
@@ -67,7 +67,7 @@ class States:
         out = np.array(w, dtype=float)
         for turning in self._turning:
             angular = turning.angular
-            out[..., angular] = angular_velocity(z[..., angular], w[..., angular])
+            out[..., angular] = angular_velocity(z[..., angular].T, w[..., angular].T).T
         return out
 
     def motion_of(self, qpos: Array, qvel: Array, start: Array) -> tuple[Array, Array]:
@@ -83,9 +83,11 @@ class States:
             near = start[:, turning.quaternion]
             for k in range(qpos.shape[1]):
                 turn = qpos[:, k, turning.quaternion]
-                z[:, k, turning.angular] = coordinates(turn, near)
-                near = quaternion(z[:, k, turning.angular])
-            w[..., turning.angular] = rate(z[..., turning.angular], qvel[..., turning.angular])
+                z[:, k, turning.angular] = minimal_coordinates(turn.T, near.T).T
+                near = unit_quaternion(z[:, k, turning.angular].T).T
+            w[..., turning.angular] = coordinate_rate(
+                z[..., turning.angular].T, qvel[..., turning.angular].T
+            ).T
         return z, w
 
     def coordinates_of(self, qpos: Array, near: Array | None) -> list[float]:

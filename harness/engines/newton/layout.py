@@ -8,15 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    place_names,
-    quaternion,
-    rate,
-    rotation_names,
-)
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    cross,
+    from_quaternion,
+    minimal_coordinates,
+    place_names,
+    rotate,
+    rotate_back,
+    rotation_names,
+    unit_quaternion,
+)
 
 
 class _JointSlices(NamedTuple):
@@ -83,11 +87,12 @@ class Layout:
         q, v = np.empty((len(z), self._count)), np.array(w, dtype=float)
         q[:, self._q] = z[:, self._v] - self.refs[self._v]
         for slices in self._turning:
-            turn = quaternion(z[:, slices.angular])
-            spin = turned(turn, angular_velocity(z[:, slices.angular], w[:, slices.angular]))
-            q[:, slices.origin], q[:, slices.turn] = z[:, slices.place], np.roll(turn, -1, axis=1)
-            v[:, slices.angular] = spin
-            v[:, slices.place] += self._lever(slices, turn, spin)
+            p, rate = z[:, slices.angular].T, w[:, slices.angular].T
+            turn = unit_quaternion(p)
+            spin = rotate(from_quaternion(turn), angular_velocity(p, rate))
+            q[:, slices.origin], q[:, slices.turn] = z[:, slices.place], np.roll(turn, -1, axis=0).T
+            v[:, slices.angular] = spin.T
+            v[:, slices.place] += self._lever(slices, from_quaternion(turn), spin)
         return q, v
 
     def coordinates_of(self, q: Array, near: Array | None) -> Array:
@@ -95,22 +100,20 @@ class Layout:
         z = np.empty((len(q), len(self.refs)))
         z[:, self._v] = q[:, self._q] + self.refs[self._v]
         for slices in self._turning:
-            turn = np.roll(q[:, slices.turn], 1, axis=1)
-            before = turn if near is None else quaternion(near[:, slices.angular])
-            z[:, slices.place], z[:, slices.angular] = (
-                q[:, slices.origin],
-                coordinates(turn, before),
-            )
+            turn = np.roll(q[:, slices.turn], 1, axis=1).T
+            before = turn if near is None else unit_quaternion(near[:, slices.angular].T)
+            z[:, slices.place] = q[:, slices.origin]
+            z[:, slices.angular] = minimal_coordinates(turn, before).T
         return z
 
     def rates(self, z: Array, v: Array) -> Array:
         """Return the rates of coordinates from Newton's velocities, (B, nz) each."""
         w = np.array(v, dtype=float)
         for slices in self._turning:
-            turn = quaternion(z[:, slices.angular])
-            w[:, slices.place] -= self._lever(slices, turn, v[:, slices.angular])
-            spin = turned(turn * [1, -1, -1, -1], v[:, slices.angular])
-            w[:, slices.angular] = rate(z[:, slices.angular], spin)
+            p, spin = z[:, slices.angular].T, v[:, slices.angular].T
+            turn = from_quaternion(unit_quaternion(p))
+            w[:, slices.place] -= self._lever(slices, turn, spin)
+            w[:, slices.angular] = coordinate_rate(p, rotate_back(turn, spin)).T
         return w
 
     def forces(self, z: Array, applied: Array) -> Array:
@@ -121,11 +124,12 @@ class Layout:
             return applied
         f = np.array(applied, dtype=float)
         for slices in self._turning:
-            turn = quaternion(z[:, slices.angular])
-            f[:, slices.angular] = turned(turn, applied[:, slices.angular])
+            turn = from_quaternion(unit_quaternion(z[:, slices.angular].T))
+            moment = rotate(turn, applied[:, slices.angular].T)
             if slices.place.start < slices.place.stop:
-                arm = turned(turn, slices.centre[None])
-                f[:, slices.angular] -= np.cross(arm, applied[:, slices.place])
+                arm = rotate(turn, slices.centre[:, None])
+                moment = moment - cross(arm, applied[:, slices.place].T)
+            f[:, slices.angular] = moment.T
         return f
 
     def _lever(self, slices: _JointSlices, turn: Array, spin: Array) -> Array:
@@ -133,13 +137,5 @@ class Layout:
         ball.
         """
         if slices.place.start == slices.place.stop:
-            return np.empty((len(turn), 0))
-        return np.cross(spin, turned(turn, slices.centre[None]))
-
-
-def turned(turn: Array, x: Array) -> Array:
-    """Rotate x, (B, 3) or (1, 3), by unit quaternions (B, 4)."""
-    axis = turn[:, 1:]
-    twice = 2 * np.cross(axis, np.broadcast_to(x, axis.shape))
-    result: Array = x + turn[:, :1] * twice + np.cross(axis, twice)
-    return result
+            return np.empty((turn.shape[2], 0))
+        return cross(spin, rotate(turn, slices.centre[:, None])).T

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines import tree_model
-from physics_crosscheck.harness.engines.attitude import coordinates
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copy_mjcf, without_pose
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, has_shape_inertia
@@ -24,6 +23,7 @@ from physics_crosscheck.harness.engines.pinocchio.reading import GROUND, read_mj
 from physics_crosscheck.harness.engines.protocol import Array, Engine, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import temporary_file
+from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
 
 ROOTS = "Pinocchio's reading of the first root body alone"
 GEOMS = "Pinocchio's leaving out of geoms that touch nothing"
@@ -139,4 +139,4 @@ def _drawn(model: Any, name: str) -> Array:
     start = model.joints[model.getJointId(name)].idx_q
     positions = np.array(model.referenceConfigurations["qpos0"])[start : start + 7]
     turn = np.roll(positions[3:], 1)
-    return np.concatenate([positions[:3], coordinates(turn, turn)])
+    return np.concatenate([positions[:3], minimal_coordinates(turn, turn)])

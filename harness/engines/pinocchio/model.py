@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.attitude import cross, matrix, turned
 from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.pinocchio.reading import frames, lift_models
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
@@ -16,6 +15,12 @@ from physics_crosscheck.harness.engines.runge_kutta import to_state
 from physics_crosscheck.harness.engines.stepped_here import SteppedHere
 from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.harness.engines.urdf import Mimic
+from physics_crosscheck.reference.mechanism.rotations import (
+    cross,
+    from_quaternion,
+    rotate,
+    rotate_back,
+)
 
 
 class PinocchioModel(SteppedHere):
@@ -119,14 +124,13 @@ class PinocchioModel(SteppedHere):
         if not self._springs.empty:
             forces[:, free:] += self._springs.forces(x[:, free + bool(free) :], m[:, free:])
         if self.floats:
-            turn = matrix(x[:, 3:7])
-            back = turn.swapaxes(1, 2)
-            velocities = np.concatenate([turned(back, m[:, :3]), m[:, 3:]], axis=1)
-            forces[:, :3] = turned(back, forces[:, :3])
+            turn = from_quaternion(x[:, 3:7].T)
+            velocities = np.concatenate([rotate_back(turn, m[:, :3].T).T, m[:, 3:]], axis=1)
+            forces[:, :3] = rotate_back(turn, forces[:, :3].T).T
         a = self._in_own_order(self._configuration(x), velocities, forces)
         if self.floats:
-            inward = a[:, :3] + cross(velocities[:, 3:6], velocities[:, :3])
-            a[:, :3] = turned(turn, inward)
+            inward = a[:, :3].T + cross(velocities[:, 3:6].T, velocities[:, :3].T)
+            a[:, :3] = rotate(turn, inward).T
         return a
 
     def _in_own_order(self, q: Array, v: Array, forces: Array) -> Array:

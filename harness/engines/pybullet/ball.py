@@ -11,16 +11,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    matrix,
-    quaternion,
-    rate,
-    rotation_names,
-)
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.pybullet.base import real_first
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    from_quaternion,
+    minimal_coordinates,
+    rotation_names,
+    unit_quaternion,
+)
 
 COUNT = 3
 """Number of coordinates: the rotation of its link in the joint's frame."""
@@ -42,7 +42,7 @@ class Ball:
 
         self._body, self._joint = body, joint
         self.names = rotation_names(name)
-        self._axes = matrix(real_first(p.getDynamicsInfo(body, joint)[4]))
+        self._axes = from_quaternion(real_first(p.getDynamicsInfo(body, joint)[4]))
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def disable_motor(self) -> None:
@@ -59,7 +59,7 @@ class Ball:
         """Set coordinates and their rates, (3,) each."""
         import pybullet as p
 
-        self._near = quaternion(z)
+        self._near = unit_quaternion(z)
         turn = [*(self._near[1:] @ self._axes), self._near[0]]
         spin = angular_velocity(z, w) @ self._axes
         p.resetJointStateMultiDof(self._body, self._joint, turn, spin.tolist())
@@ -76,8 +76,8 @@ class Ball:
         import pybullet as p
 
         turn = real_first(p.getJointStateMultiDof(self._body, self._joint)[0])
-        turned = coordinates(np.array([turn[0], *(self._axes @ turn[1:])]), self._near)
-        self._near = quaternion(turned)
+        turned = minimal_coordinates(np.array([turn[0], *(self._axes @ turn[1:])]), self._near)
+        self._near = unit_quaternion(turned)
         return turned
 
     def rates(self, z: Array) -> Array:
@@ -85,4 +85,4 @@ class Ball:
         import pybullet as p
 
         spin = np.array(p.getJointStateMultiDof(self._body, self._joint)[1])
-        return rate(z, self._axes @ spin)
+        return coordinate_rate(z, self._axes @ spin)

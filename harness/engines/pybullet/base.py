@@ -10,17 +10,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import (
-    angular_velocity,
-    coordinates,
-    matrix,
-    place_names,
-    product,
-    quaternion,
-    rate,
-    rotation_names,
-)
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.reference.mechanism.rotations import (
+    angular_velocity,
+    coordinate_rate,
+    from_quaternion,
+    minimal_coordinates,
+    place_names,
+    quaternion_product,
+    rotation_names,
+    unit_quaternion,
+)
 
 COUNT = 6
 """Number of coordinates of a base: the position of its link's origin, in the world, and its
@@ -51,11 +51,11 @@ class Base:
         """Set coordinates and their rates, (6,) each."""
         import pybullet as p
 
-        self._near = quaternion(z[3:])
-        turn = matrix(self._near)
+        self._near = unit_quaternion(z[3:])
+        turn = from_quaternion(self._near)
         center = turn @ self._center
         spin = turn @ angular_velocity(z[3:], w[3:])
-        inertial = product(self._near, self._turned)
+        inertial = quaternion_product(self._near, self._turned)
         p.resetBasePositionAndOrientation(self._body, z[:3] + center, [*inertial[1:], inertial[0]])
         p.resetBaseVelocity(self._body, w[:3] + np.cross(spin, center), spin)
 
@@ -66,15 +66,15 @@ class Base:
         import pybullet as p
 
         origin, turn_quaternion = self._placed()
-        turn, world = matrix(turn_quaternion), p.WORLD_FRAME
+        turn, world = from_quaternion(turn_quaternion), p.WORLD_FRAME
         p.applyExternalForce(self._body, -1, list(force[:3]), origin, world)
         p.applyExternalTorque(self._body, -1, turn @ np.array(force[3:]), world)
 
     def position(self) -> Array:
         """Return its coordinates, (6,), with the rotation near to the last one."""
         origin, turn = self._placed()
-        turned = coordinates(turn, self._near)
-        self._near = quaternion(turned)
+        turned = minimal_coordinates(turn, self._near)
+        self._near = unit_quaternion(turned)
         return np.concatenate([origin, turned])
 
     def rates(self, z: Array) -> Array:
@@ -82,9 +82,9 @@ class Base:
         import pybullet as p
 
         linear, spin = map(np.array, p.getBaseVelocity(self._body))
-        turn = matrix(quaternion(z[3:]))
+        turn = from_quaternion(unit_quaternion(z[3:]))
         moved = linear - np.cross(spin, turn @ self._center)
-        return np.concatenate([moved, rate(z[3:], turn.T @ spin)])
+        return np.concatenate([moved, coordinate_rate(z[3:], turn.T @ spin)])
 
     def _placed(self) -> tuple[Array, Array]:
         """Return the link's origin and quaternion."""
@@ -92,8 +92,8 @@ class Base:
 
         center, inertial = p.getBasePositionAndOrientation(self._body)
         back = self._turned * [1, -1, -1, -1]
-        turn = product(real_first(inertial), back)
-        return np.array(center) - matrix(turn) @ self._center, turn
+        turn = quaternion_product(real_first(inertial), back)
+        return np.array(center) - from_quaternion(turn) @ self._center, turn
 
 
 def real_first(q: Sequence[float]) -> Array:

@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import from_rpy
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import finite_numbers
+from physics_crosscheck.reference.mechanism.rotations import from_rpy, to_rpy
 
 PRODUCTS = ("ixy", "ixz", "iyz")
 """Products of inertia in a URDF."""
@@ -41,7 +41,7 @@ def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, flo
     for link in robot.findall("link"):
         name, inertial = link.get("name", ""), _with_products(link)
         if inertial is not None and name in held:
-            turn = from_rpy(_origin(inertial))
+            turn = from_rpy(*_origin(inertial))
             stated = turn @ _tensor(inertial) @ turn.T
             off = float(np.max(np.abs(held[name] - stated)) / np.max(np.abs(stated)))
             if off > ROUNDING:
@@ -185,16 +185,7 @@ def _tensor(inertial: ET.Element) -> Array:
 def _origin(inertial: ET.Element) -> list[float]:
     """Return roll, pitch and yaw of the inertial frame in the link's."""
     origin = inertial.find("origin")
-    return finite_numbers("" if origin is None else origin.get("rpy", "")) or []
-
-
-def _roll_pitch_yaw(turn: Array) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a rotation. At vertical pitch the yaw is arbitrary."""
-    yaw = np.arctan2(turn[1, 0], turn[0, 0])
-    sine, cosine = np.sin(yaw), np.cos(yaw)
-    pitch = np.arctan2(-turn[2, 0], cosine * turn[0, 0] + sine * turn[1, 0])
-    across = cosine * turn[1] - sine * turn[0]  # the second row, rotated back by the yaw
-    return float(np.arctan2(-across[2], across[1])), float(pitch), float(yaw)
+    return finite_numbers("" if origin is None else origin.get("rpy", "")) or [0.0, 0.0, 0.0]
 
 
 def _diagonalize(inertial: ET.Element) -> None:
@@ -205,8 +196,8 @@ def _diagonalize(inertial: ET.Element) -> None:
     beyond = float(moments[2] - (moments[0] + moments[1]))
     if 0 < beyond <= ROUNDING * float(moments[2]):
         moments[2] = moments[0] + moments[1]
-    turn = from_rpy(_origin(inertial)) @ axes
-    roll, pitch, yaw = _roll_pitch_yaw(turn)
+    turn = from_rpy(*_origin(inertial)) @ axes
+    roll, pitch, yaw = to_rpy(turn)
     origin, inertia = inertial.find("origin"), inertial.find("inertia")
     if origin is None:
         origin = ET.SubElement(inertial, "origin")

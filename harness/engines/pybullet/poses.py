@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.attitude import matrix
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.pybullet.base import real_first
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 
 BASE = -1
 """PyBullet's index of the root link."""
@@ -56,5 +56,5 @@ def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
     else:
         state = p.getLinkState(body, link, computeForwardKinematics=1)
     middle, inward = np.array(state[0]), np.array(state[2])
-    turn = matrix(real_first(state[1])) @ matrix(real_first(state[3])).T
+    turn = from_quaternion(real_first(state[1])) @ from_quaternion(real_first(state[3])).T
     return middle if centre else middle - turn @ inward, turn

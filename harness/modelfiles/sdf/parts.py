@@ -22,8 +22,9 @@ from physics_crosscheck.harness.modelfiles.sdf.frames import (
     read_pose,
 )
 from physics_crosscheck.harness.modelfiles.sdf.shapes import automatic_inertia
-from physics_crosscheck.reference.mechanism.bodies import Joint, Quaternion, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Kind
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
@@ -113,7 +114,9 @@ def _stated_body(
     )
     if place is None:
         return body
-    return replace(body, center=_triple(place.origin), inertia_quaternion=_turn(place.rotation))
+    return replace(
+        body, center=_triple(place.origin), inertia_quaternion=to_quaternion(place.rotation)
+    )
 
 
 def read_joints(document: Document, frames: SdfFrames) -> dict[str, SdfJoint]:
@@ -270,7 +273,7 @@ def bodies_of(
             links[joint.child].body,
             parent=None if joint.parent == WORLD else joint.parent,
             position=_triple(place.origin),
-            quaternion=_turn(place.rotation),
+            quaternion=to_quaternion(place.rotation),
             joints=(joint.joint,) if moving and joint.joint is not None else (),
         )
         waiting += reversed(below.get(joint.child, []))
@@ -279,17 +282,3 @@ def bodies_of(
 def _triple(vector: Array) -> Triple:
     x, y, z = map(float, vector)
     return x, y, z
-
-
-def _turn(rotation: Array) -> Quaternion:
-    """Return the quaternion of a rotation, (w, x, y, z), by its largest component."""
-    r = rotation
-    products = np.array([
-        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
-        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
-    ])  # fmt: skip
-    row = products[np.argmax(np.diagonal(products))]
-    w, x, y, z = (row / np.linalg.norm(row)).tolist()
-    return w, x, y, z

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference import DeclarationError
+from physics_crosscheck import DeclarationError
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import (
     Coupling,
