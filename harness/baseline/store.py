@@ -20,8 +20,8 @@ from physics_crosscheck.harness.baseline.file import (
     read_file,
     read_target,
 )
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
-from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_regular
 
 T = TypeVar("T")
 

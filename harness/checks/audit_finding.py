@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from physics_crosscheck.harness.modelfiles.locations import Location
+from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from physics_crosscheck.harness.checks.audit_finding import finding, source_line
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
-from physics_crosscheck.harness.modelfiles.locations import LocationError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.reference.mechanism.system import System

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.errors import quote, truncate
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames
-from physics_crosscheck.harness.modelfiles.quote import quote, truncate
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.reference.mechanism.frames import ENTRIES, frame_function

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
 from physics_crosscheck.harness.modelfiles.folders import FORMATS
-from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts

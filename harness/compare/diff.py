@@ -10,8 +10,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.modelfiles.edits import apply_edits
-from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location, apply_edits
+from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
 from physics_crosscheck.harness.records.base import SourceLine
 

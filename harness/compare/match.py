@@ -12,13 +12,13 @@ import sympy as sp
 
 from physics_crosscheck.harness.compare.candidate import CompareError
 from physics_crosscheck.harness.compare.partners import JointPairs, pair_joints
-from physics_crosscheck.harness.modelfiles.expressions import parse
-from physics_crosscheck.harness.modelfiles.reading import (
+from physics_crosscheck.harness.documents.reading import (
     MAX_SIDECAR_BYTES,
     TomlError,
     read_regular,
     toml_document,
 )
+from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 

@@ -13,10 +13,11 @@ import numpy as np
 from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.behaviour import Probe
 from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect, Trials
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
-from physics_crosscheck.harness.modelfiles.locations import Literal, LocationError, literals
+from physics_crosscheck.harness.modelfiles.locations import Literal, literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested

@@ -8,8 +8,8 @@ from enum import Enum
 from pathlib import Path
 
 from physics_crosscheck.harness.diagnosis.behaviour import Behaviour, Probe
+from physics_crosscheck.harness.documents.location import replace_numbers
 from physics_crosscheck.harness.modelfiles.bindings import with_texts
-from physics_crosscheck.harness.modelfiles.edits import replace_numbers
 from physics_crosscheck.harness.modelfiles.locations import Literal
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 

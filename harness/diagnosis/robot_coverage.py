@@ -12,8 +12,8 @@ from physics_crosscheck.harness.diagnosis.coverage import CountedNumber, summari
 from physics_crosscheck.harness.diagnosis.coverage_trials import NUDGE, NumberEffect
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
@@ -106,9 +106,9 @@ def _choices(task: TreeTask) -> str:
     return engines()[task.engine].choices
 
 
-def _owner(element: RawElement) -> str:
+def _owner(element: XmlElement) -> str:
     """Return the name of the link or body that contains an element, or ""."""
-    above: RawElement | None = element
+    above: XmlElement | None = element
     while above is not None and above.tag not in ("link", "body"):
         above = above.parent
     return "" if above is None else above.attributes.get("name", "")

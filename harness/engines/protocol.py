@@ -18,30 +18,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.step_rule import StepRule
 
 Array = NDArray[np.float64]
-
-
-class FileError(Exception):
-    """A problem with a file; as text, `FILE:LINE: sentence`.
-
-    Attributes:
-        sentence: the problem; it names the file itself without `file`.
-        file: the file, or None if the sentence names it.
-        line: of the file, counted from 1, or None.
-        kind: the kind of failure that a case reports (`harness.records.case.FailureKind`).
-    """
-
-    kind = "file"
-
-    def __init__(self, sentence: str, *, file: Path | None = None, line: int | None = None) -> None:
-        place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
-        super().__init__(f"{place}{sentence}")
-        self.sentence, self.file, self.line = sentence, file, line
 
 
 class EngineError(FileError, RuntimeError):

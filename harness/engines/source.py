@@ -16,8 +16,8 @@ from xml.parsers import expat
 
 import defusedxml.ElementTree
 
+from physics_crosscheck.harness.documents.elements import UTF_16, repaired_xml
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.xml_repair import UTF_16, repaired_xml
 
 MAX_FILE_BYTES = 64_000_000
 """The largest size of a model file, bytes."""

@@ -11,7 +11,9 @@ from pathlib import Path
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
 from physics_crosscheck.harness.baseline.store import accepted_text
-from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find_in
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 
 
 def attach_child(
-    document: Document, above: dict[str, str], joint: RawElement, name: str, ends: tuple[str, str]
+    document: Document, above: dict[str, str], joint: XmlElement, name: str, ends: tuple[str, str]
 ) -> None:
     """Record a joint's parent and child in `above`, unless the child has a parent already.
 
@@ -38,7 +38,7 @@ def add_loop_problems(
     document: Document,
     names: Iterable[str],
     above: Mapping[str, str],
-    links: Mapping[str, RawElement],
+    links: Mapping[str, XmlElement],
 ) -> None:
     """Note each loop of links, at one of them."""
     for name in _looped(names, above):

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import sympy as sp
 
-from physics_crosscheck.harness.modelfiles.edits import apply_edits
+from physics_crosscheck.harness.documents.errors import LocationError, quote
+from physics_crosscheck.harness.documents.location import Location, apply_edits
 from physics_crosscheck.harness.modelfiles.expressions import parse
-from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find, find_in
-from physics_crosscheck.harness.modelfiles.quote import quote
+from physics_crosscheck.harness.modelfiles.locations import find, find_in
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.system import System

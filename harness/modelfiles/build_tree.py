@@ -8,12 +8,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, couplings
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.inertias import massless_groups
 from physics_crosscheck.harness.modelfiles.left_out import HELD
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.robot import (
     BodyModel,
     LinkPart,
@@ -25,7 +25,7 @@ from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import Coupling, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.tree import Tree
 
-Elements = Mapping[str, RawElement]
+Elements = Mapping[str, XmlElement]
 """Elements by the names of links or joints."""
 
 
@@ -157,7 +157,7 @@ class Named(Protocol):
     """A link or a joint that was read."""
 
     @property
-    def element(self) -> RawElement:
+    def element(self) -> XmlElement:
         """Its element in the file."""
 
 
@@ -166,7 +166,7 @@ def elements_of(named: Mapping[str, Named]) -> Elements:
     return {name: one.element for name, one in named.items()}
 
 
-def part_of(document: Document, element: RawElement, body: RigidBody) -> LinkPart:
+def part_of(document: Document, element: XmlElement, body: RigidBody) -> LinkPart:
     """Return a link as a separate part."""
     inertia = body.spatial_inertia
     return LinkPart(

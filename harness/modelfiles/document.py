@@ -9,15 +9,10 @@ from codecs import BOM_UTF8
 from functools import cached_property
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.xml_repair import repaired_xml
-from physics_crosscheck.harness.modelfiles.locations.location import (
-    LocationError,
-    RefusedFileError,
-    SourceFile,
-)
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
-from physics_crosscheck.harness.modelfiles.quote import quote
-from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_regular
+from physics_crosscheck.harness.documents.elements import XmlElement, read_elements, repaired_xml
+from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError, quote
+from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.robot import ReadError
 from physics_crosscheck.harness.records.case import CaseKind
 
@@ -76,7 +71,7 @@ class Document:
             raise DocumentError(problem) from None
 
     @property
-    def root(self) -> RawElement:
+    def root(self) -> XmlElement:
         """The first element."""
         return self.elements[0]
 
@@ -87,7 +82,7 @@ class Document:
     def _ends(self) -> list[int]:
         return [m.start() for m in re.finditer(rb"\r\n|\r|\n", self.data)]
 
-    def line(self, element: RawElement) -> int:
+    def line(self, element: XmlElement) -> int:
         """Return the line of an element, from 1."""
         return self.line_at(element.start)
 
@@ -96,7 +91,7 @@ class Document:
         return bisect_right(self._ends, offset) + 1
 
     def add_problem(
-        self, element: RawElement, sentence: str, remedy: str, kind: CaseKind = "robot"
+        self, element: XmlElement, sentence: str, remedy: str, kind: CaseKind = "robot"
     ) -> None:
         """Add a problem that prevents building a tree."""
         line = self.line(element)
@@ -104,7 +99,7 @@ class Document:
             ReadError(sentence=sentence, file=self.path, line=line, remedy=remedy, kind=kind)
         )
 
-    def child(self, element: RawElement, tag: str) -> RawElement | None:
+    def child(self, element: XmlElement, tag: str) -> XmlElement | None:
         """Return the child with this tag; several children are a problem unless they are equal."""
         children = [one for one in element.children if one.tag == tag]
         for other in children[1:]:
@@ -115,7 +110,7 @@ class Document:
         return children[0] if children else None
 
     def numbers(
-        self, element: RawElement | None, key: str, default: tuple[float, ...], what: str
+        self, element: XmlElement | None, key: str, default: tuple[float, ...], what: str
     ) -> tuple[float, ...]:
         """Return as many finite numbers of an attribute as the default has, or the default."""
         text = None if element is None else element.attributes.get(key)
@@ -138,7 +133,7 @@ class Document:
         return values
 
     def text_numbers(
-        self, element: RawElement | None, default: tuple[float, ...], what: str
+        self, element: XmlElement | None, default: tuple[float, ...], what: str
     ) -> tuple[float, ...]:
         """Return as many finite numbers of an element's text as the default has, or the default."""
         if element is None or not element.text.strip():
@@ -156,7 +151,7 @@ class Document:
             return default
         return values
 
-    def number(self, element: RawElement | None, key: str, default: float, what: str) -> float:
+    def number(self, element: XmlElement | None, key: str, default: float, what: str) -> float:
         """Return one number of an attribute."""
         return self.numbers(element, key, (default,), what)[0]
 
@@ -175,7 +170,7 @@ def read_numbers(text: str, count: int) -> tuple[float, ...] | None:
     return tuple(map(float, words))
 
 
-def _content(element: RawElement) -> object:
+def _content(element: XmlElement) -> object:
     """Return the content of an element, without blanks."""
     attributes = sorted((key, value.split()) for key, value in element.attributes.items())
     inner = [_content(child) for child in element.children]

@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.pose import WORLD

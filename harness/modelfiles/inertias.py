@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from physics_crosscheck.harness.modelfiles.quote import quote
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array

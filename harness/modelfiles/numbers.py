@@ -12,15 +12,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import ATTRIBUTE, TAG, XmlElement, attribute_span
+from physics_crosscheck.harness.documents.location import SourceFile, apply_edits
 from physics_crosscheck.harness.modelfiles.document import NUMBER, Document
-from physics_crosscheck.harness.modelfiles.edits import apply_edits
-from physics_crosscheck.harness.modelfiles.locations.location import SourceFile
-from physics_crosscheck.harness.modelfiles.locations.xml import (
-    ATTRIBUTE,
-    TAG,
-    RawElement,
-    attribute_span,
-)
 
 _WORD = re.compile(r"[^\s,]+")
 _IDENTITIES = ("name", "class", "file")
@@ -67,7 +61,7 @@ class Number:
     text: str
     value: float
     scale: float
-    element: RawElement
+    element: XmlElement
     key: str
     word: int
 
@@ -138,7 +132,7 @@ def set_temporarily(number: Number, value: float, restored: ExitStack) -> None:
         _restore(element, attributes, replace_word(text, number.word, value))
 
 
-def _restore(element: RawElement, attributes: Mapping[str, str], text: str) -> None:
+def _restore(element: XmlElement, attributes: dict[str, str], text: str) -> None:
     element.attributes, element.text = attributes, text
 
 
@@ -146,12 +140,12 @@ _Row = tuple[str, list[tuple[int, int]], list[float]]
 """An attribute, the spans of its numbers, and their values."""
 
 
-def _keys(element: RawElement) -> list[str]:
+def _keys(element: XmlElement) -> list[str]:
     keys = [key for key in element.attributes if key not in _IDENTITIES]
     return keys if element.children or not element.text.strip() else [*keys, ""]
 
 
-def _row(document: Document, element: RawElement, key: str) -> _Row | None:
+def _row(document: Document, element: XmlElement, key: str) -> _Row | None:
     """Return the numbers of an attribute, or of the text; None for other content."""
     text = element.attributes[key] if key else element.text
     words = _WORD.findall(text)
@@ -168,7 +162,7 @@ def _row(document: Document, element: RawElement, key: str) -> _Row | None:
     return key, spans, [float(word) for word in words]
 
 
-def _text_span(document: Document, element: RawElement) -> tuple[int, int]:
+def _text_span(document: Document, element: XmlElement) -> tuple[int, int]:
     tag = TAG.match(document.data, element.start)
     assert tag is not None  # the parser has found an element here
     position = tag.end()
@@ -177,7 +171,7 @@ def _text_span(document: Document, element: RawElement) -> tuple[int, int]:
     return document.data.index(b">", position) + 1, element.end
 
 
-def _related(element: RawElement, key: str, rows: list[_Row], values: list[float]) -> list[float]:
+def _related(element: XmlElement, key: str, rows: list[_Row], values: list[float]) -> list[float]:
     """Return numbers of one kind: a list, or the six of a tensor."""
     if element.tag == "inertia":
         return [value for other, _, row in rows for value in row if other.startswith("i")] or values
@@ -205,7 +199,7 @@ class _ElementAddresses:
                 (path, key) for path in spelled for key in (*element.attributes, "")
             )
 
-    def address(self, element: RawElement, key: str) -> str:
+    def address(self, element: XmlElement, key: str) -> str:
         """Return the shortest unique address that begins with a name, or the whole path, or one
         with line and column.
         """
@@ -219,7 +213,7 @@ class _ElementAddresses:
         return f"{line}:{column} {spelled[0]}"
 
 
-def _spelled(element: RawElement) -> list[str]:
+def _spelled(element: XmlElement) -> list[str]:
     """Return an element's addresses, with one step or more."""
     step = element.tag if element.identity is None else f"{element.tag}[{element.identity}]"
     addresses, above = [step], element.parent

@@ -16,8 +16,8 @@ from pathlib import Path
 import mpmath as mp
 import sympy as sp
 
+from physics_crosscheck.harness.documents.location import replace_numbers
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings, with_texts
-from physics_crosscheck.harness.modelfiles.edits import replace_numbers
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.system import System

@@ -9,15 +9,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
-from physics_crosscheck.harness.modelfiles.locations.xml import check_harmless, read_elements
-from physics_crosscheck.harness.modelfiles.path_states import digest
-from physics_crosscheck.harness.modelfiles.reading import (
+from physics_crosscheck.harness.documents.elements import check_harmless, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import (
     MAX_MODEL_BYTES,
     not_plain_file_error,
     read_regular,
 )
+from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.harness.modelfiles.path_states import digest
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from importlib.machinery import BYTECODE_SUFFIXES, EXTENSION_SUFFIXES, SOURCE_SUFFIXES
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.reading import read_regular
+from physics_crosscheck.harness.documents.reading import read_regular
 
 ABSENT = "absent"
 UNREADABLE = "can't be read"

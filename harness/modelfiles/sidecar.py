@@ -9,17 +9,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
-from physics_crosscheck.harness.engines.registry import absent_extras
-from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
-from physics_crosscheck.harness.modelfiles.quote import quote
-from physics_crosscheck.harness.modelfiles.reading import (
+from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.documents.reading import (
     MAX_SIDECAR_BYTES,
     TomlError,
     read_regular,
     toml_document,
 )
+from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
+from physics_crosscheck.harness.engines.registry import absent_extras
+from physics_crosscheck.harness.modelfiles.locations import line_of
+from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
 
 _KEYS = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
 

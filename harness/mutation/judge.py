@@ -13,9 +13,9 @@ from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
 from physics_crosscheck.harness.diagnosis.task import trial_model
+from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.bindings import bindings
-from physics_crosscheck.harness.modelfiles.quote import original_paths
 from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.mutation.mistakes import Mistake
 from physics_crosscheck.harness.mutation.survey import Survey

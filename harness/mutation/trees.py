@@ -22,10 +22,10 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     problem_of,
     ranked,
 )
+from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
-from physics_crosscheck.harness.modelfiles.quote import original_paths
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.mutation.faults import SIZES
 from physics_crosscheck.harness.mutation.survey import MutationError

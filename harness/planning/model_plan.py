@@ -9,10 +9,10 @@ from typing import Any
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.not_run import failed_case
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.model_files import model_path
-from physics_crosscheck.harness.modelfiles.reading import read_regular
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.result_builder import Jobs
 from physics_crosscheck.harness.planning.target_plan import Done, Failed, TargetPlan

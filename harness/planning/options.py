@@ -8,9 +8,9 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey

@@ -14,10 +14,10 @@ from physics_crosscheck.harness.checks.not_run import (
     failed_case,
     not_of_a_tree,
 )
+from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.modelfiles.locations.xml import xml_problem
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,

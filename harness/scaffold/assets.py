@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
-from physics_crosscheck.harness.modelfiles.reading import read_regular
+from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.scaffold.folder import NewError
 
 MEANT = (".py", ".pyc", ".toml")
@@ -48,7 +49,7 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
 
 
 def _places(
-    name: str, element: RawElement, compiler: Mapping[str, str], urdf: bool
+    name: str, element: XmlElement, compiler: Mapping[str, str], urdf: bool
 ) -> tuple[PurePosixPath, ...]:
     """Return the possible paths of a file, relative to the model's folder.
 

@@ -8,7 +8,9 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find_in
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.scaffold.folder import NewError
 
 _RESERVED = {

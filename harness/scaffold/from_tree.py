@@ -9,10 +9,10 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.robot_record import format_omission, settings_of
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import BodyModel, Robot
 from physics_crosscheck.harness.modelfiles.robot_system import summary

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.engines.compiled import CompiledBody, CompiledJoint
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import (
@@ -80,7 +81,7 @@ class _MjcfReader:
                 f"{path}: {self.title} builds other bodies or joints than the file contains"
             )
 
-    def refuse(self, element: RawElement, sentence: str) -> NewError:
+    def refuse(self, element: XmlElement, sentence: str) -> NewError:
         return NewError(f"{self.path}:{self.source.line(element.start)}: {sentence}")
 
     def _refuse_foreign(self) -> None:
@@ -115,7 +116,7 @@ class _MjcfReader:
         return Mechanism(tuple(bodies), (gravity[0], gravity[1], gravity[2]), tuple(self.remarks))
 
     def _body(
-        self, i: int, body: CompiledBody, element: RawElement, frames: dict[int, str]
+        self, i: int, body: CompiledBody, element: XmlElement, frames: dict[int, str]
     ) -> FormulaBody:
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
@@ -149,7 +150,7 @@ class _MjcfReader:
         )
 
     def _inertial(
-        self, body: CompiledBody, element: RawElement, address: str | None, name: str
+        self, body: CompiledBody, element: XmlElement, address: str | None, name: str
     ) -> tuple[str, Triple, tuple[Turn, ...], Triple, Triple]:
         none: Triple = ("0", "0", "0")
         inertial = _children(element, "inertial")
@@ -210,7 +211,7 @@ class _MjcfReader:
         )
         return mass, centre, inner, (moments[0], moments[1], moments[2]), none
 
-    def _joint(self, joint: CompiledJoint, element: RawElement) -> FormulaJoint:
+    def _joint(self, joint: CompiledJoint, element: XmlElement) -> FormulaJoint:
         name = joint.name
         if joint.kind not in ("hinge", "slide"):
             raise self.refuse(
@@ -256,13 +257,13 @@ class _MjcfReader:
             where=f"{self.path.name}:{self.source.line(element.start)}",
         )
 
-    def _first(self, coefficients: Sequence[float], element: RawElement, what: str) -> float:
+    def _first(self, coefficients: Sequence[float], element: XmlElement, what: str) -> float:
         """Return a stiffness or damping; reject higher terms of polynomials."""
         if any(coefficients[1:]):
             raise self.refuse(element, f"its {what} is a polynomial; only the first term is used")
         return coefficients[0]
 
-    def _of_joint(self, element: RawElement, name: str) -> Callable[[float, str, str, bool], str]:
+    def _of_joint(self, element: XmlElement, name: str) -> Callable[[float, str, str, bool], str]:
         degrees = not self._radians()
 
         def number(value: float, key: str, unit: str, angle: bool) -> str:
@@ -282,12 +283,12 @@ class _MjcfReader:
             e.tag == "compiler" and e.attributes.get("angle") == "radian" for e in self.elements
         )
 
-    def _attribute(self, element: RawElement, key: str) -> str | None:
+    def _attribute(self, element: XmlElement, key: str) -> str | None:
         """Return the place of an attribute: in the element, or in the defaults of its class."""
         address = self._address(element)
         if key in element.attributes:
             return address and f"{address}@{key}"
-        holder: RawElement | None = element
+        holder: XmlElement | None = element
         wanted = element.attributes.get("class")
         while wanted is None and holder is not None:
             wanted, holder = holder.attributes.get("childclass"), holder.parent
@@ -302,11 +303,11 @@ class _MjcfReader:
             element_above = element_above.parent
         return None
 
-    def _address(self, element: RawElement) -> str | None:
+    def _address(self, element: XmlElement) -> str | None:
         """Return the shortest path that matches this element only."""
         alike = [e for e in self.elements if e.tag == element.tag]
-        levels: dict[int, RawElement | None] = {id(e): e for e in alike}
-        ancestor: RawElement | None = element
+        levels: dict[int, XmlElement | None] = {id(e): e for e in alike}
+        ancestor: XmlElement | None = element
         for depth in range(1, element.depth + 1):
             assert ancestor is not None
             # A step without a name matches every element of its tag.
@@ -346,7 +347,7 @@ class _MjcfReader:
     def _turns(
         self,
         quaternion: Sequence[float],
-        element: RawElement | None,
+        element: XmlElement | None,
         address: str | None,
         name: str,
     ) -> tuple[Turn, ...]:
@@ -377,7 +378,7 @@ class _MjcfReader:
         return any(key in e.attributes for e in self.elements if e.tag == "compiler")
 
 
-def _children(element: RawElement, tag: str) -> list[RawElement]:
+def _children(element: XmlElement, tag: str) -> list[XmlElement]:
     """Return the children of a tag; a <frame> only groups elements."""
     children = []
     for child in element.children:
@@ -388,7 +389,7 @@ def _children(element: RawElement, tag: str) -> list[RawElement]:
     return children
 
 
-def _below(element: RawElement, tag: str) -> list[RawElement]:
+def _below(element: XmlElement, tag: str) -> list[XmlElement]:
     """Return the elements of a tag at any depth, in the order of the file."""
     elements = []
     for child in element.children:

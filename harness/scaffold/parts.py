@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts, parts
-from physics_crosscheck.harness.modelfiles.reading import read_regular
 from physics_crosscheck.harness.scaffold.assets import MEANT
 from physics_crosscheck.harness.scaffold.folder import NewError
 

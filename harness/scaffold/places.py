@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 
 Key = tuple[str, ...]
 """Kind, name and part: `("body", "rod")`, `("body", "rod", "mass")`."""
@@ -29,7 +29,7 @@ def places(files: Iterable[Path]) -> Mapping[Key, str]:
     return lines
 
 
-def _named(element: RawElement) -> Iterator[tuple[Key, RawElement]]:
+def _named(element: XmlElement) -> Iterator[tuple[Key, XmlElement]]:
     """Yield the named elements in and below an element."""
     name, kind = element.attributes.get("name", ""), _kind(element)
     if name and kind:
@@ -43,7 +43,7 @@ def _named(element: RawElement) -> Iterator[tuple[Key, RawElement]]:
         yield from _named(child)
 
 
-def _kind(element: RawElement) -> str:
+def _kind(element: XmlElement) -> str:
     if element.tag in _BODIES:
         return "body"
     if element.tag in _JOINTS:
@@ -51,7 +51,7 @@ def _kind(element: RawElement) -> str:
     return "pull" if element.parent is not None and element.parent.tag in _PULLS else ""
 
 
-def _within(element: RawElement) -> Iterator[tuple[str, RawElement]]:
+def _within(element: XmlElement) -> Iterator[tuple[str, XmlElement]]:
     """Yield parts with numbers, except visual and collision geometry and other bodies."""
     for child in element.children:
         if child.tag == "inertial":

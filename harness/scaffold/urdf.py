@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement, read_elements
 from physics_crosscheck.harness.scaffold.constants import Ledger, finite, quarter
 from physics_crosscheck.harness.scaffold.folder import NewError
 from physics_crosscheck.harness.scaffold.mechanism import (
@@ -43,7 +44,7 @@ class _UrdfReader:
         self.top = elements[0].children
         self.remarks: list[str] = []
 
-    def refuse(self, element: RawElement, sentence: str) -> NewError:
+    def refuse(self, element: XmlElement, sentence: str) -> NewError:
         return NewError(f"{self.source.file}:{self.source.line(element.start)}: {sentence}")
 
     def mechanism(self) -> Mechanism:
@@ -70,9 +71,9 @@ class _UrdfReader:
             )
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
 
-    def _above(self, links: Mapping[str, RawElement]) -> dict[str, RawElement]:
+    def _above(self, links: Mapping[str, XmlElement]) -> dict[str, XmlElement]:
         """Return each link's parent joint, by the link's name."""
-        above: dict[str, RawElement] = {}
+        above: dict[str, XmlElement] = {}
         for joint in self._named("joint").values():
             for end in ("parent", "child"):
                 element = _child(joint, end)
@@ -87,8 +88,8 @@ class _UrdfReader:
                     above[link] = joint
         return above
 
-    def _named(self, tag: str) -> dict[str, RawElement]:
-        parents: dict[str, RawElement] = {}
+    def _named(self, tag: str) -> dict[str, XmlElement]:
+        parents: dict[str, XmlElement] = {}
         for element in self.top:
             if element.tag != tag:
                 continue
@@ -98,7 +99,7 @@ class _UrdfReader:
             parents[name] = element
         return parents
 
-    def _body(self, link: RawElement, joint: RawElement, frames: dict[str, str]) -> FormulaBody:
+    def _body(self, link: XmlElement, joint: XmlElement, frames: dict[str, str]) -> FormulaBody:
         name, joint_name = link.attributes["name"], joint.attributes["name"]
         position, turns = self._origin(joint, f"joint[{joint_name}]", name)
         moving = self._joint(joint)
@@ -147,7 +148,7 @@ class _UrdfReader:
             place=f"link:{name}",
         )
 
-    def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:
+    def _tensor(self, element: XmlElement, keys: Triple, within: str, name: str) -> Triple:
         ixx, two, three = (
             self._number(
                 element,
@@ -161,7 +162,7 @@ class _UrdfReader:
         )
         return ixx, two, three
 
-    def _joint(self, joint: RawElement) -> FormulaJoint | None:
+    def _joint(self, joint: XmlElement) -> FormulaJoint | None:
         name, kind = joint.attributes["name"], joint.attributes.get("type", "")
         if kind == "fixed":
             return None
@@ -220,10 +221,10 @@ class _UrdfReader:
             where=f"{self.source.file.name}:{self._line(joint)}",
         )
 
-    def _line(self, element: RawElement) -> int:
+    def _line(self, element: XmlElement) -> int:
         return self.source.line(element.start)
 
-    def _axis(self, joint: RawElement, name: str) -> tuple[float, float, float]:
+    def _axis(self, joint: XmlElement, name: str) -> tuple[float, float, float]:
         element = _child(joint, "axis")
         if element is None:
             return (1.0, 0.0, 0.0)
@@ -232,7 +233,7 @@ class _UrdfReader:
             raise self.refuse(element, f"the axis of joint {name!r} has no length")
         return x, y, z
 
-    def _limits(self, joint: RawElement, kind: str, name: str) -> tuple[float, float] | None:
+    def _limits(self, joint: XmlElement, kind: str, name: str) -> tuple[float, float] | None:
         if kind == "continuous":
             return None
         limit = _child(joint, "limit")
@@ -245,7 +246,7 @@ class _UrdfReader:
         return self._value(limit, "lower"), self._value(limit, "upper")
 
     def _origin(
-        self, element: RawElement, within: str, name: str
+        self, element: XmlElement, within: str, name: str
     ) -> tuple[Triple, tuple[Turn, ...]]:
         origin = _child(element, "origin")
         if origin is None:
@@ -289,7 +290,7 @@ class _UrdfReader:
                 turns.append(Turn(axis, angle))
         return (position[0], position[1], position[2]), tuple(turns)
 
-    def _wanted(self, inertial: RawElement, tag: str) -> RawElement:
+    def _wanted(self, inertial: XmlElement, tag: str) -> XmlElement:
         element = _child(inertial, tag)
         if element is None:
             raise self.refuse(inertial, f"this <inertial> has no <{tag}>")
@@ -297,7 +298,7 @@ class _UrdfReader:
 
     def _number(
         self,
-        element: RawElement,
+        element: XmlElement,
         key: str,
         within: str,
         name: tuple[str, ...],
@@ -306,7 +307,7 @@ class _UrdfReader:
     ) -> str:
         return self.ledger.number(self._value(element, key), name, unit, what, f"{within}@{key}")
 
-    def _text(self, gazebo: RawElement, tag: str, joint: str, what: str, unit: str) -> str:
+    def _text(self, gazebo: XmlElement, tag: str, joint: str, what: str, unit: str) -> str:
         element = _child(gazebo, tag)
         if element is None:
             return "0"
@@ -318,14 +319,14 @@ class _UrdfReader:
             value, (joint, what), unit, f"spring of {joint}: {what}", f"gazebo[{joint}]/{tag}"
         )
 
-    def _value(self, element: RawElement, key: str) -> float:
+    def _value(self, element: XmlElement, key: str) -> float:
         text = element.attributes.get(key, "0")
         try:
             return finite(text)
         except ValueError:
             raise self.refuse(element, f"{key} is {text!r}; expected a number") from None
 
-    def _three(self, element: RawElement, key: str, default: str) -> tuple[float, float, float]:
+    def _three(self, element: XmlElement, key: str, default: str) -> tuple[float, float, float]:
         text = element.attributes.get(key, default)
         try:
             x, y, z = map(finite, text.split())
@@ -334,10 +335,10 @@ class _UrdfReader:
         return x, y, z
 
 
-def _child(element: RawElement, tag: str) -> RawElement | None:
+def _child(element: XmlElement, tag: str) -> XmlElement | None:
     return next((child for child in element.children if child.tag == tag), None)
 
 
-def _child_link(joint: RawElement, tag: str) -> str:
+def _child_link(joint: XmlElement, tag: str) -> str:
     element = _child(joint, tag)
     return "" if element is None else element.attributes.get("link", "")

@@ -16,21 +16,19 @@ from physics_crosscheck.harness.baseline.file import FileError, SystemBaseline, 
 from physics_crosscheck.harness.baseline.seal import sealed, snapshot_key
 from physics_crosscheck.harness.compare.candidate import CompareError
 from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.documents.elements import read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.urdf import joint_springs, mimics, read_urdf
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin, template
-from physics_crosscheck.harness.modelfiles.locations import LocationError, find_in
+from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
-from physics_crosscheck.harness.modelfiles.locations.location import SourceFile
 from physics_crosscheck.harness.modelfiles.locations.outline import outline
 from physics_crosscheck.harness.modelfiles.locations.python import python_numbers, python_offset
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
-from physics_crosscheck.harness.modelfiles.locations.xml import (
-    read_elements,
-    xml_numbers,
-    xml_offset,
-)
+from physics_crosscheck.harness.modelfiles.locations.xml import xml_numbers, xml_offset
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.harness.records.baseline import BaselineFile
 from physics_crosscheck.harness.records.read import ResultsError, read_results

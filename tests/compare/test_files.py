@@ -6,7 +6,7 @@ import pytest
 
 from physics_crosscheck.harness.compare.candidate import Candidate
 from physics_crosscheck.harness.compare.diff import applied, edits
-from physics_crosscheck.harness.modelfiles.locations import LocationError
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from tests.compare.asking import written
 

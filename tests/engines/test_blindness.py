@@ -28,7 +28,11 @@ from tests.standing import brief
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
 OWN = "physics_crosscheck.harness.engines"
-ALLOWED = (OWN, "physics_crosscheck.reference.mechanism.rotations")
+ALLOWED = (
+    OWN,
+    "physics_crosscheck.harness.documents",
+    "physics_crosscheck.reference.mechanism.rotations",
+)
 ADAPTERS = sorted(HOME.rglob("*.py"))
 SYSTEMS = ("mass_spring_damper", "drum_pendulum")
 

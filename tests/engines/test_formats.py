@@ -10,10 +10,11 @@ from physics_crosscheck.harness.baseline.fingerprint import folder_files
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.mujoco.urdf import spring_terms
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
-from physics_crosscheck.harness.modelfiles.locations import LocationError, find, line_of, numbers
+from physics_crosscheck.harness.modelfiles.locations import find, line_of, numbers
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from tests.faults.known_folder import known_folder

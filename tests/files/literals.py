@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.locations.location import Location
+from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 Number = tuple[str, str, str]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles.locations import LocationError
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.locations.attributes import (
     Attribute,
     elements,

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import pytest
 
 from physics_crosscheck import DeclarationError, System
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import (
     at_constants,
@@ -23,7 +24,6 @@ from physics_crosscheck.harness.modelfiles.bindings import (
     with_literals,
 )
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.locations import LocationError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.reference.load import load_system
 

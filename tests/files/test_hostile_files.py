@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles import reading
+from physics_crosscheck.harness.documents import reading
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
-from physics_crosscheck.harness.modelfiles.locations import LocationError, find
+from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.harness.planning.model_plan import text_of

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles.locations import LocationError, find, numbers
-from physics_crosscheck.harness.modelfiles.locations.location import SourceFile
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.modelfiles.locations import find, numbers
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Trägheit: <joint name="x" stiffness="1.0"/> is no joint, nor is mass="2" a mass. -->

@@ -11,9 +11,11 @@ from itertools import combinations
 import numpy as np
 
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
-from physics_crosscheck.harness.modelfiles.locations import Location, LocationError, find, numbers
+from physics_crosscheck.harness.modelfiles.locations import find, numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.base import SourceLine

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.extras.notebook import motions
 from physics_crosscheck.harness.extras.notebook.columns import Columns
 from physics_crosscheck.harness.extras.notebook.motions import (
@@ -32,7 +33,6 @@ from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import states_now
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SAMPLES = 1000

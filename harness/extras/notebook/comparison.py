@@ -20,6 +20,7 @@ from physics_crosscheck.harness.compare.compare import compare as compared
 from physics_crosscheck.harness.compare.execute import FailureError
 from physics_crosscheck.harness.compare.executor import in_workers
 from physics_crosscheck.harness.compare.record import comparison_record, failed_record
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.extras.notebook.markup import (
     badge,
     block,
@@ -35,7 +36,6 @@ from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.planning.options import check_limits, check_resolution, check_text
 from physics_crosscheck.harness.records import comparison
 from physics_crosscheck.harness.records.base import Number, SourceLine

@@ -11,12 +11,12 @@ import time
 from functools import lru_cache
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord, blank
 from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
 from physics_crosscheck.harness.extras.sweep.robot import SweptRobot
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.extras.sweep.system import Swept
-from physics_crosscheck.harness.modelfiles.quote import original_paths
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration

@@ -67,10 +67,8 @@ class _SettingsFile:
     def error(self, key: str, message: str) -> SettingsError:
         """Build the error about a setting, with its line if known."""
         # Imported here: help needs no parser of files.
-        from physics_crosscheck.harness.modelfiles.locations.location import (
-            LocationError,
-            SourceFile,
-        )
+        from physics_crosscheck.harness.documents.errors import LocationError
+        from physics_crosscheck.harness.documents.location import SourceFile
         from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 
         source = SourceFile(self.path, self.text.encode())

@@ -27,18 +27,14 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location, Resolve, SourceFile
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.locations.literals import (
     Literal,
     python_literals,
     toml_literals,
     xml_literals,
-)
-from physics_crosscheck.harness.modelfiles.locations.location import (
-    Location,
-    LocationError,
-    Resolve,
-    SourceFile,
 )
 from physics_crosscheck.harness.modelfiles.locations.python import (
     python_names,

@@ -10,13 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile
-from physics_crosscheck.harness.modelfiles.locations.xml import (
-    ATTRIBUTE,
-    TAG,
-    RawElement,
-    read_elements,
-)
+from physics_crosscheck.harness.documents.elements import ATTRIBUTE, TAG, XmlElement, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,7 @@ class Attribute:
     value: str | None
 
 
-def elements(file: Path) -> tuple[RawElement, ...]:
+def elements(file: Path) -> tuple[XmlElement, ...]:
     """Return every element of an XML file, in order.
 
     Raises:

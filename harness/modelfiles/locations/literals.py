@@ -8,18 +8,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.modelfiles.locations.location import (
-    Location,
-    LocationError,
-    SourceFile,
-)
+from physics_crosscheck.harness.documents.elements import read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location, SourceFile
 from physics_crosscheck.harness.modelfiles.locations.python import parsed
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_numbers
-from physics_crosscheck.harness.modelfiles.locations.xml import (
-    attribute_words,
-    read_elements,
-    text_words,
-)
+from physics_crosscheck.harness.modelfiles.locations.xml import attribute_words, text_words
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 

@@ -6,14 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.locations.location import LocationError, SourceFile, Span
-from physics_crosscheck.harness.modelfiles.locations.xml import (
-    ATTRIBUTE,
-    TAG,
-    RawElement,
-    find_words,
-    read_elements,
-)
+from physics_crosscheck.harness.documents.elements import ATTRIBUTE, TAG, XmlElement, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile, Span
+from physics_crosscheck.harness.modelfiles.locations.xml import find_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +77,7 @@ def outline(file: Path, data: bytes) -> Element:
     return _element(source, raw[0], (raw[0].tag, raw[0].identity, 0))
 
 
-def _element(source: SourceFile, raw: RawElement, key: tuple[str, str | None, int]) -> Element:
+def _element(source: SourceFile, raw: XmlElement, key: tuple[str, str | None, int]) -> Element:
     data = source.data
     tag = TAG.match(data, raw.start)
     assert tag is not None  # the parser has found an element here

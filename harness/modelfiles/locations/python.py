@@ -9,13 +9,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 
-from physics_crosscheck.harness.modelfiles.locations.location import (
-    LocationError,
-    Resolve,
-    SourceFile,
-    Span,
-    nearest,
-)
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Resolve, SourceFile, Span, nearest
 
 
 def python_names(source: SourceFile) -> Resolve:

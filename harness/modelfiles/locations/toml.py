@@ -7,14 +7,9 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from physics_crosscheck.harness.modelfiles.locations.location import (
-    LocationError,
-    Resolve,
-    SourceFile,
-    Span,
-    nearest,
-)
-from physics_crosscheck.harness.modelfiles.reading import TomlError, toml_document
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Resolve, SourceFile, Span, nearest
+from physics_crosscheck.harness.documents.reading import TomlError, toml_document
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STRING = re.compile(

@@ -3,68 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
-from pathlib import Path
-from xml.parsers import expat
 
-from physics_crosscheck.harness.engines.xml_repair import repaired_xml
-from physics_crosscheck.harness.modelfiles.locations.location import (
-    LocationError,
-    RefusedFileError,
-    Resolve,
-    SourceFile,
-    Span,
-    nearest,
+from physics_crosscheck.harness.documents.elements import (
+    XmlElement,
+    attribute_span,
+    attribute_spans,
+    read_elements,
 )
-from physics_crosscheck.harness.modelfiles.quote import quote, truncate
-from physics_crosscheck.harness.modelfiles.reading import MAX_MODEL_BYTES, read_regular
+from physics_crosscheck.harness.documents.errors import (
+    LocationError,
+    quote,
+    truncate,
+)
+from physics_crosscheck.harness.documents.location import Resolve, SourceFile, Span, nearest
 
-_IDENTITIES = ("name", "reference", "joint", "class")
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
 _ADDRESS = re.compile(
     rf"(?P<steps>{_STEP.pattern}(?:/{_STEP.pattern})*)"
     r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d{1,9})\])?)?"
 )
-ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-TAG = re.compile(rb"<[^\s/>]+")
-_ELEMENT = re.compile(rb"<[A-Za-z_]")
-MAX_XML_DEPTH = 300
-"""The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""
-_DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
-_HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
-
-
-@dataclass
-class RawElement:
-    """A parsed element; `start` is its first byte, `end` that of its end tag."""
-
-    tag: str
-    attributes: Mapping[str, str]
-    start: int
-    parent: RawElement | None
-    children: list[RawElement] = field(default_factory=list)
-    text: str = ""
-    end: int = 0
-
-    @property
-    def identity(self) -> str | None:
-        """The attribute that distinguishes it: its name, or its reference."""
-        return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
-
-    @property
-    def depth(self) -> int:
-        """The number of steps from the root, including the root's own."""
-        return 1 if self.parent is None else 1 + self.parent.depth
-
-    def spelled(self, steps: int) -> str:
-        """Return an address of it with this many steps."""
-        step = self.tag if self.identity is None else f"{self.tag}[{self.identity}]"
-        if steps == 1 or self.parent is None:
-            return step
-        return f"{self.parent.spelled(steps - 1)}/{step}"
 
 
 def xml_paths(source: SourceFile) -> Resolve:
@@ -114,7 +74,7 @@ def xml_paths(source: SourceFile) -> Resolve:
 
 
 def _steps(
-    match: re.Match[str], elements: list[RawElement]
+    match: re.Match[str], elements: list[XmlElement]
 ) -> tuple[list[tuple[str, str | None]], str | None]:
     """Return tags with names, and the index of a number of the last one's text, as in
     `link[rod]/pose[2]`.
@@ -139,7 +99,7 @@ def xml_offset(source: SourceFile, address: str) -> int | None:
         return None
     elements = read_elements(source)
     steps, _ = _steps(match, elements)
-    pool, matches = iter(elements), list[RawElement]()
+    pool, matches = iter(elements), list[XmlElement]()
     for tag, name in steps:
         matches = [e for e in pool if e.tag == tag and name in (None, e.identity)]
         pool = (child for e in matches for child in _within(e))
@@ -150,7 +110,7 @@ def xml_offset(source: SourceFile, address: str) -> int | None:
     return matches[0].start if matches else None
 
 
-def _within(element: RawElement) -> Iterator[RawElement]:
+def _within(element: XmlElement) -> Iterator[XmlElement]:
     """Yield children; MJCF's <frame> only groups them."""
     for child in element.children:
         yield child
@@ -175,7 +135,7 @@ def xml_numbers(source: SourceFile, kinds: re.Pattern[str]) -> Iterator[str]:
                         yield from _address(resolve, element, ending)
 
 
-def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str]:
+def _address(resolve: Resolve, element: XmlElement, ending: str) -> Iterator[str]:
     """Yield the shortest address of this element, preferring one that begins with a name."""
     spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
     for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
@@ -185,114 +145,14 @@ def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str
             return
 
 
-def check_harmless(source: SourceFile) -> None:
-    """Refuse XML that could harm a reader, well-formed or not.
-
-    Raises:
-        RefusedFileError: for a DTD, or elements nested too deeply; with its line.
-    """
-    bare = _HIDDEN.sub(lambda hidden: b" " * len(hidden[0]), source.data)
-    if declaration := _DECLARATION.search(bare):
-        raise _declares(source, source.line(declaration.start()))
-    if bare.count(b"<") > MAX_XML_DEPTH:
-        try:
-            read_elements(source)
-        except RefusedFileError:
-            raise
-        except LocationError:
-            return  # the engine's parser reports the error
-
-
-def _declares(source: SourceFile, line: int) -> RefusedFileError:
-    return RefusedFileError("refused: it declares entities or a DTD", file=source.file, line=line)
-
-
-def read_elements(source: SourceFile) -> list[RawElement]:
-    """Return every element of a file, in order, with entity expansion off."""
-    parser = expat.ParserCreate()
-    elements: list[RawElement] = []
-    open_: list[RawElement] = []
-
-    def declare(_version: str, encoding: str | None, _standalone: int) -> None:
-        if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
-            raise LocationError(
-                f"its encoding is {encoding}; save the file as UTF-8", file=source.file, line=1
-            )
-
-    def refuse(*_: object) -> None:
-        raise _declares(source, parser.CurrentLineNumber)
-
-    def begin(tag: str, attributes: dict[str, str]) -> None:
-        if len(open_) == MAX_XML_DEPTH:
-            problem = f"refused: more than {MAX_XML_DEPTH} nested elements"
-            raise RefusedFileError(problem, file=source.file, line=parser.CurrentLineNumber)
-        parent = open_[-1] if open_ else None
-        element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
-        if parent is not None:
-            parent.children.append(element)
-        elements.append(element)
-        open_.append(element)
-
-    def read(text: str) -> None:
-        open_[-1].text += text
-
-    def finish(_tag: str) -> None:
-        open_.pop().end = parser.CurrentByteIndex
-
-    parser.XmlDeclHandler = declare
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler = begin
-    parser.CharacterDataHandler = read
-    parser.EndElementHandler = finish
-    try:
-        parser.Parse(source.data, True)
-    except expat.ExpatError as error:
-        line, problem = _problem(source.data, error)
-        raise LocationError(problem, file=source.file, line=line) from None
-    return elements
-
-
-def xml_problem(file: Path, *, strict: bool) -> str:
-    """Return why a file is not XML, with its line, using a parser that keeps nothing.
-
-    Args:
-        file: a model file; a file that can't be read is reported elsewhere.
-        strict: whether only well-formed XML is accepted. Otherwise an engine's own parser decides,
-            unless the file has no element at all, or is binary.
-
-    Returns:
-        A sentence that begins with the file; empty if it may be XML.
-    """
-    try:
-        data = repaired_xml(read_regular(file, MAX_MODEL_BYTES))
-        expat.ParserCreate().Parse(data, True)
-    except expat.ExpatError as error:
-        if strict or b"\0" in data or not _ELEMENT.search(data):
-            line, problem = _problem(data, error)
-            return f"{file}:{line}: {problem}"
-    except OSError:
-        pass
-    return ""
-
-
-def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
-    """Return the line of a parse error, and the problem: the column and the reason."""
-    if not data.strip():
-        return 1, "not XML: the file is empty"
-    if b"\0" in data:
-        return error.lineno, f"not XML at column {error.offset + 1}: the file is binary"
-    return error.lineno, f"not XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
-
-
 def _walk(
-    elements: list[RawElement],
+    elements: list[XmlElement],
     steps: list[tuple[str, str | None]],
     address: str,
     source: SourceFile,
-) -> list[RawElement]:
+) -> list[XmlElement]:
     """Return the elements that match the steps of an address, at least one."""
-    pool, parents = elements, list[RawElement]()
+    pool, parents = elements, list[XmlElement]()
     for tag, name in steps:
         matches = [e for e in pool if e.tag == tag and name in (None, e.identity)]
         if not matches:
@@ -310,20 +170,8 @@ def _walk(
     return matches
 
 
-def attribute_span(element: RawElement, attribute: str, source: SourceFile) -> Span:
-    """Return the span of an attribute's value."""
-    tag = TAG.match(source.data, element.start)
-    assert tag is not None  # the parser has found an element here
-    position = tag.end()
-    while match := ATTRIBUTE.match(source.data, position):
-        if match[1].decode("utf-8") == attribute:
-            return match.span(2 if match[2] is not None else 3)
-        position = match.end()
-    raise AssertionError(f"{source.file}: the parser finds {attribute}, but the scan does not")
-
-
 def attribute_words(
-    element: RawElement, attribute: str, source: SourceFile, address: str
+    element: XmlElement, attribute: str, source: SourceFile, address: str
 ) -> tuple[list[Span], list[str]]:
     """Return the spans of the words of an attribute's value, and the parser's words."""
     spans = find_words(source, *attribute_span(element, attribute, source), address)
@@ -331,7 +179,7 @@ def attribute_words(
 
 
 def text_words(
-    element: RawElement, source: SourceFile, address: str
+    element: XmlElement, source: SourceFile, address: str
 ) -> tuple[list[Span], list[str]]:
     """Return the same for an element's text."""
     if element.children:
@@ -345,12 +193,7 @@ def text_words(
         raise source.error(
             address, f"names <{element.tag}>, which has no text{remedy}", element.start
         )
-    tag = TAG.match(source.data, element.start)
-    assert tag is not None  # the parser has found an element here
-    position = tag.end()
-    while match := ATTRIBUTE.match(source.data, position):
-        position = match.end()
-    first = source.data.index(b">", position) + 1
+    first = attribute_spans(element, source)[1] + 1
     return find_words(source, first, element.end, address), element.text.split()
 
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.mjcf.tree import KINDS, compiled_robot, compiled_tree
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.robot import Omission, ReadError, Robot, refused
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 
@@ -31,7 +31,7 @@ class StatedPose:
     relative_to: str
 
 
-def read_pose(document: Document, owner: RawElement, what: str) -> StatedPose:
+def read_pose(document: Document, owner: XmlElement, what: str) -> StatedPose:
     """Return the pose of an element; the identity without one."""
     element = document.child(owner, "pose")
     if element is None:
@@ -67,9 +67,9 @@ class SdfFrames:
         model: its `<model>`.
     """
 
-    def __init__(self, document: Document, model: RawElement) -> None:
+    def __init__(self, document: Document, model: XmlElement) -> None:
         self._document, self._model = document, model
-        self.named: dict[str, RawElement] = {}
+        self.named: dict[str, XmlElement] = {}
         for element in model.children:
             if element.tag in NAMED:
                 self._add(element)
@@ -79,7 +79,7 @@ class SdfFrames:
         }
         self._places: dict[str, Place] = {MODEL: IDENTITY}
 
-    def _add(self, element: RawElement) -> None:
+    def _add(self, element: XmlElement) -> None:
         name, document = element.attributes.get("name", ""), self._document
         if not name:
             document.add_problem(element, f"a <{element.tag}> has no name", "give it a unique name")
@@ -92,7 +92,7 @@ class SdfFrames:
         else:
             self.named[name] = element
 
-    def tagged(self, tag: str) -> Mapping[str, RawElement]:
+    def tagged(self, tag: str) -> Mapping[str, XmlElement]:
         """Return the elements of a tag, by name."""
         return {name: one for name, one in self.named.items() if one.tag == tag}
 
@@ -155,16 +155,16 @@ def inverse(place: Place) -> Place:
     return Place(place.rotation.T, -place.rotation.T @ place.origin)
 
 
-def child_of(joint: RawElement) -> str:
+def child_of(joint: XmlElement) -> str:
     """Return the text of a joint's `<child>`."""
     return next((one.text.strip() for one in joint.children if one.tag == "child"), "")
 
 
-def _carrier(frame: RawElement) -> str:
+def _carrier(frame: XmlElement) -> str:
     return frame.attributes.get("attached_to", "") or MODEL
 
 
-def _default(element: RawElement) -> str:
+def _default(element: XmlElement) -> str:
     """Return the default reference frame of a pose."""
     if element.tag == "joint":
         return child_of(element)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
 from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.sdf.parts import SdfJoint
 
@@ -53,8 +53,8 @@ _WHOLE = ("model", "include", "collision")
 
 def sdf_left_out(
     document: Document,
-    model: RawElement,
-    world: RawElement | None,
+    model: XmlElement,
+    world: XmlElement | None,
     joints: Mapping[str, SdfJoint],
     followers: Collection[str],
 ) -> tuple[Omission, ...]:
@@ -62,7 +62,7 @@ def sdf_left_out(
     return count_notes(_all(document, model, world, joints), followers)
 
 
-def is_static(model: RawElement) -> bool:
+def is_static(model: XmlElement) -> bool:
     """Return whether a model is static."""
     return any(
         one.tag == "static" and one.text.strip().lower() in ("1", "true") for one in model.children
@@ -71,8 +71,8 @@ def is_static(model: RawElement) -> bool:
 
 def _all(
     document: Document,
-    model: RawElement,
-    world: RawElement | None,
+    model: XmlElement,
+    world: XmlElement | None,
     joints: Mapping[str, SdfJoint],
 ) -> Iterator[Note]:
     for joint in joints.values():
@@ -94,7 +94,7 @@ def _all(
         yield from _unread(world, world.attributes.get("name", ""))
 
 
-def _of_automatic(link: RawElement, name: str) -> Iterator[Note]:
+def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
     """Yield elements that `<inertial auto="true">` makes meaningless."""
     for inertial in link.children:
         if inertial.tag == "inertial" and is_automatic(inertial.attributes.get("auto")):
@@ -119,13 +119,13 @@ def _of_joint(document: Document, joint: SdfJoint) -> Iterator[Note]:
             yield f"limits of {key}", joint.name
 
 
-def _number(document: Document, holder: RawElement | None, key: str) -> float:
+def _number(document: Document, holder: XmlElement | None, key: str) -> float:
     element = None if holder is None else document.child(holder, key)
     values = None if element is None else read_numbers(element.text, 1)
     return 0.0 if values is None else values[0]
 
 
-def _unread(element: RawElement, name: str) -> Iterator[Note]:
+def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield elements and attributes within this element that have no meaning here."""
     meaningful = _MEANINGFUL_ATTRIBUTES.get(element.tag, ())
     for key, value in element.attributes.items():

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.numbers import (
     Number,
     numerals,
@@ -74,15 +74,15 @@ class SdfNumbers:
         return {self._document.path: with_values(self._document.data, self.numerals, values)}
 
 
-def _above(element: RawElement) -> Iterator[RawElement]:
+def _above(element: XmlElement) -> Iterator[XmlElement]:
     """Yield an element and its ancestors, outwards."""
-    above: RawElement | None = element
+    above: XmlElement | None = element
     while above is not None:
         yield above
         above = above.parent
 
 
-def _model_of(element: RawElement) -> RawElement | None:
+def _model_of(element: XmlElement) -> XmlElement | None:
     """Return the outermost model that contains an element, or None."""
     return next((one for one in [*_above(element)][::-1] if one.tag in ("model", "include")), None)
 

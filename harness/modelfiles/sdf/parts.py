@@ -8,11 +8,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, acyclic
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.sdf.frames import (
     MODEL,
     WORLD,
@@ -44,7 +44,7 @@ _UNIT = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 class SdfLink:
     """A link: its element, and its body, which has no parent yet."""
 
-    element: RawElement
+    element: XmlElement
     body: RigidBody
 
 
@@ -59,7 +59,7 @@ class SdfJoint:
     """
 
     name: str
-    element: RawElement
+    element: XmlElement
     kind: Kind | None
     parent: str
     child: str
@@ -74,7 +74,7 @@ def read_links(document: Document, frames: SdfFrames) -> dict[str, SdfLink]:
     }
 
 
-def _body(document: Document, frames: SdfFrames, link: RawElement, name: str) -> RigidBody:
+def _body(document: Document, frames: SdfFrames, link: XmlElement, name: str) -> RigidBody:
     """Return the body of a link: 1 kg and 1 kg m^2 by default."""
     inertial = document.child(link, "inertial")
     falls = document.child(link, "gravity")
@@ -94,7 +94,7 @@ def _body(document: Document, frames: SdfFrames, link: RawElement, name: str) ->
 
 
 def _stated_body(
-    document: Document, inertial: RawElement | None, name: str, lift: float
+    document: Document, inertial: XmlElement | None, name: str, lift: float
 ) -> RigidBody:
     """Return the body of an `<inertial>` that states its numbers, or of None."""
     what = f"link {quote(name)}"
@@ -127,7 +127,7 @@ def read_joints(document: Document, frames: SdfFrames) -> dict[str, SdfJoint]:
     }
 
 
-def _joint(document: Document, frames: SdfFrames, element: RawElement, name: str) -> SdfJoint:
+def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str) -> SdfJoint:
     kind, what = element.attributes.get("type", ""), f"joint {quote(name)}"
     if kind not in KINDS:
         document.add_problem(
@@ -161,7 +161,7 @@ def _joint(document: Document, frames: SdfFrames, element: RawElement, name: str
 
 
 def _moving(
-    document: Document, frames: SdfFrames, element: RawElement, name: str, kind: Kind, child: str
+    document: Document, frames: SdfFrames, element: XmlElement, name: str, kind: Kind, child: str
 ) -> Joint:
     """Return a joint with anchor and axis in the child link's frame."""
     what, axis = f"joint {quote(name)}", document.child(element, "axis")
@@ -194,7 +194,7 @@ def _moving(
     )
 
 
-def _expressed_in(document: Document, axis: RawElement | None, xyz: RawElement | None) -> str:
+def _expressed_in(document: Document, axis: XmlElement | None, xyz: XmlElement | None) -> str:
     """Return the frame of an axis: in versions to 1.4 the model's; empty for the joint's own."""
     if xyz is not None and xyz.attributes.get("expressed_in"):
         return xyz.attributes["expressed_in"]
@@ -211,7 +211,7 @@ def version(document: Document) -> tuple[int, ...]:
 
 
 def _bounds(
-    document: Document, joint: RawElement, axis: RawElement | None
+    document: Document, joint: XmlElement, axis: XmlElement | None
 ) -> tuple[float, float] | None:
     limit = None if axis is None else document.child(axis, "limit")
     if limit is None or joint.attributes.get("type") == "continuous":

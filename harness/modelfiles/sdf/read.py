@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.attach import add_loop_problems, attach_child
 from physics_crosscheck.harness.modelfiles.build_tree import (
     build_tree,
@@ -15,8 +17,6 @@ from physics_crosscheck.harness.modelfiles.build_tree import (
     robot_of,
 )
 from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.robot import Robot, refused
 from physics_crosscheck.harness.modelfiles.sdf.frames import WORLD, SdfFrames
 from physics_crosscheck.harness.modelfiles.sdf.left_out import is_static, sdf_left_out
@@ -105,7 +105,7 @@ def read_document(document: Document, chosen: str = "") -> Robot:
 
 def chosen_model(
     document: Document, chosen: str = ""
-) -> tuple[RawElement | None, RawElement | None]:
+) -> tuple[XmlElement | None, XmlElement | None]:
     """Return the model, and the world that contains it; problems are noted.
 
     Args:
@@ -138,8 +138,8 @@ def chosen_model(
 
 
 def _only_model(
-    document: Document, chosen: str, holders: Sequence[RawElement]
-) -> RawElement | None:
+    document: Document, chosen: str, holders: Sequence[XmlElement]
+) -> XmlElement | None:
     """Return the single moving model, or the one with the chosen name; else note the problem.
 
     Included files are left out: they could act on the model only through a joint of the world,
@@ -186,7 +186,7 @@ _NAMED = 8
 """The most models that a sentence names."""
 
 
-def _within(element: RawElement) -> Iterator[RawElement]:
+def _within(element: XmlElement) -> Iterator[XmlElement]:
     for child in element.children:
         if child.tag not in _OPAQUE:
             yield child
@@ -195,7 +195,7 @@ def _within(element: RawElement) -> Iterator[RawElement]:
 
 def _root(
     document: Document,
-    model: RawElement,
+    model: XmlElement,
     links: Mapping[str, SdfLink],
     joints: Mapping[str, SdfJoint],
 ) -> str | None:
@@ -217,7 +217,7 @@ def _root(
 
 
 def _stated(
-    document: Document, world: RawElement | None
+    document: Document, world: XmlElement | None
 ) -> tuple[dict[str, object], tuple[float, float, float]]:
     """Return settings that a world states, and its gravity."""
     settings: dict[str, object] = {}

@@ -6,16 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.sdf.frames import SdfFrames, inverse, read_pose
 from physics_crosscheck.reference.mechanism.spatial_inertia import NO_INERTIA, SpatialInertia
 
 
 def automatic_inertia(
-    document: Document, frames: SdfFrames, link: RawElement, inertial: RawElement, name: str
+    document: Document, frames: SdfFrames, link: XmlElement, inertial: XmlElement, name: str
 ) -> SpatialInertia:
     """Return the inertia of an `<inertial auto="true">` from the shapes of a link, in the link's
     frame.
@@ -59,7 +59,7 @@ def automatic_inertia(
 
 
 def _solid(
-    document: Document, collision: RawElement, what: str, density: float
+    document: Document, collision: XmlElement, what: str, density: float
 ) -> Iterator[SpatialInertia]:
     """Yield the inertia of a collision shape in its own frame, if it has one."""
     geometry = document.child(collision, "geometry")
@@ -83,7 +83,7 @@ def _solid(
 
 
 def _positive(
-    document: Document, element: RawElement | None, default: tuple[float, ...], what: str
+    document: Document, element: XmlElement | None, default: tuple[float, ...], what: str
 ) -> tuple[float, ...]:
     values = document.text_numbers(element, default, what)
     if element is not None and min(values) <= 0:

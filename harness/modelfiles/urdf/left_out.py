@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
 from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.parts import UrdfJoint
 
@@ -80,7 +80,7 @@ def _all(
             yield from _of_parts(element, name)
 
 
-def _of_parts(element: RawElement, name: str) -> Iterator[Note]:
+def _of_parts(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield the omitted content of a link or a joint."""
     if any(part.tag == "collision" for part in element.children):
         yield "collision geometry", name
@@ -105,7 +105,7 @@ def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Note]:
         yield from _of_limit(limit, joint)
 
 
-def _of_limit(limit: RawElement, joint: UrdfJoint) -> Iterator[Note]:
+def _of_limit(limit: XmlElement, joint: UrdfJoint) -> Iterator[Note]:
     if any(map(_holds, joint.bounds)):
         yield "limits of position", joint.name
     for key in ("lower", "upper"):
@@ -120,13 +120,13 @@ def _holds(bound: float) -> bool:
     return abs(bound) != float("inf")
 
 
-def _nonzero(element: RawElement, key: str) -> bool:
+def _nonzero(element: XmlElement, key: str) -> bool:
     """Return whether an attribute differs from zero."""
     text = element.attributes.get(key, "0")
     return read_numbers(text, 1) != (0.0,)
 
 
-def _unread(element: RawElement, name: str) -> Iterator[Note]:
+def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield child elements that have no meaning here."""
     readable = _READ.get(element.tag)
     if readable is None or (element.tag == "robot" and element.parent is not None):
@@ -137,7 +137,7 @@ def _unread(element: RawElement, name: str) -> Iterator[Note]:
             yield f"<{child.tag}>{within}", name or child.attributes.get("name", "")
 
 
-def _unknown_attributes(element: RawElement, name: str) -> Iterator[Note]:
+def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield the attributes of an element that have no meaning."""
     for key in element.attributes if element.tag in _MEANINGFUL_ATTRIBUTES else ():
         if key not in _MEANINGFUL_ATTRIBUTES[element.tag] and not key.startswith("xmlns"):

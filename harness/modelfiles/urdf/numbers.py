@@ -10,9 +10,9 @@ from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.modelfiles.couplings import couplings
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.modelfiles.numbers import (
     Number,
     numerals,
@@ -106,11 +106,11 @@ class UrdfNumbers:
         """Return the file with other values of some numbers."""
         return {self._document.path: with_values(self._document.data, self.numerals, values)}
 
-    def _owner(self, index: int) -> RawElement | None:
+    def _owner(self, index: int) -> XmlElement | None:
         return _owner(self.numerals[index].element)
 
 
-def _owner(element: RawElement) -> RawElement | None:
+def _owner(element: XmlElement) -> XmlElement | None:
     """Return the child of the root that contains an element."""
     while element.parent is not None and element.parent.parent is not None:
         element = element.parent

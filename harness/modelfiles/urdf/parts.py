@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, acyclic
 from physics_crosscheck.harness.modelfiles.document import EXPAND, Document, read_numbers
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.reference.mechanism.bodies import ZERO, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind
@@ -36,7 +36,7 @@ class UrdfLink:
     """A link: its element, and its body, which has no parent yet."""
 
     name: str
-    element: RawElement
+    element: XmlElement
     body: RigidBody
 
     @property
@@ -59,7 +59,7 @@ class UrdfJoint:
     """
 
     name: str
-    element: RawElement
+    element: XmlElement
     kind: Kind | None
     parent: str
     child: str
@@ -78,7 +78,7 @@ def read_links(document: Document) -> dict[str, UrdfLink]:
     return links
 
 
-def read_link(document: Document, element: RawElement, name: str) -> UrdfLink:
+def read_link(document: Document, element: XmlElement, name: str) -> UrdfLink:
     """Read a link."""
     return UrdfLink(name=name, element=element, body=_body(document, element, name))
 
@@ -89,7 +89,7 @@ def read_joints(document: Document) -> dict[str, UrdfJoint]:
     return {name: read_joint(document, element, name) for name, element in named.items()}
 
 
-def read_joint(document: Document, element: RawElement, name: str) -> UrdfJoint:
+def read_joint(document: Document, element: XmlElement, name: str) -> UrdfJoint:
     """Read a joint."""
     kind, what = element.attributes.get("type", ""), f"joint {quote(name)}"
     if kind == "planar":
@@ -142,8 +142,8 @@ def read_springs(document: Document) -> dict[str, tuple[float, float]]:
     return springs
 
 
-def _named(document: Document, tag: str) -> dict[str, RawElement]:
-    by_name: dict[str, RawElement] = {}
+def _named(document: Document, tag: str) -> dict[str, XmlElement]:
+    by_name: dict[str, XmlElement] = {}
     for element in document.root.children:
         if element.tag != tag:
             continue
@@ -159,7 +159,7 @@ def _named(document: Document, tag: str) -> dict[str, RawElement]:
     return by_name
 
 
-def _body(document: Document, link: RawElement, name: str) -> RigidBody:
+def _body(document: Document, link: XmlElement, name: str) -> RigidBody:
     bare = RigidBody(name=name, parent=None)
     inertial = document.child(link, "inertial")
     if inertial is None:
@@ -183,7 +183,7 @@ def _body(document: Document, link: RawElement, name: str) -> RigidBody:
 
 
 def _tensor(
-    document: Document, inertial: RawElement, inertia: RawElement | None, mass: float, what: str
+    document: Document, inertial: XmlElement, inertia: XmlElement | None, mass: float, what: str
 ) -> tuple[float, float, float, float, float, float]:
     """Return the tensor about the center of mass, in the axes of `<inertial>`; products default to
     0.
@@ -203,7 +203,7 @@ def _tensor(
     return xx, yy, zz, xy, xz, yz
 
 
-def _place(document: Document, element: RawElement, what: str) -> tuple[Triple, Triple]:
+def _place(document: Document, element: XmlElement, what: str) -> tuple[Triple, Triple]:
     """Return origin and rpy."""
     origin = document.child(element, "origin")
     if origin is None:
@@ -213,7 +213,7 @@ def _place(document: Document, element: RawElement, what: str) -> tuple[Triple, 
     return (x, y, z), (roll, pitch, yaw)
 
 
-def _end(document: Document, joint: RawElement, tag: str, what: str) -> str:
+def _end(document: Document, joint: XmlElement, tag: str, what: str) -> str:
     element = document.child(joint, tag)
     link = "" if element is None else element.attributes.get("link", "")
     if not link:
@@ -221,7 +221,7 @@ def _end(document: Document, joint: RawElement, tag: str, what: str) -> str:
     return link
 
 
-def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -> Triple:
+def _axis(document: Document, joint: XmlElement, kind: Kind | None, what: str) -> Triple:
     """Return the axis; x by default, and for joints without an axis."""
     default = (1.0, 0.0, 0.0)
     element = document.child(joint, "axis")
@@ -238,7 +238,7 @@ def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -
     return x, y, z
 
 
-def _bounds(document: Document, joint: RawElement, kind: str) -> tuple[float, float]:
+def _bounds(document: Document, joint: XmlElement, kind: str) -> tuple[float, float]:
     """Return position bounds; infinite if lower is above upper, or they can't be read.
 
     If only one bound is stated, the other is 0, as the format defines; without both, engines apply
@@ -254,7 +254,7 @@ def _bounds(document: Document, joint: RawElement, kind: str) -> tuple[float, fl
     return lower[0], upper[0]
 
 
-def _text(document: Document, element: RawElement | None, joint: str) -> float:
+def _text(document: Document, element: XmlElement | None, joint: str) -> float:
     """Return the number of a spring; 0 without an element."""
     if element is None:
         return 0.0

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.attach import add_loop_problems, attach_child
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
-from physics_crosscheck.harness.modelfiles.quote import quote
 from physics_crosscheck.harness.modelfiles.urdf.parts import UrdfJoint, UrdfLink
 
 IMPLICIT = "world"
@@ -48,7 +48,7 @@ def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) 
     return roots[0] if roots else None
 
 
-def _child_of(joint: RawElement) -> str:
+def _child_of(joint: XmlElement) -> str:
     return next(
         (one.attributes.get("link", "") for one in joint.children if one.tag == "child"), ""
     )

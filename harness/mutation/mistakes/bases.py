@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.mutation.mistakes.context import Subject
 from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
 
@@ -37,7 +37,7 @@ def bases(subject: Subject) -> Iterator[Mistake]:
         yield Mistake("plane of motion turned", where, edit, audit_words="turned")
 
 
-def _hung(subject: Subject) -> tuple[RawElement, str] | None:
+def _hung(subject: Subject) -> tuple[XmlElement, str] | None:
     """Return the element that places the first moving body on the ground, and the joint's name."""
     for name, joint in subject.joints():
         body = joint.parent

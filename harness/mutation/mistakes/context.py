@@ -9,12 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Engine, Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import Binding
-from physics_crosscheck.harness.modelfiles.locations import LocationError, find, numbers
+from physics_crosscheck.harness.modelfiles.locations import find, numbers
 from physics_crosscheck.harness.modelfiles.locations.attributes import elements
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -48,7 +49,7 @@ class Subject:
         return engines()[self.task.engine]
 
     @cached_property
-    def elements(self) -> tuple[RawElement, ...]:
+    def elements(self) -> tuple[XmlElement, ...]:
         """Elements of an XML file; empty for other formats."""
         return elements(self.task.declared.model) if self.suffix in XML else ()
 
@@ -68,7 +69,7 @@ class Subject:
         """Addresses of the literals that are bound to constants."""
         return frozenset(b.address for b in self.found)
 
-    def joints(self) -> Iterator[tuple[str, RawElement]]:
+    def joints(self) -> Iterator[tuple[str, XmlElement]]:
         """Yield the moving joints with their names and elements."""
         for element in self.elements:
             name = element.attributes.get("name")

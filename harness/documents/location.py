@@ -4,20 +4,11 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.protocol import FileError
-from physics_crosscheck.harness.modelfiles.quote import quote, truncate
-
-
-class LocationError(FileError, ValueError):
-    """An address that matches no number or several; the message names file, line and remedy."""
-
-
-class RefusedFileError(LocationError):
-    """A file that is refused, though an engine might read it: a DTD, or too many elements."""
+from physics_crosscheck.harness.documents.errors import LocationError, quote, truncate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,3 +92,23 @@ def nearest(wanted: str, candidates: Iterable[str]) -> str:
     alike = difflib.get_close_matches(wanted, names, n=6, cutoff=0.0) if wanted else names[:6]
     more = len(names) - len(alike)
     return ", ".join(map(truncate, alike)) + (f" and {more} more" if more else "")
+
+
+def apply_edits(data: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes:
+    """Return a file's bytes with ranges (start, end) replaced; of overlapping ranges, the first."""
+    pieces, done = list[bytes](), 0
+    for start, end, new in sorted(changes):
+        if start >= done:
+            pieces += (data[done:start], new)
+            done = end
+    return b"".join((*pieces, data[done:]))
+
+
+def replace_numbers(
+    texts: Mapping[Path, bytes], words: Iterable[tuple[Location, str]]
+) -> dict[Path, bytes]:
+    """Return files' bytes with numbers replaced by other words."""
+    changes: dict[Path, list[tuple[int, int, bytes]]] = {}
+    for place, word in words:
+        changes.setdefault(place.file, []).append((place.start, place.end, word.encode()))
+    return {file: apply_edits(data, changes.get(file, ())) for file, data in texts.items()}

@@ -1,0 +1,1 @@
+"""Files as text, XML elements and numbers, each with its bytes and its line."""

@@ -1,0 +1,338 @@
+"""XML files as elements with their bytes, read as tolerantly as engines read them.
+
+MuJoCo 4.0.0 and PyBullet 3.2.7, whose parsers are of one family (TinyXML-2), accept blank lines
+before the declaration, a byte order mark, Latin-1 (whatever is declared), two hyphens in a comment,
+and a zero byte at the end.
+
+A copy of an element can be changed; its text is then that of the file with these changes: all other
+bytes stay.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
+
+from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
+from physics_crosscheck.harness.documents.location import SourceFile, Span, apply_edits
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+
+_HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
+_ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
+_OPAQUE = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""First bytes of UTF-16 text, which no engine reads."""
+
+
+_IDENTITIES = ("name", "reference", "joint", "class")
+ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+TAG = re.compile(rb"<[^\s/>]+")
+_ELEMENT = re.compile(rb"<[A-Za-z_]")
+
+MAX_XML_DEPTH = 300
+"""The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""
+_DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
+_HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
+NO_ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(eq=False)
+class XmlElement:
+    """An element of a file, or one that an edit adds to a copy.
+
+    Attributes:
+        start, end: its first byte, and that of its end tag, or the one after an empty element.
+        text: all text of it, without that of its children.
+        source: the file; None for an added element.
+        original: the file's element that this one is a copy of, or None.
+    """
+
+    tag: str
+    attributes: dict[str, str] = field(default_factory=dict)
+    start: int = 0
+    parent: XmlElement | None = None
+    children: list[XmlElement] = field(default_factory=list)
+    text: str = ""
+    end: int = 0
+    source: SourceFile | None = None
+    original: XmlElement | None = None
+
+    def __iter__(self) -> Iterator[XmlElement]:
+        """Yield its children."""
+        return iter(self.children)
+
+    @property
+    def place(self) -> tuple[Path | None, int | None]:
+        """Its file and line; None for an added element."""
+        if self.source is None:
+            return None, None
+        return self.source.file, self.source.line(self.start)
+
+    def get(self, key: str, default: str = "") -> str:
+        """Return an attribute, or the default."""
+        return self.attributes.get(key, default)
+
+    def iter(self, tag: str | None = None) -> Iterator[XmlElement]:
+        """Yield it and everything within it, in the file's order, or only elements of a tag."""
+        if tag in (None, self.tag):
+            yield self
+        for child in self.children:
+            yield from child.iter(tag)
+
+    def findall(self, path: str) -> list[XmlElement]:
+        """Return elements by their tags, as in `inertial/mass`; `*` stands for any tag."""
+        level = [self]
+        for tag in path.split("/"):
+            level = [child for one in level for child in one.children if tag in ("*", child.tag)]
+        return level
+
+    def find(self, path: str) -> XmlElement | None:
+        """Return the first element of a path of tags, or None."""
+        return next(iter(self.findall(path)), None)
+
+    def findtext(self, path: str) -> str:
+        """Return the text of the first element of a path of tags; empty without one."""
+        element = self.find(path)
+        return "" if element is None else element.text
+
+    def add(
+        self, tag: str, attributes: Mapping[str, str] = NO_ATTRIBUTES, text: str = ""
+    ) -> XmlElement:
+        """Add a child at the end, and return it."""
+        return self.insert(len(self.children), XmlElement(tag, dict(attributes), text=text))
+
+    def insert(self, index: int, child: XmlElement) -> XmlElement:
+        """Insert a child before another one."""
+        child.parent = self
+        self.children.insert(index, child)
+        return child
+
+    def remove(self, child: XmlElement) -> None:
+        """Remove a child."""
+        self.children.remove(child)
+
+    def copy(self) -> XmlElement:
+        """Return a copy that can be changed, without a parent."""
+        copied = XmlElement(
+            self.tag,
+            dict(self.attributes),
+            self.start,
+            text=self.text,
+            end=self.end,
+            source=self.source,
+            original=self.original or (None if self.source is None else self),
+        )
+        for child in self.children:
+            copied.insert(len(copied.children), child.copy())
+        return copied
+
+    def written(self) -> bytes:
+        """Return it as XML: the file's bytes with the changes of this copy."""
+        element = self.original
+        if element is None or element.source is None:
+            attributes = "".join(f" {key}={quoteattr(one)}" for key, one in self.attributes.items())
+            inner = escape(self.text).encode() + b"".join(one.written() for one in self.children)
+            return f"<{self.tag}{attributes}>".encode() + inner + f"</{self.tag}>".encode()
+        data, edits = element.source.data, sorted(self._edits(element, element.source))
+        first, last = element.start, _stop(element, element.source)
+        return apply_edits(data[first:last], ((a - first, b - first, new) for a, b, new in edits))
+
+    def _edits(self, element: XmlElement, source: SourceFile) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the changes of a file's element: ranges of bytes, and their replacements."""
+        spans, inner = attribute_spans(element, source)
+        for key, (outer, _) in spans.items():
+            given = self.attributes.get(key)
+            if given != element.attributes[key]:
+                yield *outer, b"" if given is None else f" {key}={quoteattr(given)}".encode()
+        added = "".join(
+            f" {key}={quoteattr(one)}" for key, one in self.attributes.items() if key not in spans
+        ).encode()
+        here, kept = set(map(id, element.children)), {id(one.original): one for one in self}
+        new = b"".join(one.written() for one in self if id(one.original) not in here)
+        for child in element:
+            if id(child) in kept:
+                yield from kept[id(child)]._edits(child, source)
+            else:
+                yield child.start, _stop(child, source), b""
+        if new and source.data[inner : inner + 2] == b"/>":
+            yield inner, inner + 2, added + b">" + new + f"</{self.tag}>".encode()
+            return
+        yield inner, inner, added
+        yield element.end, element.end, new
+
+    @property
+    def identity(self) -> str | None:
+        """The attribute that distinguishes it: its name, or its reference."""
+        return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
+
+    @property
+    def depth(self) -> int:
+        """The number of steps from the root, including the root's own."""
+        return 1 if self.parent is None else 1 + self.parent.depth
+
+    def spelled(self, steps: int) -> str:
+        """Return an address of it with this many steps."""
+        step = self.tag if self.identity is None else f"{self.tag}[{self.identity}]"
+        if steps == 1 or self.parent is None:
+            return step
+        return f"{self.parent.spelled(steps - 1)}/{step}"
+
+
+def attribute_spans(
+    element: XmlElement, source: SourceFile
+) -> tuple[dict[str, tuple[Span, Span]], int]:
+    """Return the bytes of each attribute and of its value, and the end of the tag, `>` or `/>`."""
+    tag = TAG.match(source.data, element.start)
+    assert tag is not None  # the parser has found an element here
+    spans, position = dict[str, tuple[Span, Span]](), tag.end()
+    while match := ATTRIBUTE.match(source.data, position):
+        inner = match.span(2 if match[2] is not None else 3)
+        spans[match[1].decode("utf-8")] = match.span(), inner
+        position = match.end()
+    while source.data[position : position + 1].isspace():
+        position += 1
+    return spans, position
+
+
+def _stop(element: XmlElement, source: SourceFile) -> int:
+    """Return the byte after an element."""
+    position = attribute_spans(element, source)[1]
+    if source.data[position : position + 2] == b"/>":
+        return position + 2
+    return source.data.index(b">", element.end) + 1
+
+
+def attribute_span(element: XmlElement, attribute: str, source: SourceFile) -> Span:
+    """Return the span of an attribute's value."""
+    return attribute_spans(element, source)[0][attribute][1]
+
+
+def check_harmless(source: SourceFile) -> None:
+    """Refuse XML that could harm a reader, well-formed or not.
+
+    Raises:
+        RefusedFileError: for a DTD, or elements nested too deeply; with its line.
+    """
+    bare = _HIDDEN.sub(lambda hidden: b" " * len(hidden[0]), source.data)
+    if declaration := _DECLARATION.search(bare):
+        raise _declares(source, source.line(declaration.start()))
+    if bare.count(b"<") > MAX_XML_DEPTH:
+        try:
+            read_elements(source)
+        except RefusedFileError:
+            raise
+        except LocationError:
+            return  # the engine's parser reports the error
+
+
+def _declares(source: SourceFile, line: int) -> RefusedFileError:
+    return RefusedFileError("refused: it declares entities or a DTD", file=source.file, line=line)
+
+
+def read_elements(source: SourceFile) -> list[XmlElement]:
+    """Return every element of a file, in order, with entity expansion off."""
+    parser = expat.ParserCreate()
+    elements: list[XmlElement] = []
+    open_: list[XmlElement] = []
+
+    def declare(_version: str, encoding: str | None, _standalone: int) -> None:
+        if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
+            raise LocationError(
+                f"its encoding is {encoding}; save the file as UTF-8", file=source.file, line=1
+            )
+
+    def refuse(*_: object) -> None:
+        raise _declares(source, parser.CurrentLineNumber)
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_) == MAX_XML_DEPTH:
+            problem = f"refused: more than {MAX_XML_DEPTH} nested elements"
+            raise RefusedFileError(problem, file=source.file, line=parser.CurrentLineNumber)
+        parent = open_[-1] if open_ else None
+        element = XmlElement(tag, attributes, parser.CurrentByteIndex, parent, source=source)
+        if parent is not None:
+            parent.children.append(element)
+        elements.append(element)
+        open_.append(element)
+
+    def read(text: str) -> None:
+        open_[-1].text += text
+
+    def finish(_tag: str) -> None:
+        open_.pop().end = parser.CurrentByteIndex
+
+    parser.XmlDeclHandler = declare
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.StartElementHandler = begin
+    parser.CharacterDataHandler = read
+    parser.EndElementHandler = finish
+    try:
+        parser.Parse(source.data, True)
+    except expat.ExpatError as error:
+        line, problem = _problem(source.data, error)
+        raise LocationError(problem, file=source.file, line=line) from None
+    return elements
+
+
+def xml_problem(file: Path, *, strict: bool) -> str:
+    """Return why a file is not XML, with its line, using a parser that keeps nothing.
+
+    Args:
+        file: a model file; a file that can't be read is reported elsewhere.
+        strict: whether only well-formed XML is accepted. Otherwise an engine's own parser decides,
+            unless the file has no element at all, or is binary.
+
+    Returns:
+        A sentence that begins with the file; empty if it may be XML.
+    """
+    try:
+        data = repaired_xml(read_regular(file, MAX_MODEL_BYTES))
+        expat.ParserCreate().Parse(data, True)
+    except expat.ExpatError as error:
+        if strict or b"\0" in data or not _ELEMENT.search(data):
+            line, problem = _problem(data, error)
+            return f"{file}:{line}: {problem}"
+    except OSError:
+        pass
+    return ""
+
+
+def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
+    """Return the line of a parse error, and the problem: the column and the reason."""
+    if not data.strip():
+        return 1, "not XML: the file is empty"
+    if b"\0" in data:
+        return error.lineno, f"not XML at column {error.offset + 1}: the file is binary"
+    return error.lineno, f"not XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
+
+
+def repaired_xml(data: bytes) -> bytes:
+    """Return the file as UTF-8, with the content on its original lines."""
+    plain = _decoded(data).encode("utf-8").rstrip(b"\0 \t\r\n") + b"\n"
+    if head := _HEAD.match(plain):
+        plain = _blank(head[0]) + plain[head.end() :]
+    return _OPAQUE.sub(lambda m: m[0] if m[0].startswith(b"<![") else _blank(m[0]), plain)
+
+
+def _decoded(data: bytes) -> str:
+    """Return the text; undecodable bytes become distinct characters, so that names differ."""
+    if data.startswith(UTF_16):
+        return data.decode("utf-16", errors="replace")
+    head = _HEAD.match(data)
+    declared = _ENCODING.search(head[0]) if head else None
+    for encoding in ("utf-8-sig", declared[1].decode("ascii") if declared else "utf-8"):
+        try:
+            return data.decode(encoding)
+        except (UnicodeError, LookupError):
+            continue
+    return data.decode("latin-1")
+
+
+def _blank(text: bytes) -> bytes:
+    return re.sub(rb"[^\r\n]", b" ", text)
