@@ -1,8 +1,7 @@
 """XML files as elements with their bytes, read as tolerantly as engines read them.
 
-MuJoCo 4.0.0 and PyBullet 3.2.7, whose parsers are of one family (TinyXML-2), accept blank lines
-before the declaration, a byte order mark, Latin-1 (whatever is declared), two hyphens in a comment,
-and a zero byte at the end.
+Engines' parsers, of the TinyXML-2 family, accept blank lines before the declaration, a byte order
+mark, Latin-1 (whatever is declared), two hyphens in a comment, and a zero byte at the end.
 
 A copy of an element can be changed; its text is then that of the file with these changes: all other
 bytes stay.
@@ -24,7 +23,6 @@ from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_r
 
 _HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
-_OPAQUE = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 """First bytes of UTF-16 text, which no engine reads."""
 
@@ -77,6 +75,10 @@ class XmlElement:
         """Return an attribute, or the default."""
         return self.attributes.get(key, default)
 
+    def set(self, key: str, value: str) -> None:
+        """Set an attribute."""
+        self.attributes[key] = value
+
     def iter(self, tag: str | None = None) -> Iterator[XmlElement]:
         """Yield it and everything within it, in the file's order, or only elements of a tag."""
         if tag in (None, self.tag):
@@ -104,10 +106,14 @@ class XmlElement:
         self, tag: str, attributes: Mapping[str, str] = NO_ATTRIBUTES, text: str = ""
     ) -> XmlElement:
         """Add a child at the end, and return it."""
-        return self.insert(len(self.children), XmlElement(tag, dict(attributes), text=text))
+        return self.append(XmlElement(tag, dict(attributes), text=text))
+
+    def append(self, child: XmlElement) -> XmlElement:
+        """Append a child, and return it."""
+        return self.insert(len(self.children), child)
 
     def insert(self, index: int, child: XmlElement) -> XmlElement:
-        """Insert a child before another one."""
+        """Insert a child before another one, and return it."""
         child.parent = self
         self.children.insert(index, child)
         return child
@@ -128,7 +134,7 @@ class XmlElement:
             original=self.original or (None if self.source is None else self),
         )
         for child in self.children:
-            copied.insert(len(copied.children), child.copy())
+            copied.append(child.copy())
         return copied
 
     def written(self) -> bytes:
@@ -317,7 +323,7 @@ def repaired_xml(data: bytes) -> bytes:
     plain = _decoded(data).encode("utf-8").rstrip(b"\0 \t\r\n") + b"\n"
     if head := _HEAD.match(plain):
         plain = _blank(head[0]) + plain[head.end() :]
-    return _OPAQUE.sub(lambda m: m[0] if m[0].startswith(b"<![") else _blank(m[0]), plain)
+    return _HIDDEN.sub(lambda m: m[0] if m[0].startswith(b"<![") else _blank(m[0]), plain)
 
 
 def _decoded(data: bytes) -> str:

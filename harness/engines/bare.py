@@ -8,8 +8,9 @@ world, and a floating root needs a mass, so the root is left unchanged.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+
+from physics_crosscheck.harness.documents.elements import XmlElement
 
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
@@ -18,7 +19,7 @@ _NAMED = 6
 """The most links that a sentence names."""
 
 
-def bare_links(robot: ET.Element) -> list[str]:
+def bare_links(robot: XmlElement) -> list[str]:
     """Return the names of links that have a parent and no `<inertial>`."""
     carried = {child.get("link") for child in robot.findall("joint/child")}
     links = {link.get("name", ""): link for link in robot.findall("link")}
@@ -27,15 +28,15 @@ def bare_links(robot: ET.Element) -> list[str]:
     ]
 
 
-def zero_missing_inertials(robot: ET.Element) -> None:
+def zero_missing_inertials(robot: XmlElement) -> None:
     """Give these links an explicit mass and moments of inertia of zero."""
     bare = set(bare_links(robot))
     for link in robot.findall("link"):
         if link.get("name", "") in bare:
-            inertial = ET.SubElement(link, "inertial")
-            ET.SubElement(inertial, "mass", value="0")
+            inertial = link.add("inertial")
+            inertial.add("mass", {"value": "0"})
             moments = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0")
-            ET.SubElement(inertial, "inertia", moments)
+            inertial.add("inertia", moments)
 
 
 def bare_cause(names: Sequence[str], title: str) -> str:

@@ -10,9 +10,9 @@ earlier ones, so they are written into each element.
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, has_shape_inertia
@@ -44,7 +44,7 @@ def copy_mjcf(
     touches: bool,
     resolved: bool,
     refs: bool = True,
-) -> ET.Element:
+) -> XmlElement:
     """Return the copy.
 
     Args:
@@ -55,18 +55,18 @@ def copy_mjcf(
         refs: whether joints keep their positions in the drawn configuration.
     """
     source = declared.source
-    root = ET.Element("mujoco", model=source.root.get("model", "") or "model")
+    root = XmlElement("mujoco", {"model": source.root.get("model") or "model"})
     gone = {*(() if limits else ("autolimits", *LIMITS)), *(() if touches else TOUCHES)}
     gone |= {"damping"} if source.disabled("damper") else set()
     gone |= {"childclass"} if resolved else set()
     gone |= set() if refs else {"ref"}
     compilers = source.root.findall("compiler")
     if compilers:
-        whole = {key: value for element in compilers for key, value in element.attrib.items()}
-        _shallow(root, ET.Element("compiler", whole), gone)
+        whole = {key: value for element in compilers for key, value in element.attributes.items()}
+        _shallow(root, XmlElement("compiler", whole), gone)
     for element in () if resolved else source.root.findall("default"):
         _default(root, element, gone)
-    world = ET.SubElement(root, "worldbody")
+    world = root.add("worldbody")
     joints = {joint.element: joint for joint in declared.joints}
     defaults = declared.defaults if resolved else None
     copy = _Copy(declared, joints, gone, defaults)
@@ -76,12 +76,12 @@ def copy_mjcf(
     return root
 
 
-def without_pose(root: ET.Element) -> ET.Element:
+def without_pose(root: XmlElement) -> XmlElement:
     """Place floating bodies at the origin, from which their coordinates count."""
     for body in root.iter("body"):
         if body.find("freejoint") is not None:
             for key in POSE:
-                body.attrib.pop(key, None)
+                body.attributes.pop(key, None)
     return root
 
 
@@ -91,7 +91,7 @@ class _Copy:
     def __init__(
         self,
         declared: DeclaredMjcf,
-        joints: Mapping[ET.Element, MjcfJoint],
+        joints: Mapping[XmlElement, MjcfJoint],
         gone: set[str],
         defaults: Defaults | None,
     ) -> None:
@@ -101,7 +101,7 @@ class _Copy:
         root = declared.root
         self._aligned = root.body if root and is_aligned(self._source, root) else None
 
-    def body(self, parent: ET.Element, body: ET.Element, inherited: str) -> None:
+    def body(self, parent: XmlElement, body: XmlElement, inherited: str) -> None:
         """Copy a body and its children, under a `childclass`."""
         inherited = body.get("childclass", inherited)
         copy = _shallow(parent, body, self._gone)
@@ -122,37 +122,37 @@ class _Copy:
             elif child.tag == "body":
                 self.body(copy, child, inherited)
 
-    def _element(self, body: ET.Element, child: ET.Element, inherited: str) -> ET.Element:
+    def _element(self, body: XmlElement, child: XmlElement, inherited: str) -> XmlElement:
         if self._defaults is None or child.tag == "inertial":
             return _shallow(body, child, self._gone)
-        whole = ET.Element(child.tag, dict(self._defaults.attributes(child, inherited)))
+        whole = XmlElement(child.tag, dict(self._defaults.attributes(child, inherited)))
         return _shallow(body, whole, self._gone | {"class"})
 
     def _joint(
-        self, body: ET.Element, element: ET.Element, joint: MjcfJoint, inherited: str
+        self, body: XmlElement, element: XmlElement, joint: MjcfJoint, inherited: str
     ) -> None:
         if joint.kind == FREE:
-            ET.SubElement(body, "freejoint", name=joint.name)
+            body.add("freejoint", {"name": joint.name})
             return
         copy = self._element(body, element, inherited)
         copy.set("name", joint.name)
         # A range with lower above upper is not a limit.
         if "limited" not in self._gone and math.isinf(joint.limits[0]):
-            copy.attrib.pop("range", None)
+            copy.attributes.pop("range", None)
             copy.set("limited", "false")
 
 
-def _state_inertia(body: ET.Element, compiled: CompiledBody) -> None:
+def _state_inertia(body: XmlElement, compiled: CompiledBody) -> None:
     """Write the inertia that another engine has compiled."""
     if compiled.mass:
-        inertial = ET.SubElement(body, "inertial", mass=repr(compiled.mass))
+        inertial = body.add("inertial", {"mass": repr(compiled.mass)})
         inertial.set("diaginertia", _words(compiled.moments))
         _place(inertial, compiled.centre, compiled.principal)
 
 
-def _place(element: ET.Element, position: Numbers, turn: Numbers) -> None:
+def _place(element: XmlElement, position: Numbers, turn: Numbers) -> None:
     for key in POSE:
-        element.attrib.pop(key, None)
+        element.attributes.pop(key, None)
     element.set("pos", _words(position))
     element.set("quat", _words(turn))
 
@@ -161,13 +161,13 @@ def _words(numbers: Numbers) -> str:
     return " ".join(map(repr, numbers))
 
 
-def _weightless(element: ET.Element) -> bool:
+def _weightless(element: XmlElement) -> bool:
     """Return whether the element is an `<inertial>` without mass, which parsers refuse."""
     return element.tag == "inertial" and not any(finite_numbers(element.get("mass", "")) or [1.0])
 
 
-def _default(parent: ET.Element, default: ET.Element, gone: set[str]) -> None:
-    copy = ET.SubElement(parent, "default", default.attrib)
+def _default(parent: XmlElement, default: XmlElement, gone: set[str]) -> None:
+    copy = parent.add("default", default.attributes)
     for child in default:
         if child.tag == "default":
             _default(copy, child, gone)
@@ -175,10 +175,11 @@ def _default(parent: ET.Element, default: ET.Element, gone: set[str]) -> None:
             _shallow(copy, child, gone)
 
 
-def _shallow(parent: ET.Element, element: ET.Element, gone: set[str]) -> ET.Element:
+def _shallow(parent: XmlElement, element: XmlElement, gone: set[str]) -> XmlElement:
     """Copy the element without its children, with the attributes that matter here."""
-    kept = {k: v for k, v in element.attrib.items() if k in _KEPT[element.tag] and k not in gone}
+    wanted = set(_KEPT[element.tag]) - gone
+    kept = {key: text for key, text in element.attributes.items() if key in wanted}
     for key in ("damping", "armature"):
         if key in kept:
             kept[key] = kept[key].split()[0]  # zeros follow
-    return ET.SubElement(parent, element.tag, kept)
+    return parent.add(element.tag, kept)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.compiled import CompiledBody
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, numbers_of
 from physics_crosscheck.harness.engines.mjcf_inertias import (
@@ -54,7 +54,7 @@ class DeclaredMjcf:
     tendons: tuple[Spring, ...]
     actuators: tuple[HeldActuator, ...]
     mimics: tuple[Mimic, ...]
-    inertias: Mapping[ET.Element, CompiledBody]
+    inertias: Mapping[XmlElement, CompiledBody]
     lifts: tuple[GravityCompensation, ...]
 
     @property
@@ -163,7 +163,7 @@ def _mimics(
     yield from mimics.values()
 
 
-def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], equality: ET.Element) -> Mimic:
+def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], equality: XmlElement) -> Mimic:
     ends = [joints.get(equality.get(key, "")) for key in ("joint1", "joint2")]
     if equality.tag != "joint":
         raise source.unsupported(equality, f"an equality <{equality.tag}> is not added here")
@@ -171,7 +171,7 @@ def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], equality: ET.Ele
     if len(pair) != 2:
         raise source.unsupported(equality, "an equality of other than two slides or hinges")
     offset, slope, *higher = (
-        *numbers_of(source, equality, equality.attrib, "polycoef", "0 1"),
+        *numbers_of(source, equality, equality.attributes, "polycoef", "0 1"),
         0.0,
         0.0,
     )

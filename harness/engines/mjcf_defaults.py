@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 from physics_crosscheck.harness.engines.source import finite_numbers
 
@@ -34,16 +34,16 @@ class Defaults:
             self._main = top.get("class", MAIN)
             self._read(top, self._classes.get(self._main, {}), self._main)
 
-    def _read(self, default: ET.Element, above: Mapping[str, Attributes], name: str) -> None:
+    def _read(self, default: XmlElement, above: Mapping[str, Attributes], name: str) -> None:
         merged = dict(above)
         for element in default:
             if element.tag != "default":
-                merged[element.tag] = {**merged.get(element.tag, {}), **element.attrib}
+                merged[element.tag] = {**merged.get(element.tag, {}), **element.attributes}
         self._classes[name] = merged
         for nested in default.findall("default"):
             self._read(nested, merged, nested.get("class", ""))
 
-    def attributes(self, element: ET.Element, inherited: str = "", tag: str = "") -> Attributes:
+    def attributes(self, element: XmlElement, inherited: str = "", tag: str = "") -> Attributes:
         """Return the attributes of an element.
 
         Args:
@@ -57,9 +57,9 @@ class Defaults:
         name = element.get("class") or inherited or self._main
         if name not in self._classes:
             raise self._source.refused(element, f"its class {name!r} is not among the defaults")
-        return {**self._classes[name].get(tag or element.tag, {}), **element.attrib}
+        return {**self._classes[name].get(tag or element.tag, {}), **element.attributes}
 
-    def mixed(self, element: ET.Element, tags: tuple[str, ...]) -> bool:
+    def mixed(self, element: XmlElement, tags: tuple[str, ...]) -> bool:
         """Return whether the defaults of its class also state something for other tags."""
         name = element.get("class") or self._main
         defaults = self._classes.get(name, {})
@@ -67,33 +67,33 @@ class Defaults:
         return bool(others - BOUNDS)
 
 
-def bodies_of(source: MjcfSource) -> Iterator[tuple[ET.Element, str]]:
+def bodies_of(source: MjcfSource) -> Iterator[tuple[XmlElement, str]]:
     """Yield bodies, parents first, each with the `childclass` of its content."""
     for world in source.root.findall("worldbody"):
         yield from _below(world, world.get("childclass", ""))
 
 
-def body_names(source: MjcfSource) -> dict[ET.Element, str]:
+def body_names(source: MjcfSource) -> dict[XmlElement, str]:
     """Return each body's name in a copy: its own, or one by its index."""
     bodies = (body for body, _ in bodies_of(source))
     return {body: body.get("name") or f"body_{i}" for i, body in enumerate(bodies)}
 
 
-def _below(parent: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, str]]:
+def _below(parent: XmlElement, inherited: str) -> Iterator[tuple[XmlElement, str]]:
     for body in parent.findall("body"):
         childclass = body.get("childclass", inherited)
         yield body, childclass
         yield from _below(body, childclass)
 
 
-def has_shape_inertia(source: MjcfSource, body: ET.Element) -> bool:
+def has_shape_inertia(source: MjcfSource, body: XmlElement) -> bool:
     """Return whether a body's inertia follows from its geoms."""
     mode = source.stated("compiler", "inertiafromgeom", "auto")
     return mode == "true" or (mode == "auto" and body.find("inertial") is None)
 
 
 def numbers_of(
-    source: MjcfSource, element: ET.Element, attributes: Attributes, key: str, otherwise: str
+    source: MjcfSource, element: XmlElement, attributes: Attributes, key: str, otherwise: str
 ) -> list[float]:
     """Return the numbers of an attribute.
 
@@ -108,7 +108,7 @@ def numbers_of(
 
 
 def number_of(
-    source: MjcfSource, element: ET.Element, attributes: Attributes, key: str, otherwise: str = "0"
+    source: MjcfSource, element: XmlElement, attributes: Attributes, key: str, otherwise: str = "0"
 ) -> float:
     """Return the number of an attribute; zeros may follow.
 

@@ -220,7 +220,7 @@ class MjcfModel(TreeModel):
         yield from (Remark(message=f"{self.title}: {joint}") for joint in self.reservations)
         yield from (Remark(message=f"{self.title}: {joint}") for joint in self._merged_elements())
         for element, what in unread(self.declared.source):
-            file, line = self.declared.source.places[element]
+            file, line = element.place
             yield Remark(kind="ignored", message=f"{file}:{line}: {self.title} ignores {what}")
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"

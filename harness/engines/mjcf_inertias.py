@@ -4,10 +4,10 @@ compensation.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,
@@ -32,7 +32,7 @@ GEOMS_ALONE = ("frame", "replicate")
 CHANGING = {"settotalmass": -1.0, "boundmass": 0.0, "boundinertia": 0.0}
 """Attributes of `<compiler>` that change all masses if positive, and their defaults."""
 
-Reason = tuple[ET.Element, str]
+Reason = tuple[XmlElement, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,14 +45,14 @@ class GravityCompensation:
         mass: whose weight is cancelled, kg.
     """
 
-    body: ET.Element
+    body: XmlElement
     centre: Numbers
     mass: float
 
 
 def left_to_compiler(
     source: MjcfSource, defaults: Defaults, joints: Sequence[MjcfJoint], no_fromto: Collection[str]
-) -> dict[ET.Element, Reason]:
+) -> dict[XmlElement, Reason]:
     """Return the bodies whose inertia a parser can't compute, each with the reason.
 
     Args:
@@ -74,8 +74,8 @@ def left_to_compiler(
 
 
 def compiled_bodies(
-    source: MjcfSource, needed: Mapping[ET.Element, Reason], compiler: Engine | None, title: str
-) -> dict[ET.Element, CompiledBody]:
+    source: MjcfSource, needed: Mapping[XmlElement, Reason], compiler: Engine | None, title: str
+) -> dict[XmlElement, CompiledBody]:
     """Return these bodies as an engine compiles them.
 
     Args:
@@ -115,7 +115,7 @@ def is_aligned(source: MjcfSource, joint: MjcfJoint) -> bool:
 
 
 def lifts_of(
-    source: MjcfSource, compiled: Mapping[ET.Element, CompiledBody]
+    source: MjcfSource, compiled: Mapping[XmlElement, CompiledBody]
 ) -> Iterator[GravityCompensation]:
     """Yield the gravity compensation of each body.
 
@@ -126,7 +126,10 @@ def lifts_of(
     if source.disabled("spring") and source.disabled("damper"):
         return
     for body, _ in bodies_of(source):
-        share, inertial = number_of(source, body, body.attrib, "gravcomp"), body.find("inertial")
+        share, inertial = (
+            number_of(source, body, body.attributes, "gravcomp"),
+            body.find("inertial"),
+        )
         if not share:
             continue
         if body in compiled:
@@ -134,8 +137,8 @@ def lifts_of(
                 body=body, centre=compiled[body].centre, mass=share * compiled[body].mass
             )
         elif inertial is not None:
-            mass = number_of(source, inertial, inertial.attrib, "mass")
-            centre = numbers_of(source, inertial, inertial.attrib, "pos", "0 0 0")
+            mass = number_of(source, inertial, inertial.attributes, "mass")
+            centre = numbers_of(source, inertial, inertial.attributes, "pos", "0 0 0")
             yield GravityCompensation(body=body, centre=tuple(centre), mass=share * mass)
 
 
@@ -143,7 +146,10 @@ def _mass_changing(source: MjcfSource) -> Iterator[Reason]:
     """Yield compiler attributes that change all masses."""
     for key, off in CHANGING.items():
         element = source.stating("compiler", key)
-        if element is not None and number_of(source, element, element.attrib, key, str(off)) > 0:
+        if (
+            element is not None
+            and number_of(source, element, element.attributes, key, str(off)) > 0
+        ):
             yield element, f"{key} that changes masses"
     element = source.stating("compiler", "balanceinertia")
     if element is not None and element.get("balanceinertia") == "true":
@@ -154,24 +160,24 @@ def _mass_changing(source: MjcfSource) -> Iterator[Reason]:
 
 
 def _body_reasons(
-    source: MjcfSource, defaults: Defaults, row: tuple[ET.Element, str], no_fromto: Collection[str]
+    source: MjcfSource, defaults: Defaults, row: tuple[XmlElement, str], no_fromto: Collection[str]
 ) -> Iterator[Reason]:
     body, inherited = row
     if not has_shape_inertia(source, body):
         return
     for child in body:
-        if child.tag in GEOMS_ALONE and child.find(".//geom") is not None:
+        if child.tag in GEOMS_ALONE and any(True for _ in child.iter("geom")):
             yield child, f"<{child.tag}> with content that has mass"
     for geom in body.findall("geom"):
         attributes = defaults.attributes(geom, inherited)
         if what := _why_not_plain_shape(source, geom, attributes, no_fromto):
             yield geom, f"a mass of {what}"
-    if number_of(source, body, body.attrib, "gravcomp"):
+    if number_of(source, body, body.attributes, "gravcomp"):
         yield body, "gravity compensation of the mass of geoms"
 
 
 def _why_not_plain_shape(
-    source: MjcfSource, geom: ET.Element, attributes: Attributes, no_fromto: Collection[str]
+    source: MjcfSource, geom: XmlElement, attributes: Attributes, no_fromto: Collection[str]
 ) -> str:
     """Return why a parser can't compute a geom's mass; empty for a plain or massless shape."""
     # A shape with a mesh is fitted to that mesh.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,
     Defaults,
@@ -37,8 +37,8 @@ class MjcfJoint:
         friction: dry, N or N m.
     """
 
-    element: ET.Element
-    body: ET.Element
+    element: XmlElement
+    body: XmlElement
     name: str
     kind: str
     ref: float
@@ -75,12 +75,12 @@ def _joint(
     source: MjcfSource,
     defaults: Defaults,
     i: int,
-    element: ET.Element,
-    body: ET.Element,
+    element: XmlElement,
+    body: XmlElement,
     inherited: str,
 ) -> MjcfJoint:
     free = element.tag == "freejoint"
-    attributes = element.attrib if free else defaults.attributes(element, inherited)
+    attributes = element.attributes if free else defaults.attributes(element, inherited)
     kind = FREE if free else attributes.get("type", HINGE)
     turn = 1.0 if kind != HINGE or _radians(source) else math.pi / 180
     if "springdamper" in attributes and any(
@@ -113,7 +113,7 @@ def _radians(source: MjcfSource) -> bool:
 
 
 def _limits(
-    source: MjcfSource, element: ET.Element, attributes: Attributes, turn: float
+    source: MjcfSource, element: XmlElement, attributes: Attributes, turn: float
 ) -> tuple[float, float]:
     """Return infinite limits if lower is above upper or no attribute enables them."""
     automatic = source.stated("compiler", "autolimits", "true") == "true"
@@ -130,7 +130,7 @@ def _limits(
     return (lower, upper) if lower < upper else (-math.inf, math.inf)
 
 
-def rows_of(joints: Collection[MjcfJoint]) -> Iterator[tuple[ET.Element, list[MjcfJoint]]]:
+def rows_of(joints: Collection[MjcfJoint]) -> Iterator[tuple[XmlElement, list[MjcfJoint]]]:
     """Yield bodies with the joints of each."""
     bodies = list(dict.fromkeys(one.body for one in joints))
     for body in bodies:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     MOTORS,
     Attributes,
@@ -85,7 +85,7 @@ class JointForces:
             rest = self._rest(tendon, attributes, shares) if numbers["stiffness"] else 0.0
             yield self._free(shares, numbers["stiffness"], numbers["damping"], rest)
 
-    def shares(self, tendon: ET.Element) -> dict[str, float]:
+    def shares(self, tendon: XmlElement) -> dict[str, float]:
         """Return the coefficients of a fixed tendon's joints, including held ones."""
         coefficients: dict[str, float] = {}
         for element in tendon.findall("joint"):
@@ -94,12 +94,12 @@ class JointForces:
             if name not in self.refs and (moved is None or moved.kind not in (SLIDE, HINGE)):
                 raise self.source.refused(element, f"{name!r} is neither a slide nor a hinge")
             coefficients[name] = coefficients.get(name, 0.0) + number_of(
-                self.source, element, element.attrib, "coef", "nan"
+                self.source, element, element.attributes, "coef", "nan"
             )
         return coefficients
 
     def _rest(
-        self, tendon: ET.Element, attributes: Attributes, shares: Mapping[str, float]
+        self, tendon: XmlElement, attributes: Attributes, shares: Mapping[str, float]
     ) -> float:
         """Return the relaxed length; -1 stands for the length at the joints' rest positions."""
         length = numbers_of(self.source, tendon, attributes, "springlength", "-1")
@@ -141,7 +141,7 @@ class JointForces:
                 damping=-bias[2],
             )
 
-    def _checked_attributes(self, element: ET.Element) -> Attributes:
+    def _checked_attributes(self, element: XmlElement) -> Attributes:
         if element.tag not in MOTORS or self.defaults.mixed(element, MOTORS):
             raise self.source.unsupported(
                 element, f"an actuator <{element.tag}> of these defaults or laws"
@@ -158,7 +158,7 @@ class JointForces:
         return attributes
 
     def _length(
-        self, element: ET.Element, attributes: Attributes
+        self, element: XmlElement, attributes: Attributes
     ) -> tuple[Mapping[str, float], float]:
         """Return the combination of joints that it acts on, and its gear."""
         gear = numbers_of(self.source, element, attributes, "gear", "1")[0]
@@ -176,7 +176,7 @@ class JointForces:
         raise self.source.unsupported(element, "an actuator on no slide, hinge or fixed tendon")
 
     def _law(
-        self, element: ET.Element, attributes: Attributes
+        self, element: XmlElement, attributes: Attributes
     ) -> tuple[float, tuple[float, float, float]]:
         """Return the gain, and the bias coefficients (constant, length, rate)."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     bodies_of,
     has_shape_inertia,
@@ -98,7 +98,7 @@ def unread(source: MjcfSource) -> Iterator[Reason]:
         )
         for element in (body, *body):
             for key in sorted(
-                set(element.attrib) - ATTRIBUTES.get(element.tag, frozenset(element.attrib))
+                set(element.attributes) - ATTRIBUTES.get(element.tag, frozenset(element.attributes))
             ):
                 yield element, f"<{element.tag} {key}>"
 
@@ -119,29 +119,29 @@ def _invalid_values(source: MjcfSource) -> Iterator[Reason]:
             yield second, "a second <inertial> in one body"
 
 
-def _wrong_numbers(source: MjcfSource, element: ET.Element) -> Iterator[Reason]:
+def _wrong_numbers(source: MjcfSource, element: XmlElement) -> Iterator[Reason]:
     for key, count in COUNTS.get(element.tag, {}).items():
-        numbers = numbers_of(source, element, element.attrib, key, "0")
-        if key in element.attrib and len(numbers) != count:
+        numbers = numbers_of(source, element, element.attributes, key, "0")
+        if key in element.attributes and len(numbers) != count:
             belongs = "1 number" if count == 1 else f"{count} numbers"
             yield element, f"<{element.tag} {key}> is {element.get(key)!r}; expected {belongs}"
-    turns = [key for key in TURNS if key in element.attrib and element.tag in COUNTS]
+    turns = [key for key in TURNS if key in element.attributes and element.tag in COUNTS]
     if len(turns) > 1:
         yield element, f"<{element.tag}> is turned twice, by {' and '.join(turns)}"
-    if "quat" in turns and not any(numbers_of(source, element, element.attrib, "quat", "1")):
+    if "quat" in turns and not any(numbers_of(source, element, element.attributes, "quat", "1")):
         yield element, f"<{element.tag} quat> is zero"
-    ends = numbers_of(source, element, element.attrib, "fromto", "0 1")
+    ends = numbers_of(source, element, element.attributes, "fromto", "0 1")
     if ends[: len(ends) // 2] == ends[len(ends) // 2 :]:
         yield element, f"<{element.tag} fromto> is {element.get('fromto')!r}, which has no length"
     for key in POSITIVE.get(element.tag, ()):
-        if min(numbers_of(source, element, element.attrib, key, "0")) < 0:
+        if min(numbers_of(source, element, element.attributes, key, "0")) < 0:
             yield element, f"<{element.tag} {key}> is {element.get(key)!r}, which is less than 0"
 
 
 def _unsupported_forces(source: MjcfSource) -> Iterator[Reason]:
     for key in FLUID_OPTIONS:
         option = source.stating("option", key)
-        if option is not None and any(numbers_of(source, option, option.attrib, key, "0")):
+        if option is not None and any(numbers_of(source, option, option.attributes, key, "0")):
             yield option, "a medium"
     option = source.stating("option", "actuatorgroupdisable")
     if option is not None and option.get("actuatorgroupdisable"):
@@ -187,13 +187,15 @@ def _unsupported_bodies(source: MjcfSource) -> Iterator[Reason]:
     for body, _ in bodies_of(source):
         yield from _macros(body)
         for inertial in () if has_shape_inertia(source, body) else body.findall("inertial"):
-            mass = number_of(source, inertial, inertial.attrib, "mass", "nan")
-            moments = (numbers_of(source, inertial, inertial.attrib, key, "0") for key in MOMENTS)
+            mass = number_of(source, inertial, inertial.attributes, "mass", "nan")
+            moments = (
+                numbers_of(source, inertial, inertial.attributes, key, "0") for key in MOMENTS
+            )
             if mass < 0 or (not mass and any(map(any, moments))):
                 yield inertial, "an inertia without mass"
 
 
-def _macros(parent: ET.Element) -> Iterator[Reason]:
+def _macros(parent: XmlElement) -> Iterator[Reason]:
     """Yield macro elements that generate content with motion or mass."""
     for element in parent:
         inner = {part.tag for part in element.iter()}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import finite_numbers, read_source, read_xml
@@ -25,32 +25,30 @@ class MjcfSource:
     Attributes:
         path: of the file.
         root: its `<mujoco>`, with the children of included files in place.
-        places: file and line of every element.
     """
 
     path: Path
-    root: ET.Element
-    places: Mapping[ET.Element, tuple[Path, int]]
+    root: XmlElement
 
-    def refused(self, element: ET.Element, sentence: str) -> EngineError:
+    def refused(self, element: XmlElement, sentence: str) -> EngineError:
         """Return an error about an element."""
-        file, line = self.places.get(element, (self.path, None))
+        file, line = element.place
         return EngineError(sentence, file=file, line=line)
 
-    def unsupported(self, element: ET.Element, sentence: str) -> UnsupportedError:
+    def unsupported(self, element: XmlElement, sentence: str) -> UnsupportedError:
         """Return an error about a valid element that an adapter does not support."""
-        file, line = self.places.get(element, (self.path, None))
+        file, line = element.place
         return UnsupportedError(sentence, file=file, line=line)
 
-    def stating(self, tag: str, attribute: str) -> ET.Element | None:
+    def stating(self, tag: str, attribute: str) -> XmlElement | None:
         """Return the last `<option>`, `<compiler>` or the like with an attribute: it counts."""
-        elements = [one for one in self.root.findall(tag) if attribute in one.attrib]
+        elements = [one for one in self.root.findall(tag) if attribute in one.attributes]
         return elements[-1] if elements else None
 
     def stated(self, tag: str, attribute: str, otherwise: str = "") -> str:
         """Return an attribute's value from the last `<option>`, `<compiler>` or the like."""
         element = self.stating(tag, attribute)
-        return otherwise if element is None else element.attrib[attribute]
+        return otherwise if element is None else element.attributes[attribute]
 
     def disabled(self, *flags: str) -> bool:
         """Return whether a `<flag>` disables any of these."""
@@ -63,21 +61,17 @@ def read_source_mjcf(path: Path) -> MjcfSource:
     Raises:
         EngineError: naming file and line.
     """
-    places: dict[ET.Element, tuple[Path, int]] = {}
-    root = _expanded(path, path.parent, (), places)
+    root = _expanded(path, path.parent, ())
     if root.tag != "mujoco":
-        file, line = places[root]
+        file, line = root.place
         raise EngineError(
             f"the root is <{root.tag}>, not <mujoco>: not an MJCF", file=file, line=line
         )
-    return MjcfSource(path=path, root=root, places=places)
+    return MjcfSource(path=path, root=root)
 
 
-def _expanded(
-    path: Path, folder: Path, above: tuple[Path, ...], places: dict[ET.Element, tuple[Path, int]]
-) -> ET.Element:
+def _expanded(path: Path, folder: Path, above: tuple[Path, ...]) -> XmlElement:
     source = read_xml(read_source(path, tolerant=True), path)
-    places.update({element: (path, line) for element, line in source.lines.items()})
     for parent in list(source.root.iter()):
         for i, child in reversed(list(enumerate(parent))):
             if child.tag == "include":
@@ -88,7 +82,7 @@ def _expanded(
                         child, f"<include file> is {name!r}, which is the file itself"
                     )
                 parent.remove(child)
-                for element in reversed(list(_expanded(file, folder, (*above, path), places))):
+                for element in reversed(list(_expanded(file, folder, (*above, path)))):
                     parent.insert(i, element)
     return source.root
 

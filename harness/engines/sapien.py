@@ -7,7 +7,6 @@ those that give a link its mass, without contacts. Visual shapes would require a
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
 from physics_crosscheck.harness.engines.one_by_one import Stepper
@@ -288,7 +288,7 @@ def _changes(spec: ModelSpec) -> tuple[Change, ...]:
     return (partial(_complete, free=free), *with_inertials, _without_idle_shapes)
 
 
-def _complete(robot: ET.Element, free: bool) -> None:
+def _complete(robot: XmlElement, free: bool) -> None:
     """Add the limits and dampers that SAPIEN requires; make continuous joints unbounded revolute
     joints.
 
@@ -301,24 +301,24 @@ def _complete(robot: ET.Element, free: bool) -> None:
         dynamics.set("damping", dynamics.get("damping", "0"))
     for joint in robot.findall("joint"):
         limit = joint.find("limit")
-        limit = ET.SubElement(joint, "limit") if limit is None else limit
+        limit = joint.add("limit") if limit is None else limit
         lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
         turns = joint.get("type") == "continuous"
         if turns:
             joint.set("type", "revolute")
         if turns or free or not lower <= upper:
-            limit.attrib.update(lower="-inf", upper="inf")
-        limit.attrib.update(effort="0", velocity="0")
+            limit.attributes.update(lower="-inf", upper="inf")
+        limit.attributes.update(effort="0", velocity="0")
 
 
-def _has_mass_and_moments(link: ET.Element) -> tuple[bool, bool]:
+def _has_mass_and_moments(link: XmlElement) -> tuple[bool, bool]:
     """Return whether a link's inertial has a mass, and any moment of inertia."""
     numbers = (link.findall("inertial/mass"), link.findall("inertial/inertia"))
-    mass, moments = (any(float(v) for e in one for v in e.attrib.values()) for one in numbers)
+    mass, moments = (any(float(v) for e in one for v in e.attributes.values()) for one in numbers)
     return mass, moments
 
 
-def _lost(robot: ET.Element) -> list[ET.Element]:
+def _lost(robot: XmlElement) -> list[XmlElement]:
     """Return links whose inertial has only one of both: SAPIEN ignores it."""
     return [
         link
@@ -327,7 +327,7 @@ def _lost(robot: ET.Element) -> list[ET.Element]:
     ]
 
 
-def _with_inertials(robot: ET.Element) -> None:
+def _with_inertials(robot: XmlElement) -> None:
     """Add the missing part to inertials that SAPIEN ignores, below the visible precision."""
     for link in _lost(robot):
         for tag, keys in (("mass", ("value",)), ("inertia", ("ixx", "iyy", "izz"))):
@@ -336,7 +336,7 @@ def _with_inertials(robot: ET.Element) -> None:
                     element.set(key, str(max(float(element.get(key, "0")), FAINT)))
 
 
-def _without_idle_shapes(robot: ET.Element) -> None:
+def _without_idle_shapes(robot: XmlElement) -> None:
     """Remove shapes, except those from which SAPIEN computes a mass."""
     without_visuals(robot)
     for link in robot.findall("link"):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
 from physics_crosscheck.harness.engines.sdf_check import WORLD, CheckedJoint, check_sdf
@@ -39,8 +39,8 @@ class SdfFile:
     """
 
     source: XmlSource
-    model: ET.Element
-    world: ET.Element | None
+    model: XmlElement
+    world: XmlElement | None
     joints: Mapping[str, CheckedJoint]
 
     @cached_property
@@ -61,7 +61,7 @@ class SdfFile:
         if self.world is None:
             return result
         for key, tag in (("step", "physics/max_step_size"), ("gravity", "gravity")):
-            numbers = finite_numbers(self.world.findtext(tag) or "")
+            numbers = finite_numbers(self.world.findtext(tag))
             if numbers:
                 result[key] = numbers if key == "gravity" else numbers[0]
         return result
@@ -104,7 +104,7 @@ def read_sdf(path: Path, model: object = "") -> SdfFile:
     return SdfFile(source, *check_sdf(source, model))
 
 
-def mimic_of(joint: ET.Element) -> Mimic | None:
+def mimic_of(joint: XmlElement) -> Mimic | None:
     """Return the mimic of a joint, or None."""
     mimic = joint.find("axis/mimic")
     if mimic is None:
@@ -114,10 +114,10 @@ def mimic_of(joint: ET.Element) -> Mimic | None:
     return Mimic(joint.get("name", ""), mimic.get("joint", ""), ratio, offset)
 
 
-def number(element: ET.Element, tag: str, default: float) -> float:
+def number(element: XmlElement, tag: str, default: float) -> float:
     """Return the number of a child that has been checked."""
     text = element.findtext(tag)
-    return default if text is None or not text.strip() else float(text)
+    return float(text) if text.strip() else default
 
 
 def sdf_remarks(

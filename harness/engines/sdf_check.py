@@ -6,10 +6,10 @@ to links, joints or other frames (http://sdformat.org/tutorials?tut=pose_frame_s
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
 from physics_crosscheck.harness.engines.source import XmlSource, finite_numbers
 
@@ -55,7 +55,7 @@ class CheckedJoint:
     """A joint: its type, and its parent and child links; the parent may be `world`."""
 
     name: str
-    element: ET.Element
+    element: XmlElement
     kind: str
     parent: str
     child: str
@@ -68,7 +68,7 @@ class CheckedJoint:
 
 def check_sdf(
     source: XmlSource, chosen: str = ""
-) -> tuple[ET.Element, ET.Element | None, dict[str, CheckedJoint]]:
+) -> tuple[XmlElement, XmlElement | None, dict[str, CheckedJoint]]:
     """Return the model, its world, and its joints.
 
     Args:
@@ -92,7 +92,7 @@ def check_sdf(
     return model, world, _joints(source, model)
 
 
-def _only_model(source: XmlSource, chosen: str, holders: Sequence[ET.Element]) -> ET.Element:
+def _only_model(source: XmlSource, chosen: str, holders: Sequence[XmlElement]) -> XmlElement:
     """Return the single moving model, or the one with the chosen name."""
     models = [one for holder in holders for one in holder.findall("model")]
     moving = [one for one in models if not _is_static(one)]
@@ -115,11 +115,11 @@ def _only_model(source: XmlSource, chosen: str, holders: Sequence[ET.Element]) -
     raise source.refused(source.root, "it has no <model>")
 
 
-def _is_static(model: ET.Element) -> bool:
-    return (model.findtext("static") or "").strip().lower() in ("1", "true")
+def _is_static(model: XmlElement) -> bool:
+    return model.findtext("static").strip().lower() in ("1", "true")
 
 
-def _within(element: ET.Element) -> Iterator[ET.Element]:
+def _within(element: XmlElement) -> Iterator[XmlElement]:
     """Yield an element and its descendants, without those that are removed for engines."""
     yield element
     for child in element:
@@ -129,12 +129,12 @@ def _within(element: ET.Element) -> Iterator[ET.Element]:
             yield from _within(child)
 
 
-def has_automatic(link: ET.Element) -> bool:
+def has_automatic(link: XmlElement) -> bool:
     """Return whether a link's inertia follows from its collision shapes, which are then read."""
     return any(is_automatic(one.get("auto")) for one in link.findall("inertial"))
 
 
-def _check_parts(source: XmlSource, model: ET.Element, world: ET.Element | None) -> None:
+def _check_parts(source: XmlSource, model: XmlElement, world: XmlElement | None) -> None:
     for element in _within(model):
         if element is not model and element.tag in _NOT_COVERED:
             raise source.refused(element, f"<{element.tag}>: {_NOT_COVERED[element.tag]}")
@@ -149,13 +149,13 @@ def _check_parts(source: XmlSource, model: ET.Element, world: ET.Element | None)
 
 
 def _check_number(
-    source: XmlSource, element: ET.Element, counts: Mapping[str, int] = _COUNTS
+    source: XmlSource, element: XmlElement, counts: Mapping[str, int] = _COUNTS
 ) -> None:
     count = counts.get(element.tag)
-    words = element.text or ""
+    words = element.text
     if element.tag == "pose":
         count = 7 if element.get("rotation_format") == "quat_xyzw" else 6
-    if count is None or len(element) or not words.strip():
+    if count is None or element.children or not words.strip():
         return
     numbers = finite_numbers(words.replace("inf", "1e16"))
     if numbers is None or len(numbers) != count:
@@ -163,15 +163,15 @@ def _check_number(
         raise source.refused(element, f"<{element.tag}> is {words.strip()!r}; expected {wanted}")
 
 
-def _check_once(source: XmlSource, element: ET.Element) -> None:
+def _check_once(source: XmlSource, element: XmlElement) -> None:
     for tag in _ONCE.get(element.tag, ()):
         for other in element.findall(tag)[1:]:
             raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
 
 
-def _named(source: XmlSource, model: ET.Element) -> dict[str, ET.Element]:
+def _named(source: XmlSource, model: XmlElement) -> dict[str, XmlElement]:
     """Return links, joints and frames by name; names must be unique among them."""
-    by_name: dict[str, ET.Element] = {}
+    by_name: dict[str, XmlElement] = {}
     for element in model:
         if element.tag not in ("link", "joint", "frame"):
             continue
@@ -184,7 +184,7 @@ def _named(source: XmlSource, model: ET.Element) -> dict[str, ET.Element]:
     return by_name
 
 
-def _joints(source: XmlSource, model: ET.Element) -> dict[str, CheckedJoint]:
+def _joints(source: XmlSource, model: XmlElement) -> dict[str, CheckedJoint]:
     named = _named(source, model)
     joints: dict[str, CheckedJoint] = {}
     above: dict[str, str] = {}
@@ -208,7 +208,7 @@ def _joints(source: XmlSource, model: ET.Element) -> dict[str, CheckedJoint]:
     return joints
 
 
-def _check_axis(source: XmlSource, joint: ET.Element, name: str) -> None:
+def _check_axis(source: XmlSource, joint: XmlElement, name: str) -> None:
     axis = joint.find("axis")
     if joint.get("type") != "fixed" and axis is None:
         raise source.refused(joint, f"joint {name!r} has no <axis>")
@@ -217,9 +217,9 @@ def _check_axis(source: XmlSource, joint: ET.Element, name: str) -> None:
         raise source.refused(xyz, f"the axis of joint {name!r} has no length")
 
 
-def _end(source: XmlSource, joint: ET.Element, tag: str, named: Mapping[str, ET.Element]) -> str:
+def _end(source: XmlSource, joint: XmlElement, tag: str, named: Mapping[str, XmlElement]) -> str:
     """Return the link of a joint's parent or child, directly or through a frame."""
-    stated = (joint.findtext(tag) or "").strip()
+    stated = joint.findtext(tag).strip()
     link = attached(stated, named)
     if not link or (link == WORLD and tag == "child"):
         name = joint.get("name", "")
@@ -229,7 +229,7 @@ def _end(source: XmlSource, joint: ET.Element, tag: str, named: Mapping[str, ET.
     return link
 
 
-def attached(name: str, named: Mapping[str, ET.Element]) -> str:
+def attached(name: str, named: Mapping[str, XmlElement]) -> str:
     """Return the link that a link, frame or joint is attached to, or an empty text."""
     passed: set[str] = set()
     while name and name not in passed and name != WORLD:
@@ -242,16 +242,16 @@ def attached(name: str, named: Mapping[str, ET.Element]) -> str:
         if element.tag == "link":
             return name
         joint = element.tag == "joint"
-        name = (element.findtext("child") or "").strip() if joint else _carrier(element)
+        name = element.findtext("child").strip() if joint else _carrier(element)
     return WORLD if name == WORLD else ""
 
 
-def _carrier(frame: ET.Element) -> str:
+def _carrier(frame: XmlElement) -> str:
     return frame.get("attached_to") or "__model__"
 
 
 def _check_tree(
-    source: XmlSource, named: Mapping[str, ET.Element], above: Mapping[str, str]
+    source: XmlSource, named: Mapping[str, XmlElement], above: Mapping[str, str]
 ) -> None:
     links = [name for name, element in named.items() if element.tag == "link"]
     roots = [name for name in links if name not in above]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Collection, Sequence
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.sdf import SdfFile
 from physics_crosscheck.harness.engines.sdf_check import OPAQUE, has_automatic
 from physics_crosscheck.harness.engines.urdf_copy import Change, with_changes
@@ -15,12 +15,12 @@ VERSION = "1.6"
 
 def sdf_text(file: SdfFile, changes: Sequence[Change]) -> str:
     """Return the model as text, without its world, after changes of the `<model>`."""
-    root = ET.Element("sdf", {"version": file.source.root.get("version", VERSION)})
+    root = XmlElement("sdf", {"version": VERSION} | file.source.root.attributes)
     root.append(with_changes(file.model, changes))
-    return ET.tostring(root, encoding="unicode")
+    return root.written().decode()
 
 
-def sdf_without_shapes(model: ET.Element) -> None:
+def sdf_without_shapes(model: XmlElement) -> None:
     """Remove visuals, contacts, sensors, lights and plugins, so that no mesh or code is loaded.
 
     Shapes that define an automatic inertia stay.
@@ -31,13 +31,13 @@ def sdf_without_shapes(model: ET.Element) -> None:
                 holder.remove(part)
 
 
-def sdf_without_bounds(model: ET.Element) -> None:
+def sdf_without_bounds(model: XmlElement) -> None:
     """Remove all position limits."""
     for joint in model.findall("joint"):
         sdf_without_bounds_of(joint)
 
 
-def sdf_without_bounds_of(joint: ET.Element) -> None:
+def sdf_without_bounds_of(joint: XmlElement) -> None:
     """Remove the position limits of one joint."""
     for limit in joint.findall("axis/limit"):
         for part in list(limit):
@@ -45,7 +45,7 @@ def sdf_without_bounds_of(joint: ET.Element) -> None:
                 limit.remove(part)
 
 
-def sdf_without_friction(model: ET.Element) -> None:
+def sdf_without_friction(model: XmlElement) -> None:
     """Remove the dry friction of joints."""
     for dynamics in model.findall("joint/axis/dynamics"):
         for part in dynamics.findall("friction"):
@@ -55,7 +55,7 @@ def sdf_without_friction(model: ET.Element) -> None:
 def sdf_with_held(names: Sequence[str]) -> Change:
     """Return a change that fixes joints at their drawn positions."""
 
-    def hold(model: ET.Element) -> None:
+    def hold(model: XmlElement) -> None:
         for joint in model.findall("joint"):
             if joint.get("name") in names:
                 joint.set("type", "fixed")
@@ -68,7 +68,7 @@ def sdf_with_held(names: Sequence[str]) -> Change:
 def sdf_mimics_of(followers: Collection[str]) -> Change:
     """Return a change that releases all mimic joints except these."""
 
-    def change(model: ET.Element) -> None:
+    def change(model: XmlElement) -> None:
         for joint in model.findall("joint"):
             for axis in joint.findall("axis") if joint.get("name") not in followers else ():
                 for mimic in axis.findall("mimic"):

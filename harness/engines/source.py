@@ -7,23 +7,24 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
-import defusedxml.ElementTree
-
-from physics_crosscheck.harness.documents.elements import UTF_16, repaired_xml
+from physics_crosscheck.harness.documents.elements import (
+    UTF_16,
+    XmlElement,
+    read_elements,
+    repaired_xml,
+)
+from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
+from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.engines.protocol import EngineError
 
 MAX_FILE_BYTES = 64_000_000
 """The largest size of a model file, bytes."""
-
-MAX_NESTED_ELEMENTS = 200
-"""The deepest nesting of elements: engines' parsers are recursive, and crash on thousands."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
@@ -38,15 +39,15 @@ class NoXmlError(EngineError):
 
 @dataclass(frozen=True)
 class XmlSource:
-    """An XML file, with the line of every element."""
+    """An XML file."""
 
     path: Path
-    root: ET.Element
-    lines: dict[ET.Element, int]
+    root: XmlElement
 
-    def refused(self, element: ET.Element, sentence: str) -> EngineError:
+    def refused(self, element: XmlElement, sentence: str) -> EngineError:
         """Return an error about an element."""
-        return EngineError(sentence, file=self.path, line=self.lines[element])
+        file, line = element.place
+        return EngineError(sentence, file=file, line=line)
 
 
 def read_source(path: Path, *, tolerant: bool = False) -> str:
@@ -75,11 +76,11 @@ def read_source(path: Path, *, tolerant: bool = False) -> str:
 
 
 @contextmanager
-def temporary_file(root: ET.Element, path: Path) -> Iterator[Path]:
+def temporary_file(root: XmlElement, path: Path) -> Iterator[Path]:
     """Yield a temporary file of an element, with the name of another file."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         file = Path(folder) / path.name
-        file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+        file.write_bytes(root.written())
         try:
             yield file
         except Exception as error:
@@ -97,51 +98,15 @@ def read_xml(text: str, path: Path) -> XmlSource:
     Raises:
         NoXmlError, EngineError: naming file and line.
     """
-    lines = _lines(text, path)
     try:
-        root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
-    except ET.ParseError as error:  # a prefix without a namespace, which only expat ignores
+        return XmlSource(path, read_elements(SourceFile(path, text.encode()))[0])
+    except RefusedFileError as error:
+        raise EngineError(error.sentence, file=path, line=error.line) from None
+    except LocationError as error:
+        second_root = error.sentence.endswith(expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT)
         raise NoXmlError(
-            f"not XML: {error}", file=path, line=error.position[0], second_root=False
+            error.sentence, file=path, line=error.line or 1, second_root=second_root
         ) from None
-    return XmlSource(path, root, dict(zip(root.iter(), lines, strict=True)))
-
-
-def _lines(text: str, path: Path) -> list[int]:
-    """Return the line of each element, in order; declared entities are refused, not expanded."""
-    line_numbers: list[int] = []
-    depth = 0
-    parser = expat.ParserCreate()
-
-    def start(_name: str, _attributes: object) -> None:
-        nonlocal depth
-        depth += 1
-        line_numbers.append(parser.CurrentLineNumber)
-        if depth > MAX_NESTED_ELEMENTS:
-            problem = f"elements are nested more than {MAX_NESTED_ELEMENTS} deep"
-            raise EngineError(problem, file=path, line=line_numbers[-1])
-
-    def end(_name: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    def declared(*_: object) -> None:
-        problem = "refused: it declares entities or a DTD"
-        raise EngineError(problem, file=path, line=parser.CurrentLineNumber)
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.StartDoctypeDeclHandler = declared
-    try:
-        parser.Parse(text, True)
-    except expat.ExpatError as error:
-        reason = expat.ErrorString(error.code)
-        raise NoXmlError(
-            f"not XML at column {error.offset + 1}: {reason}",
-            file=path,
-            line=error.lineno,
-            second_root=reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
-        ) from None
-    return line_numbers
 
 
 def finite_numbers(words: str) -> list[float] | None:

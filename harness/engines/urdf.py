@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
 from physics_crosscheck.harness.engines.source import (
@@ -37,7 +37,7 @@ class Mimic:
     offset: float
 
 
-def read_urdf(path: Path) -> ET.Element:
+def read_urdf(path: Path) -> XmlElement:
     """Return the `<robot>` of an unambiguous URDF.
 
     Raises:
@@ -82,7 +82,7 @@ def refuse_negative_masses(source: XmlSource, title: str, *, floats: bool) -> No
             )
 
 
-def joint_springs(robot: ET.Element, path: Path) -> dict[str, tuple[float, float]]:
+def joint_springs(robot: XmlElement, path: Path) -> dict[str, tuple[float, float]]:
     """Return the stiffness and rest position of each joint with a spring, in Gazebo's convention.
 
     `<gazebo reference="joint"><springStiffness>k</springStiffness>
@@ -104,7 +104,7 @@ def joint_springs(robot: ET.Element, path: Path) -> dict[str, tuple[float, float
     return springs
 
 
-def mimics(robot: ET.Element, path: Path) -> list[Mimic]:
+def mimics(robot: XmlElement, path: Path) -> list[Mimic]:
     """Return every `<mimic>` of the file."""
     result = []
     for joint in robot.findall("joint"):
@@ -193,13 +193,13 @@ def urdf_remarks(
             yield from _axis(reader, joint)
 
 
-def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterator[Remark]:
+def _limits(reader: UrdfReader, joint: XmlElement, z: Array, w: Array) -> Iterator[Remark]:
     limit, name = joint.find("limit"), joint.get("name", "")
     if limit is None:
         return
     # Without both bounds no engine enforces the limit, though their defaults differ.
-    if "lower" in limit.attrib and "upper" in limit.attrib:
-        bounds = float(limit.attrib["lower"]), float(limit.attrib["upper"])
+    if "lower" in limit.attributes and "upper" in limit.attributes:
+        bounds = float(limit.attributes["lower"]), float(limit.attributes["upper"])
         yield from _bounds(reader, joint, bounds, (float(z.min()), float(z.max())))
     velocity, quick = float(limit.get("velocity", "inf")), float(abs(w).max())
     if quick >= velocity and joint.get("type") != "continuous":
@@ -216,7 +216,7 @@ def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterat
 
 
 def _bounds(
-    reader: UrdfReader, joint: ET.Element, bounds: tuple[float, float], reached: tuple[float, float]
+    reader: UrdfReader, joint: XmlElement, bounds: tuple[float, float], reached: tuple[float, float]
 ) -> Iterator[Remark]:
     (lower, upper), name = bounds, joint.get("name", "")
     if reader.no_stops:
@@ -244,7 +244,7 @@ def _why_ignored(reader: UrdfReader, continuous: bool, lower: float, upper: floa
     return "" if held else f"{reader.name} ignores equal limits, so the joint is free"
 
 
-def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
+def _axis(reader: UrdfReader, joint: XmlElement) -> Iterator[Remark]:
     axis, name = joint.find("axis"), joint.get("name", "")
     stated = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
     length = math.hypot(*(finite_numbers(stated) or ()))
@@ -261,7 +261,7 @@ def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
-def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
+def _friction(reader: UrdfReader, joint: XmlElement) -> Iterator[Remark]:
     dynamics, name = joint.find("dynamics"), joint.get("name", "")
     friction = float(dynamics.get("friction", "0")) if dynamics is not None else 0.0
     if friction and reader.no_friction:
@@ -276,14 +276,14 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
-def root_link(robot: ET.Element) -> str:
+def root_link(robot: XmlElement) -> str:
     """Return the name of the root link."""
     children = {child.get("link") for child in robot.findall("joint/child")}
     links = [link.get("name", "") for link in robot.findall("link")]
     return next((link for link in links if link not in children), "")
 
 
-def base_name(robot: ET.Element) -> str:
+def base_name(robot: XmlElement) -> str:
     """Return the name of a floating root's free joint: the root link's, unless a joint has it."""
     name = root_link(robot)
     joints = {joint.get("name") for joint in robot.findall("joint")}

@@ -8,8 +8,7 @@ duplicate joint name as no name.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.source import XmlSource, finite_numbers
 
 _COUNTS = {
@@ -68,8 +67,8 @@ def check_urdf(source: XmlSource) -> None:
             )
 
 
-def _check_numbers(source: XmlSource, element: ET.Element) -> None:
-    for key, words in element.attrib.items():
+def _check_numbers(source: XmlSource, element: XmlElement) -> None:
+    for key, words in element.attributes.items():
         count = _COUNTS.get((element.tag, key))
         if count is None:
             continue
@@ -79,7 +78,7 @@ def _check_numbers(source: XmlSource, element: ET.Element) -> None:
             raise source.refused(element, f"<{element.tag} {key}> is {words!r}; expected {wanted}")
 
 
-def _check_once(source: XmlSource, element: ET.Element) -> None:
+def _check_once(source: XmlSource, element: XmlElement) -> None:
     for tag in _ONCE.get(element.tag, ()):
         elements = element.findall(tag)
         for other in elements[1:]:
@@ -87,15 +86,15 @@ def _check_once(source: XmlSource, element: ET.Element) -> None:
                 raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
 
 
-def _content(element: ET.Element) -> object:
+def _content(element: XmlElement) -> object:
     """Return the content of an element, without blanks."""
-    attributes = sorted((key, value.split()) for key, value in element.attrib.items())
-    return element.tag, attributes, (element.text or "").split(), [_content(one) for one in element]
+    attributes = sorted((key, value.split()) for key, value in element.attributes.items())
+    return element.tag, attributes, element.text.split(), [_content(one) for one in element]
 
 
-def _named(source: XmlSource, tag: str) -> dict[str, ET.Element]:
+def _named(source: XmlSource, tag: str) -> dict[str, XmlElement]:
     """Return elements by name; names must exist and be unique."""
-    by_name: dict[str, ET.Element] = {}
+    by_name: dict[str, XmlElement] = {}
     for element in source.root.findall(tag):
         name = element.get("name", "")
         if not name:
@@ -107,7 +106,7 @@ def _named(source: XmlSource, tag: str) -> dict[str, ET.Element]:
 
 
 def _end(
-    source: XmlSource, joint: ET.Element, name: str, tag: str, links: dict[str, ET.Element]
+    source: XmlSource, joint: XmlElement, name: str, tag: str, links: dict[str, XmlElement]
 ) -> str:
     end = joint.find(tag)
     link = "" if end is None else end.get("link", "")
@@ -116,7 +115,7 @@ def _end(
     return link
 
 
-def _check_joint(source: XmlSource, joint: ET.Element, name: str) -> None:
+def _check_joint(source: XmlSource, joint: XmlElement, name: str) -> None:
     axis, mimic = joint.find("axis"), joint.find("mimic")
     moves = joint.get("type") in ("revolute", "continuous", "prismatic")
     if moves and axis is not None and not any(finite_numbers(axis.get("xyz", "1 0 0")) or ()):

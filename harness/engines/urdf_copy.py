@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import copy
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.source import XmlSource, temporary_file
 
-Change = Callable[[ET.Element], None]
+Change = Callable[[XmlElement], None]
 """A change of a `<robot>`, in place."""
 
 
 @contextmanager
 def temporary_urdf(
-    robot: ET.Element | None, path: Path, changes: Sequence[Change]
+    robot: XmlElement | None, path: Path, changes: Sequence[Change]
 ) -> Iterator[Path]:
     """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
@@ -36,34 +35,34 @@ def temporary_urdf(
         yield file
 
 
-def with_changes(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
+def with_changes(robot: XmlElement, changes: Sequence[Change]) -> XmlElement:
     """Return a copy of a `<robot>` with changes."""
-    robot = copy.deepcopy(robot)
+    robot = robot.copy()
     for change in changes:
         change(robot)
     return robot
 
 
-def without_shapes(robot: ET.Element) -> None:
+def without_shapes(robot: XmlElement) -> None:
     """Remove visual and collision shapes, so that no meshes are loaded."""
     without_visuals(robot)
     _without(robot, "collision")
 
 
-def without_visuals(robot: ET.Element) -> None:
+def without_visuals(robot: XmlElement) -> None:
     """Remove visual shapes."""
     _without(robot, "visual")
     for material in robot.findall("material"):
         robot.remove(material)
 
 
-def _without(robot: ET.Element, tag: str) -> None:
+def _without(robot: XmlElement, tag: str) -> None:
     for link in robot.findall("link"):
         for shape in link.findall(tag):
             link.remove(shape)
 
 
-def with_masses(robot: ET.Element) -> None:
+def with_masses(robot: XmlElement) -> None:
     """Give links with zero mass a mass that is too small to be visible in a motion."""
     for inertial in robot.findall("link/inertial"):
         mass = inertial.find("mass")
@@ -71,41 +70,41 @@ def with_masses(robot: ET.Element) -> None:
             mass.set("value", "1e-300")
 
 
-def without_limits(robot: ET.Element) -> None:
+def without_limits(robot: XmlElement) -> None:
     """Give joints limits that PyBullet ignores: the lower above the upper."""
     for joint in robot.findall("joint"):
         if joint.get("type") in ("revolute", "prismatic", "spherical"):
             limit = joint.find("limit")
             if limit is None:
-                limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+                limit = joint.add("limit", {"effort": "0", "velocity": "0"})
             limit.set("lower", "1")
             limit.set("upper", "-1")
 
 
-def without_bounds(robot: ET.Element) -> None:
+def without_bounds(robot: XmlElement) -> None:
     """Remove all position limits."""
     for limit in robot.findall("joint/limit"):
         for key in ("lower", "upper"):
-            limit.attrib.pop(key, None)
+            limit.attributes.pop(key, None)
 
 
-def without_friction(robot: ET.Element) -> None:
+def without_friction(robot: XmlElement) -> None:
     """Remove the dry friction of joints."""
     for dynamics in robot.findall("joint/dynamics"):
         dynamics.set("friction", "0")
 
 
-def without_crossed_bounds(robot: ET.Element) -> None:
+def without_crossed_bounds(robot: XmlElement) -> None:
     """Remove limits with lower above upper, which most engines ignore."""
     for limit in robot.findall("joint/limit"):
         if float(limit.get("lower", "-inf")) > float(limit.get("upper", "inf")):
-            del limit.attrib["lower"], limit.attrib["upper"]
+            del limit.attributes["lower"], limit.attributes["upper"]
 
 
 def with_held(names: Sequence[str]) -> Change:
     """Return a change that fixes joints at zero and removes their springs."""
 
-    def hold(robot: ET.Element) -> None:
+    def hold(robot: XmlElement) -> None:
         for joint in robot.findall("joint"):
             if joint.get("name") in names:
                 joint.set("type", "fixed")
@@ -119,7 +118,7 @@ def with_held(names: Sequence[str]) -> Change:
 def mimics_of(followers: Collection[str]) -> Change:
     """Return a change that releases all mimic joints except these."""
 
-    def change(robot: ET.Element) -> None:
+    def change(robot: XmlElement) -> None:
         for joint in robot.findall("joint"):
             for mimic in joint.findall("mimic") if joint.get("name") not in followers else ():
                 joint.remove(mimic)
@@ -159,21 +158,22 @@ TRIMMED: Mapping[str, object] = MappingProxyType({"trimmed_numbers": True})
 """The setting that removes these blanks for engines that use urdfdom."""
 
 
-def trim_numbers(robot: ET.Element) -> None:
+def trim_numbers(robot: XmlElement) -> None:
     """Remove blanks around single numbers."""
     for element in robot.iter():
         for key in SCALARS.get(element.tag, ()):
-            if key in element.attrib:
-                element.set(key, element.attrib[key].strip())
+            if key in element.attributes:
+                element.set(key, element.attributes[key].strip())
 
 
-def _blanks(source: XmlSource, parts: Iterable[ET.Element]) -> Iterator[str]:
+def _blanks(parts: Iterable[XmlElement]) -> Iterator[str]:
     """Yield the numbers that a blank follows, each with its line."""
     for part in parts:
         for key in SCALARS.get(part.tag, ()):
             words = part.get(key, "")
             if words != words.rstrip():
-                yield f'{source.path}:{source.lines[part]}: <{part.tag} {key}="{words}">'
+                file, line = part.place
+                yield f'{file}:{line}: <{part.tag} {key}="{words}">'
 
 
 def refuse_blanks(source: XmlSource, title: str) -> None:
@@ -187,7 +187,7 @@ def refuse_blanks(source: XmlSource, title: str) -> None:
         EngineError: naming file and line.
     """
     parts = (part for joint in source.root.findall("joint") for part in joint)
-    for place in _blanks(source, parts):
+    for place in _blanks(parts):
         raise EngineError(
             f"{place} has a space after the number, and {title}'s parser (urdfdom) "
             "rejects such numbers; remove the space, or set trimmed_numbers = true"
@@ -202,7 +202,7 @@ def dropped_cause(source: XmlSource, title: str) -> str:
     places = [
         place
         for inertial in source.root.findall("link/inertial")
-        for place in list(_blanks(source, inertial))[:1]
+        for place in list(_blanks(inertial))[:1]
     ]
     more = f" and {len(places) - 3} more" if len(places) > 3 else ""
     listed = ", ".join(places[:3]) + more

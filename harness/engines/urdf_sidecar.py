@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -60,7 +60,7 @@ class DeclaredUrdf:
     """
 
     path: Path
-    robot: ET.Element
+    robot: XmlElement
     source: XmlSource
     springs: tuple[Spring, ...]
     mimics: tuple[Mimic, ...]
@@ -88,13 +88,13 @@ class DeclaredUrdf:
         return {n: 0.0 if i is None else float(i.get("ixx", "0")) for n, i in inertias.items()}
 
     @property
-    def _links(self) -> list[ET.Element]:
+    def _links(self) -> list[XmlElement]:
         return self.robot.findall("link")
 
     @property
     def text(self) -> str:
         """The text that an engine loads."""
-        return ET.tostring(with_changes(self.robot, self.changes), encoding="unicode")
+        return with_changes(self.robot, self.changes).written().decode()
 
     @property
     def bounds(self) -> Mapping[str, tuple[float, float]]:

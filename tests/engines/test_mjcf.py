@@ -58,7 +58,7 @@ def told(model: Model) -> list[str]:
         ((INERTIAL, '<geom size="1e200"/>'), ":5: <geom size> has '1e200'"),
         (("<mujoco>", "<!DOCTYPE mujoco>\n<mujoco>"), ":1: refused: it declares entities or a DTD"),
         (("</mujoco>", "</mujoco><mujoco/>"), ":7: not XML at column 10: junk after document"),
-        (("</mujoco>", "<custom>" * 300), ":7: elements are nested"),
+        (("</mujoco>", "<custom>" * 300), ":7: refused: more than 300 nested"),
     ],
 )
 def test_what_makes_no_model_is_refused_on_one_line(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.source import temporary_file
@@ -59,7 +59,7 @@ REFUSED = [
     (("</joint>", '<axis xyz="1 0 0"/></joint>'), ":5: a second <axis> in one <joint>"),
     (("</joint>", '<mimic joint="j"/></joint>'), ":5: joint 'j' mimics itself"),
     (("</robot>", "</robot><robot/>"), ":6: not XML at column 9: junk after document element"),
-    (beside("<a>" * 300 + "</a>" * 300), ":6: elements are nested more than 200 deep"),
+    (beside("<a>" * 300 + "</a>" * 300), ":6: refused: more than 300 nested elements"),
 ]
 
 
@@ -228,7 +228,7 @@ def test_a_gear_of_nothing_is_refused(tmp_path: Path) -> None:
 
 def test_what_is_said_of_a_rewritten_copy_names_the_users_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
-    root = ElementTree.Element("robot")
+    root = XmlElement("robot")
     with pytest.raises(RuntimeError) as told, temporary_file(root, path) as copy:
         raise RuntimeError(f"{copy}:3: no mass")
     assert str(told.value) == f"{path}:3: no mass"

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import SdfFile, number
 from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, has_automatic
 from physics_crosscheck.harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
 from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
-from physics_crosscheck.harness.engines.source import temporary_file
+from physics_crosscheck.harness.engines.source import read_xml, temporary_file
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
@@ -29,7 +29,7 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
     parser = dart.utils.SdfParser
     options, roots = parser.Options(), parser.RootJointType
     options.mDefaultRootJointType = roots.FLOATING if floats else roots.FIXED
-    root = ET.fromstring(text)  # text that was parsed with entities off
+    root = read_xml(text, path).root.copy()
     if root.get("version") in _IN_MODEL:
         _axes_in_model(root)
     if root.get("version") not in _PARSED_VERSIONS:
@@ -41,14 +41,14 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
     return skeleton
 
 
-def _axes_in_model(root: ET.Element) -> None:
+def _axes_in_model(root: XmlElement) -> None:
     """Mark axes as given in the model's frame, the default of old versions that DART ignores."""
     for axis in root.findall("model/joint/axis"):
         if axis.find("use_parent_model_frame") is None:
-            ET.SubElement(axis, "use_parent_model_frame").text = "true"
+            axis.add("use_parent_model_frame", text="true")
 
 
-def _restore_root_and_masses(skeleton: Any, root: ET.Element, floats: bool) -> None:
+def _restore_root_and_masses(skeleton: Any, root: XmlElement, floats: bool) -> None:
     """Count a floating root from the world instead of its drawn pose, and restore masses of
     zero.
     """
@@ -58,11 +58,11 @@ def _restore_root_and_masses(skeleton: Any, root: ET.Element, floats: bool) -> N
         skeleton.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3.Identity())
     for link in root.findall("model/link"):
         mass = link.find("inertial/mass")
-        if mass is not None and (mass.text or "").strip() and float(mass.text or "") == 0.0:
+        if mass is not None and mass.text.strip() and float(mass.text) == 0.0:
             skeleton.getBodyNode(link.get("name", "")).setMass(0.0)  # DART itself sets 1e-9 kg
 
 
-def turned_links(model: ET.Element) -> list[str]:
+def turned_links(model: XmlElement) -> list[str]:
     """Return the names of links with rotated inertials whose moments the rotation changes."""
     names = []
     for link in model.findall("link"):
@@ -80,7 +80,7 @@ def turned_cause(names: Sequence[str]) -> str:
     return f"DART's taking of <inertial>s that are turned as if they were not ({_listed(names)})"
 
 
-def with_turned(model: ET.Element) -> None:
+def with_turned(model: XmlElement) -> None:
     """Rewrite rotated inertials along the axes of their links."""
     for link in model.findall("link"):
         inertial = link.find("inertial")
@@ -92,20 +92,20 @@ def with_turned(model: ET.Element) -> None:
         _write_inertial(link, mass, pose[:3], turn @ moments @ turn.T)
 
 
-def _write_inertial(link: ET.Element, mass: float, center: Array, moments: Array) -> None:
+def _write_inertial(link: XmlElement, mass: float, center: Array, moments: Array) -> None:
     """Write an `<inertial>` along the axes of a link in place of its own."""
     for part in link.findall("inertial"):
         link.remove(part)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "mass").text = repr(float(mass))
-    ET.SubElement(inertial, "pose").text = " ".join(map(repr, [*center.tolist(), 0, 0, 0]))
-    inertia = ET.SubElement(inertial, "inertia")
+    inertial = link.add("inertial")
+    inertial.add("mass", text=repr(float(mass)))
+    inertial.add("pose", text=" ".join(map(repr, [*center.tolist(), 0, 0, 0])))
+    inertia = inertial.add("inertia")
     for key in TENSOR:
         i, j = ("xyz".index(axis) for axis in key[1:])
-        ET.SubElement(inertia, key).text = repr(float(moments[i, j]))
+        inertia.add(key, text=repr(float(moments[i, j])))
 
 
-def automatic_links(model: ET.Element) -> list[str]:
+def automatic_links(model: XmlElement) -> list[str]:
     """Return the names of links whose inertia follows from their shapes, which DART ignores."""
     return [link.get("name", "") for link in model.findall("link") if has_automatic(link)]
 
@@ -115,7 +115,7 @@ def automatic_cause(names: Sequence[str]) -> str:
     return f'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> ({_listed(names)})'
 
 
-def momentless_links(model: ET.Element) -> list[str]:
+def momentless_links(model: XmlElement) -> list[str]:
     """Return the names of links that state a mass and no `<inertia>`: DART takes mass times 1 m^2.
 
     The format, and Drake, take 1 kg m^2.
@@ -134,35 +134,37 @@ def momentless_cause(names: Sequence[str]) -> str:
     return f"DART's own moments, mass times 1 m^2, without <inertia> ({_listed(names)})"
 
 
-def with_moments(model: ET.Element) -> None:
+def with_moments(model: XmlElement) -> None:
     """Write 1 kg m^2 for links that state a mass and no `<inertia>`."""
     names = momentless_links(model)
     for link in model.findall("link"):
         if link.get("name", "") in names:
-            inertia = ET.SubElement(link.find("inertial"), "inertia")  # type: ignore[arg-type]
+            inertial = link.find("inertial")
+            assert inertial is not None  # it states a mass
+            inertia = inertial.add("inertia")
             for key in TENSOR:
-                ET.SubElement(inertia, key).text = "1" if key[1] == key[2] else "0"
+                inertia.add(key, text="1" if key[1] == key[2] else "0")
 
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
 
 
-def with_automatic(model: ET.Element) -> None:
+def with_automatic(model: XmlElement) -> None:
     """Write the inertia that follows from the shapes of links in numbers."""
     for link in model.findall("link"):
         if has_automatic(link):
             _write_inertial(link, *_automatic(link))
 
 
-def without_collisions(model: ET.Element) -> None:
+def without_collisions(model: XmlElement) -> None:
     """Remove all collision shapes."""
     for link in model.findall("link"):
         for part in link.findall("collision"):
             link.remove(part)
 
 
-def _automatic(link: ET.Element) -> tuple[float, Array, Array]:
+def _automatic(link: XmlElement) -> tuple[float, Array, Array]:
     """Return mass, center (3,) and moments about it (3, 3), along the link's axes."""
     parts = [_collision(link, one) for one in link.findall("collision")]
     mass = sum(one for one, _, _ in parts)
@@ -176,7 +178,7 @@ def _automatic(link: ET.Element) -> tuple[float, Array, Array]:
     return mass * ratio, np.asarray(center), moments * ratio
 
 
-def _collision(link: ET.Element, collision: ET.Element) -> tuple[float, Array, Array]:
+def _collision(link: XmlElement, collision: XmlElement) -> tuple[float, Array, Array]:
     """Return mass, center and moments of one shape, in the link's frame."""
     shape = collision.find("geometry/*")
     inertial = link.find("inertial")
@@ -184,7 +186,7 @@ def _collision(link: ET.Element, collision: ET.Element) -> tuple[float, Array, A
         raise EngineError(f"link {link.get('name')!r} has a shape of which no inertia is made")
     sizes: list[float] = []
     for tag, default in SIZES[shape.tag].items():
-        words = (shape.findtext(tag) or "").split()
+        words = shape.findtext(tag).split()
         sizes += map(float, words) if words else default
     volume, height, moments = solid(shape.tag, sizes)
     mass = volume * number(collision, "density", number(inertial, "density", WATER))
@@ -202,7 +204,7 @@ def refuse_newer(file: SdfFile) -> None:
     """
     for pose in file.model.iter("pose"):
         for key in ("rotation_format", "degrees"):
-            if pose.get(key) not in (None, "euler_rpy", "false", "0"):
+            if pose.get(key) not in ("", "euler_rpy", "false", "0"):
                 raise _newer(file, pose, f"a pose with {key}=")
     for element in (file.model, *file.model.findall("link"), *file.model.findall("joint")):
         _refuse_moved(file, element)
@@ -210,14 +212,14 @@ def refuse_newer(file: SdfFile) -> None:
         raise _newer(file, file.model, "placement_frame=")
 
 
-def _refuse_moved(file: SdfFile, element: ET.Element) -> None:
+def _refuse_moved(file: SdfFile, element: XmlElement) -> None:
     joint = file.joints.get(element.get("name", "")) if element.tag == "joint" else None
-    defaults = {"joint": (element.findtext("child", "").strip(),), "model": ("world",)}
+    defaults = {"joint": (element.findtext("child").strip(),), "model": ("world",)}
     for pose in element.findall("pose"):
         if pose.get("relative_to", "") not in ("", *defaults.get(element.tag, ("__model__",))):
             raise _newer(file, pose, f"relative_to={pose.get('relative_to')!r}")
     for tag in ("inertial", "collision") if has_automatic(element) else ("inertial",):
-        for pose in element.findall(f"{tag}/pose[@relative_to]"):
+        for pose in element.findall(f"{tag}/pose"):
             if pose.get("relative_to"):
                 raise _newer(file, pose, f"relative_to= of <{tag}>")
     if joint is not None:
@@ -227,53 +229,53 @@ def _refuse_moved(file: SdfFile, element: ET.Element) -> None:
 def _refuse_frames(file: SdfFile, joint: CheckedJoint) -> None:
     element = joint.element
     for tag, link in (("parent", joint.parent), ("child", joint.child)):
-        if element.findtext(tag, "").strip() != link:
+        if element.findtext(tag).strip() != link:
             raise _newer(file, element, f"a frame for the {tag} of joint {joint.name!r}")
     for xyz in element.findall("axis/xyz"):
         if xyz.get("expressed_in", "") not in ("", "__model__", joint.name):
             raise _newer(file, xyz, f"expressed_in={xyz.get('expressed_in')!r}")
 
 
-def _newer(file: SdfFile, element: ET.Element, what: str) -> EngineError:
+def _newer(file: SdfFile, element: XmlElement, what: str) -> EngineError:
     return file.source.refused(
         element, f"DART reads SDFormat to version 1.6, which has no {what}; write poses without it"
     )
 
 
-def as_older(model: ET.Element) -> None:
+def as_older(model: XmlElement) -> None:
     """Rewrite the model as version 1.6, with the elements that DART requires written out."""
     for inertia in model.findall("link/inertial/inertia"):
         for key in TENSOR:
             if inertia.find(key) is None:
-                ET.SubElement(inertia, key).text = "1" if key[1] == key[2] else "0"
+                inertia.add(key, text="1" if key[1] == key[2] else "0")
     for element in model.iter():
-        element.attrib.pop("relative_to", None)
+        element.attributes.pop("relative_to", None)
     for frame in model.findall("frame"):
         model.remove(frame)
     for axis in model.findall("joint/axis"):
         if axis.find("xyz") is None:
-            ET.SubElement(axis, "xyz").text = "0 0 1"
+            axis.add("xyz", text="0 0 1")
     _axes_as_older(model)
 
 
-def _axes_as_older(model: ET.Element) -> None:
+def _axes_as_older(model: XmlElement) -> None:
     for joint in model.findall("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
             sdf_without_bounds_of(joint)
         axis, xyz = joint.find("axis"), joint.find("axis/xyz")
-        expressed = "" if xyz is None else xyz.attrib.pop("expressed_in", "")
+        expressed = "" if xyz is None else xyz.attributes.pop("expressed_in", "")
         if axis is not None and expressed == "__model__":
-            ET.SubElement(axis, "use_parent_model_frame").text = "true"
+            axis.add("use_parent_model_frame", text="true")
 
 
-def _pose(element: ET.Element) -> Array:
+def _pose(element: XmlElement) -> Array:
     """Return position and rpy, (6,)."""
-    words = (element.findtext("pose") or "").split()
+    words = element.findtext("pose").split()
     return np.array(words, dtype=float) if words else np.zeros(6)
 
 
-def _tensor(inertial: ET.Element) -> Array:
+def _tensor(inertial: XmlElement) -> Array:
     """Return the tensor as stated, (3, 3), with the format's defaults of 1 and 0 kg m^2."""
     inertia = inertial.find("inertia")
     tensor = np.eye(3)

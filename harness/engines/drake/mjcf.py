@@ -9,12 +9,12 @@ adapter removes or refuses them.
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
 from physics_crosscheck.harness.engines.drake.plant import moving_joints
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
@@ -54,7 +54,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         for body in several if self.settings["chained"] else ():
             _chain(body)
         held = self.mimics if self.stepping == CONTINUOUS else ()
-        self.take(ET.tostring(root, encoding="unicode"), "xml", held)
+        self.take(root.written().decode(), "xml", held)
         if self.floats:
             self.drawn = self._drawn()
         stated = {joint.name: joint.damping for joint in self.declared.singles}
@@ -120,7 +120,7 @@ def _lost(declared: DeclaredMjcf) -> Iterator[bool]:
     """
     silent: set[str] = set()
 
-    def search(default: ET.Element, above: bool) -> None:
+    def search(default: XmlElement, above: bool) -> None:
         states = default.find("joint") is not None
         if above and not states:
             silent.add(default.get("class", ""))
@@ -132,19 +132,19 @@ def _lost(declared: DeclaredMjcf) -> Iterator[bool]:
     for body, inherited in bodies_of(declared.source):
         for joint in body.findall("joint"):
             attributes = declared.defaults.attributes(joint, inherited)
-            whole = set(attributes) <= set(joint.attrib)
+            whole = set(attributes) <= set(joint.attributes)
             yield not whole and joint.get("class", inherited) in silent
 
 
 def _misplaced(row: list[MjcfJoint]) -> bool:
     """Return whether the positions of a body's joints, except the last, affect the motion."""
     body, first = row[0].body, row[:-1]
-    turned = any(key in body.attrib for key in POSE if key != "pos")
+    turned = any(key in body.attributes for key in POSE if key != "pos")
     away = any(finite_numbers(body.get("pos", "0")) or [1.0])
     return bool(first) and (turned or (away and any(one.kind != SLIDE for one in first)))
 
 
-def _chain(body: ET.Element) -> None:
+def _chain(body: XmlElement) -> None:
     """Give each joint its own body, in a chain; the last body gets the content."""
     name, (first, *others) = body.get("name", ""), body.findall("joint")
     last, inside = body, [part for part in body if part.tag != "joint"]
@@ -153,6 +153,7 @@ def _chain(body: ET.Element) -> None:
     body.append(first)
     for i, part in enumerate(others):
         last.set("name", f"{name}_{i}_of_{len(others)}")
-        last = ET.SubElement(last, "body", name=name)
+        last = last.add("body", {"name": name})
         last.append(part)
-    last.extend(inside)
+    for part in inside:
+        last.append(part)

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.sdf import mimic_of
 
-SPACE = "http://drake.mit.edu"
+PREFIX = "drake:"
+"""The prefix of elements that only Drake reads."""
 
-ET.register_namespace("drake", SPACE)  # Drake's parser requires this prefix
+SPACE = {"xmlns:drake": "http://drake.mit.edu"}
 
 
-def without_own(model: ET.Element) -> None:
+def without_own(model: XmlElement) -> None:
     """Remove joint elements that only Drake reads, such as rotor inertias."""
     for joint in model.findall("joint"):
         for part in list(joint):
-            if part.tag.startswith(f"{{{SPACE}}}"):
+            if part.tag.startswith(PREFIX):
                 joint.remove(part)
 
 
-def own_mimics(model: ET.Element) -> None:
+def own_mimics(model: XmlElement) -> None:
     """Write `<mimic>` as `<drake:mimic>`."""
     for joint in model.findall("joint"):
         mimic = mimic_of(joint)
@@ -30,15 +31,15 @@ def own_mimics(model: ET.Element) -> None:
                 "multiplier": repr(mimic.multiplier),
                 "offset": repr(mimic.offset),
             }
-            ET.SubElement(joint, f"{{{SPACE}}}mimic", attributes)
+            joint.add(f"{PREFIX}mimic", SPACE | attributes)
 
 
-def weightless_links(model: ET.Element) -> tuple[str, ...]:
+def weightless_links(model: XmlElement) -> tuple[str, ...]:
     """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
     return tuple(
         link.get("name", "")
         for link in model.findall("link")
-        if (link.findtext("gravity") or "").strip().lower() in ("0", "false")
+        if link.findtext("gravity").strip().lower() in ("0", "false")
     )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
 from physics_crosscheck.harness.engines.source import (
@@ -75,8 +76,8 @@ def stated(xml_sources: Sequence[XmlSource], attribute: str) -> Iterator[tuple[s
     """Yield the value of an attribute in each `<option>`, with its file and line."""
     for source in xml_sources:
         for option in source.root.iter("option"):
-            if attribute in option.attrib:
-                yield option.attrib[attribute], f"{source.path}:{source.lines[option]}"
+            if attribute in option.attributes:
+                yield option.attributes[attribute], "{}:{}".format(*option.place)
 
 
 def checked_step(
@@ -120,28 +121,28 @@ def checked_numbers(
     if not words:
         raise EngineError(f"its numbers; {problem}", file=path)
     largest = max(words, key=lambda word: word.size)
-    raise EngineError(f"{largest.sentence}; {problem}", file=largest.file, line=largest.line)
+    file, line = largest.element.place
+    raise EngineError(f"{largest.sentence}; {problem}", file=file, line=line)
 
 
 class _Word(NamedTuple):
-    """The size of a number, and a sentence about it, with its place."""
+    """The size of a number, a sentence about it, and its element."""
 
     size: float
     sentence: str
-    file: Path
-    line: int
+    element: XmlElement
 
 
 def _words(xml_sources: Sequence[XmlSource]) -> Iterator[_Word]:
     """Yield every number."""
     for source in xml_sources:
         for element in source.root.iter():
-            for key, words in element.attrib.items():
+            for key, words in element.attributes.items():
                 if key in ("name", "class") or "range" in key:
                     continue
                 for word, value in _numbers(words):
                     sentence = f"<{element.tag} {key}> has {word!r}"
-                    yield _Word(abs(value), sentence, source.path, source.lines[element])
+                    yield _Word(abs(value), sentence, element)
 
 
 def _not_a_number(words: Iterable[_Word]) -> EngineError | None:
@@ -149,7 +150,8 @@ def _not_a_number(words: Iterable[_Word]) -> EngineError | None:
     for word in words:
         if not math.isfinite(word.size):
             sentence = f"{word.sentence}; expected a finite number"
-            return EngineError(sentence, file=word.file, line=word.line)
+            file, line = word.element.place
+            return EngineError(sentence, file=file, line=line)
     return None
 
 
@@ -188,7 +190,7 @@ def doubled_remarks(xml_sources: Sequence[XmlSource]) -> Iterator[Remark]:
         for tag in ("worldbody", "option", "compiler"):
             for second in source.root.findall(tag)[1:]:
                 yield Remark(
-                    message=f"a second <{tag}> at {source.path.name}:{source.lines[second]}: MuJoCo"
+                    message=f"a second <{tag}> at {source.path.name}:{second.place[1]}: MuJoCo"
                     " merges it with the first",
                     address="",
                 )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mujoco.settings import is_on
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.urdf import base_name, joint_springs
@@ -19,7 +19,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 )
 
 
-def complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
+def complete_urdf(tree: Any, spec: ModelSpec, robot: XmlElement) -> None:
     """Add a floating root and the springs of Gazebo and the sidecar, which a URDF can't state for
     MuJoCo.
     """
@@ -68,8 +68,8 @@ def changes(spec: ModelSpec) -> list[Change]:
     return [*changes_made, with_held(held)] if (held := held_joints(spec)) else changes_made
 
 
-def _without_idle_shapes(robot: ET.Element) -> None:
+def _without_idle_shapes(robot: XmlElement) -> None:
     """Remove shapes, unless the file computes inertias from them."""
-    modes = (one.get("inertiafromgeom") for one in robot.iterfind("mujoco/compiler"))
+    modes = (one.get("inertiafromgeom") for one in robot.findall("mujoco/compiler"))
     if "true" not in modes:
         without_shapes(robot)

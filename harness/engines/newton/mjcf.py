@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import option_remarks, read_source_mjcf
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.reading import (
@@ -69,9 +69,9 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     )
 
 
-def _left_out(root: ET.Element, all_equalities: bool) -> Iterator[str]:
+def _left_out(root: XmlElement, all_equalities: bool) -> Iterator[str]:
     """Yield elements with an effect in MuJoCo that neither Newton nor this adapter supports."""
-    if any(len(element) for element in root.findall("actuator")):
+    if any(element.children for element in root.findall("actuator")):
         yield "actuators"
     if all_equalities and {element.tag for element in root.findall("equality/*")} - {"joint"}:
         yield "equalities of other things than joints"
@@ -93,7 +93,7 @@ def _left_out(root: ET.Element, all_equalities: bool) -> Iterator[str]:
 FLUID_OPTIONS = ("density", "viscosity", "wind")
 
 
-def _names(root: ET.Element, builder: Any, path: Path) -> list[list[str]]:
+def _names(root: XmlElement, builder: Any, path: Path) -> list[list[str]]:
     """Return the coordinate names of each Newton joint; joints of one body form one joint."""
     bodies = [one for world in root.findall("worldbody") for one in world.iter("body")]
     if len(bodies) != len(builder.body_label):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.reading import (
     ParsedModel,
@@ -29,7 +29,7 @@ READER = UrdfReader(
 )
 
 
-def without_idle_shapes(robot: ET.Element) -> None:
+def without_idle_shapes(robot: XmlElement) -> None:
     """Remove shapes, except those from which Newton computes a mass."""
     for link in robot.findall("link"):
         tags = ("visual",) if link.find("inertial") is None else ("visual", "collision")
@@ -37,10 +37,10 @@ def without_idle_shapes(robot: ET.Element) -> None:
             link.remove(shape)
 
 
-def stopped_turns(robot: ET.Element) -> Iterator[tuple[str, tuple[float, float]]]:
+def stopped_turns(robot: XmlElement) -> Iterator[tuple[str, tuple[float, float]]]:
     """Yield continuous joints with limits, which other engines ignore."""
     for joint in robot.findall("joint"):
-        stated = {} if (limit := joint.find("limit")) is None else limit.attrib
+        stated = {} if (limit := joint.find("limit")) is None else limit.attributes
         if joint.get("type") == "continuous" and {"lower", "upper"} <= set(stated):
             bounds = float(stated["lower"]), float(stated["upper"])
             if bounds[0] <= bounds[1]:  # the file's copy has no others
@@ -56,7 +56,7 @@ def read_urdf(model: UrdfModel) -> ParsedModel:
     robot = with_changes(model.declared.robot, model.declared.changes)
     builder, messages = new_builder(model.gravity), list[str]()
     with collect_warnings(messages):
-        text = ET.tostring(robot, encoding="unicode")
+        text = robot.written().decode()
         builder.add_urdf(text, floating=model.floats, enable_self_collisions=False)
     if model.settings["smooth"]:
         without_limit_forces(builder)

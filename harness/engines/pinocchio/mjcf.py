@@ -6,12 +6,12 @@ without contacts as visual geometry, and applies the drawn pose of a free joint 
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines import tree_model
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copy_mjcf, without_pose
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
@@ -42,7 +42,9 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         resolved = self.resolved
         root = copy_mjcf(self.declared, limits=False, touches=True, resolved=resolved, refs=False)
         self._one_root = not self.settings["all_roots"] and len(root.findall("worldbody/body")) > 1
-        self._few_geoms = not self.settings["all_geoms"] and root.find(".//body/geom") is not None
+        self._few_geoms = not self.settings["all_geoms"] and any(
+            body.find("geom") for body in root.iter("body")
+        )
         if self.settings["all_roots"]:
             _attach_to_ground(root)
         if self.settings["all_geoms"]:
@@ -57,7 +59,7 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             self._differs_from_defaults(model) or any(_unread(self.declared))
         )
 
-    def _read(self, root: ET.Element) -> Any:
+    def _read(self, root: XmlElement) -> Any:
         with temporary_file(root, self.path) as path:
             return read_mjcf(path, self.path)
 
@@ -113,21 +115,22 @@ def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
         for element in (*body.findall("joint"), *(body.findall("geom") if weighing else ())):
             lost = {"pos"} if element.tag == "joint" else {"mass", *POSE}
             yield bool(
-                lost & set(declared.defaults.attributes(element, inherited)) - set(element.attrib)
+                lost
+                & set(declared.defaults.attributes(element, inherited)) - set(element.attributes)
             )
 
 
-def _attach_to_ground(root: ET.Element) -> None:
+def _attach_to_ground(root: XmlElement) -> None:
     """Attach all root bodies to one fixed body."""
     for world in root.findall("worldbody"):
-        bodies = list(world)
+        bodies, world.children = world.children, []
+        ground = world.add("body", {"name": GROUND})
         for body in bodies:
-            world.remove(body)
-        ET.SubElement(world, "body", name=GROUND).extend(bodies)
+            ground.append(body)
 
 
-def _enable_contacts(root: ET.Element) -> None:
-    for geom in root.findall(".//body/geom"):
+def _enable_contacts(root: XmlElement) -> None:
+    for geom in (one for body in root.iter("body") for one in body.findall("geom")):
         for key in TOUCHES:
             geom.set(key, "1")
 

@@ -4,12 +4,12 @@ one.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.bare import BARE, bare_cause, bare_links
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
@@ -151,7 +151,7 @@ class PybulletModel(Model):
 
     integrator = "semi-implicit euler"
 
-    def __init__(self, spec: ModelSpec, robot: ET.Element, springs: list[Spring]) -> None:
+    def __init__(self, spec: ModelSpec, robot: XmlElement, springs: list[Spring]) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
         self._declared = spec, robot, springs

@@ -6,11 +6,11 @@ its length. A slanted axis printed with six digits has a length that differs fro
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.source import finite_numbers
 from physics_crosscheck.harness.engines.urdf import ROUNDED
 
@@ -20,7 +20,7 @@ UNIT: Mapping[str, object] = {"unit_axes": True}
 MOVING = ("revolute", "continuous", "prismatic")
 
 
-def _long(robot: ET.Element) -> Iterator[tuple[ET.Element, ET.Element, list[float], float]]:
+def _long(robot: XmlElement) -> Iterator[tuple[XmlElement, XmlElement, list[float], float]]:
     """Yield joints with such an axis, the axis, its numbers and its length."""
     for joint in robot.findall("joint"):
         axis = joint.find("axis")
@@ -32,12 +32,12 @@ def _long(robot: ET.Element) -> Iterator[tuple[ET.Element, ET.Element, list[floa
             yield joint, axis, numbers, length
 
 
-def long_axes(robot: ET.Element) -> dict[str, float]:
+def long_axes(robot: XmlElement) -> dict[str, float]:
     """Return the excess length of each joint axis that is not a unit vector."""
     return {joint.get("name", ""): length - 1 for joint, _, _, length in _long(robot)}
 
 
-def unit_axes(robot: ET.Element) -> None:
+def unit_axes(robot: XmlElement) -> None:
     """Normalize these axes."""
     for _, axis, numbers, length in _long(robot):
         axis.set("xyz", " ".join(repr(number / length) for number in numbers))

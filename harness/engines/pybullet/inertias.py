@@ -8,11 +8,11 @@ file is to give principal axes in the `<origin>` of the `<inertial>`.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import finite_numbers
@@ -30,7 +30,7 @@ EXACT: Mapping[str, object] = {"exact_axes": True}
 """The adapter's setting that computes principal axes to the last digits."""
 
 
-def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, float]:
+def lost_inertias(robot: XmlElement, held: Mapping[str, Array]) -> dict[str, float]:
     """Return the relative error of PyBullet's tensor of each link, if it exceeds rounding.
 
     Args:
@@ -61,7 +61,7 @@ def held_inertias(body: int) -> dict[str, Array]:
     return held
 
 
-def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
+def check_inertias(path: str, body: int, robot: XmlElement | None) -> None:
     """Refuse inertias that PyBullet replaces without an error.
 
     A moving link without moments of inertia is accepted: its joint moves correctly with a mass off
@@ -127,7 +127,7 @@ def _link(body: int, index: int) -> str:
     return name
 
 
-def _has_moments(link: ET.Element) -> bool:
+def _has_moments(link: XmlElement) -> bool:
     inertia = link.find("inertial/inertia")
     return inertia is not None and any(float(inertia.get(key, "0")) for key in _PLACES)
 
@@ -156,7 +156,7 @@ def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
         )
 
 
-def exact_axes(robot: ET.Element) -> None:
+def exact_axes(robot: XmlElement) -> None:
     """Rotate each `<inertial>` with products to principal axes, computed to the last digits."""
     for link in robot.findall("link"):
         inertial = _with_products(link)
@@ -164,7 +164,7 @@ def exact_axes(robot: ET.Element) -> None:
             _diagonalize(inertial)
 
 
-def _with_products(link: ET.Element) -> ET.Element | None:
+def _with_products(link: XmlElement) -> XmlElement | None:
     """Return a link's `<inertial>` if its tensor has products."""
     inertial = link.find("inertial")
     inertia = inertial.find("inertia") if inertial is not None else None
@@ -173,7 +173,7 @@ def _with_products(link: ET.Element) -> ET.Element | None:
     return inertial
 
 
-def _tensor(inertial: ET.Element) -> Array:
+def _tensor(inertial: XmlElement) -> Array:
     tensor = np.zeros((3, 3))
     inertia = inertial.find("inertia")
     assert inertia is not None  # it has products
@@ -182,13 +182,13 @@ def _tensor(inertial: ET.Element) -> Array:
     return tensor
 
 
-def _origin(inertial: ET.Element) -> list[float]:
+def _origin(inertial: XmlElement) -> list[float]:
     """Return roll, pitch and yaw of the inertial frame in the link's."""
     origin = inertial.find("origin")
     return finite_numbers("" if origin is None else origin.get("rpy", "")) or [0.0, 0.0, 0.0]
 
 
-def _diagonalize(inertial: ET.Element) -> None:
+def _diagonalize(inertial: XmlElement) -> None:
     """Rotate an `<inertial>` to its principal axes."""
     moments, axes = np.linalg.eigh(_tensor(inertial))  # ascending
     axes[:, 0] *= np.linalg.det(axes)  # right-handed
@@ -200,7 +200,7 @@ def _diagonalize(inertial: ET.Element) -> None:
     roll, pitch, yaw = to_rpy(turn)
     origin, inertia = inertial.find("origin"), inertial.find("inertia")
     if origin is None:
-        origin = ET.SubElement(inertial, "origin")
+        origin = inertial.add("origin")
     origin.set("rpy", " ".join(repr(float(angle)) for angle in (roll, pitch, yaw)))
     assert inertia is not None  # it has products
     for key, moment in zip(("ixx", "iyy", "izz"), moments.tolist(), strict=True):

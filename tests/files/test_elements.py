@@ -1,0 +1,72 @@
+"""Copies of a file's elements: what is not changed stays as it was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
+from physics_crosscheck.harness.documents.location import SourceFile
+
+TEXT = """<robot  name='a&amp;b'><!-- kept -->
+  <link name="l" ><mass value = "1e0"/></link >
+  <joint name="j"/>
+</robot>"""
+
+
+def copied() -> XmlElement:
+    return read_elements(SourceFile(Path("f.urdf"), TEXT.encode()))[0].copy()
+
+
+def test_an_unchanged_copy_is_the_file() -> None:
+    assert copied().written().decode() == TEXT
+    assert copied().copy().written().decode() == TEXT
+
+
+@pytest.mark.parametrize(
+    ("tag", "key", "value", "before", "after"),
+    [
+        ("mass", "value", "2", 'value = "1e0"', 'value="2"'),
+        ("mass", "unit", "<kg>", 'value = "1e0"', 'value = "1e0" unit="&lt;kg&gt;"'),
+        ("link", "name", None, ' name="l"', ""),
+    ],
+)
+def test_a_changed_attribute_changes_only_its_bytes(
+    tag: str, key: str, value: str | None, before: str, after: str
+) -> None:
+    root = copied()
+    (element,) = root.iter(tag)
+    if value is None:
+        del element.attributes[key]
+    else:
+        element.set(key, value)
+    assert root.written().decode() == TEXT.replace(before, after)
+
+
+def test_a_removed_child_leaves_its_siblings() -> None:
+    root = copied()
+    root.remove(root.findall("link")[0])
+    assert root.written().decode() == TEXT.replace(
+        '<link name="l" ><mass value = "1e0"/></link >', ""
+    )
+
+
+def test_children_are_added_before_the_end_tag_and_into_an_empty_element() -> None:
+    root = copied()
+    root.findall("joint")[0].add("axis", {"xyz": "0 0 1"})
+    root.findall("link")[0].add("note", text="a<b").add("inner")
+    changed = TEXT.replace('<joint name="j"/>', '<joint name="j"><axis xyz="0 0 1"></axis></joint>')
+    assert root.written().decode() == changed.replace(
+        "</link >", "<note>a&lt;b<inner></inner></note></link >"
+    )
+
+
+def test_an_element_that_moves_keeps_its_bytes() -> None:
+    root = copied()
+    link = root.findall("link")[0]
+    holder = XmlElement("sdf", {"version": "1.6"})
+    holder.append(link)
+    assert holder.written().decode() == (
+        '<sdf version="1.6"><link name="l" ><mass value = "1e0"/></link ></sdf>'
+    )
