@@ -2,12 +2,13 @@
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.conformance import Check, conform, conform_samples
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.engines.protocol import (
     Array,
+    DefaultLeftOn,
     Engine,
     EngineError,
     Force,
+    LeftOut,
     Model,
     ModelSpec,
     Sample,

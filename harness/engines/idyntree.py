@@ -12,9 +12,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
-from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
-from physics_crosscheck.harness.engines.installed import import_quietly
+from physics_crosscheck.harness.engines.installed import (
+    STDERR,
+    STDOUT,
+    capture_output,
+    import_quietly,
+)
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import each_alone, to_state
@@ -24,7 +27,11 @@ from physics_crosscheck.harness.engines.stepped_here import (
     SteppedHere,
     dampers_not_added,
 )
-from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.tree_model import (
+    FREE,
+    constrained_accelerations,
+    leader_matrix,
+)
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import with_masses, without_shapes
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel

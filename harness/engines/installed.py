@@ -1,4 +1,6 @@
-"""Installed packages: versions, cached while the Python path is unchanged, and modules."""
+"""Installed packages: versions, cached while the Python path is unchanged, modules, and the output
+that their libraries write past Python, often the only explanation of a load error.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,46 @@ import importlib.metadata
 import importlib.util
 import os
 import sys
+import tempfile
 import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from typing import Any
+
+STDOUT, STDERR = 1, 2
+
+
+@contextmanager
+def capture_output(
+    streams: Sequence[int] = (STDOUT,), *, again: bool = True
+) -> Iterator[list[str]]:
+    """Yield a list that holds the text of each stream after the block ends.
+
+    Args:
+        streams: file descriptors of the process.
+        again: whether the text is printed again afterwards.
+    """
+    texts: list[str] = []
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with ExitStack() as stack:
+        kept = [os.dup(stream) for stream in streams]
+        files = [stack.enter_context(tempfile.TemporaryFile()) for _ in streams]
+        for stream, file in zip(streams, files, strict=True):
+            os.dup2(file.fileno(), stream)
+        try:
+            yield texts
+        finally:
+            for stream, saved, file in zip(streams, kept, files, strict=True):
+                os.dup2(saved, stream)
+                os.close(saved)
+                file.seek(0)
+                data = file.read()
+                if again:
+                    os.write(stream, data)
+                texts.append(data.decode("utf-8", errors="replace"))
+
 
 Path = tuple[tuple[str, int], ...]
 

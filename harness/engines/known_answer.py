@@ -34,8 +34,8 @@ from physics_crosscheck.harness.engines.protocol import (
     ModelSpec,
     Sample,
     StateForce,
+    StepRule,
 )
-from physics_crosscheck.harness.engines.step_rule import StepRule
 
 _SAMPLE = """
 names = ["x", "theta"]

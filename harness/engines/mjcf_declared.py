@@ -1,13 +1,22 @@
-"""Declarations of an MJCF and its sidecar, for engines whose parsers read a subset."""
+"""Declarations of an MJCF and its sidecar, for engines whose parsers read a subset.
+
+They include forces on joints: springs, fixed tendons, and actuators at held controls.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.compiled import CompiledBody
-from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, numbers_of
+from physics_crosscheck.harness.engines.mjcf_defaults import (
+    MOTORS,
+    Attributes,
+    Defaults,
+    number_of,
+    numbers_of,
+)
 from physics_crosscheck.harness.engines.mjcf_inertias import (
     GravityCompensation,
     compiled_bodies,
@@ -15,7 +24,6 @@ from physics_crosscheck.harness.engines.mjcf_inertias import (
     lifts_of,
 )
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
-from physics_crosscheck.harness.engines.mjcf_pulls import HeldActuator, JointForces
 from physics_crosscheck.harness.engines.mjcf_refused import refuse
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource, read_source_mjcf
 from physics_crosscheck.harness.engines.protocol import (
@@ -27,6 +35,189 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
+
+AUTOMATIC = -1.0
+"""MuJoCo's exact value for an automatic length; other negative lengths are lengths."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldActuator:
+    """An actuator at its control: a held force on a combination of joints, with feedback.
+
+    Attributes:
+        joints: names of joints -> coefficient of the combination.
+        force: N or N m, along the combination.
+        stiffness, damping: loss of force per position and per velocity.
+    """
+
+    joints: Mapping[str, float]
+    force: float
+    stiffness: float
+    damping: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointForces:
+    """A reader of forces; `joints` move, `refs` are the positions of held joints, by name."""
+
+    source: MjcfSource
+    defaults: Defaults
+    joints: Mapping[str, MjcfJoint]
+    refs: Mapping[str, float]
+
+    def springs(self) -> Iterator[Spring]:
+        """Yield the springs of slides and hinges.
+
+        Raises:
+            EngineError: for springs of other joints.
+        """
+        on = not self.source.disabled("spring")
+        for name, joint in self.joints.items():
+            if joint.kind in (SLIDE, HINGE):
+                if joint.stiffness and on:
+                    yield Spring({name: 1.0}, joint.stiffness, 0.0, joint.rest)
+            elif joint.stiffness or joint.damping:
+                raise self.source.unsupported(
+                    joint.element, f"a spring or damper of a {joint.kind} joint is not added here"
+                )
+
+    def tendons(self) -> Iterator[Spring]:
+        """Yield springs and dampers of fixed tendons.
+
+        Raises:
+            EngineError: for tendons with other forces.
+        """
+        for tendon in self.source.root.findall("tendon/*"):
+            attributes = self.defaults.attributes(tendon, tag="tendon")
+            numbers = {
+                key: number_of(self.source, tendon, attributes, key)
+                for key in ("stiffness", "damping", "armature")
+            }
+            for key, flag in (("stiffness", "spring"), ("damping", "damper")):
+                numbers[key] *= not self.source.disabled(flag)
+            if not any(numbers.values()):
+                continue
+            if tendon.tag != "fixed" or numbers["armature"]:
+                kind = "a tendon with armature" if numbers["armature"] else "a tendon between sites"
+                raise self.source.unsupported(tendon, f"{kind} that pulls is not added here")
+            shares = self.shares(tendon)
+            rest = self._rest(tendon, attributes, shares) if numbers["stiffness"] else 0.0
+            yield self._free(shares, numbers["stiffness"], numbers["damping"], rest)
+
+    def shares(self, tendon: XmlElement) -> dict[str, float]:
+        """Return the coefficients of a fixed tendon's joints, including held ones."""
+        coefficients: dict[str, float] = {}
+        for element in tendon.findall("joint"):
+            name = element.get("joint", "")
+            moved = self.joints.get(name)
+            if name not in self.refs and (moved is None or moved.kind not in (SLIDE, HINGE)):
+                raise self.source.refused(element, f"{name!r} is neither a slide nor a hinge")
+            coefficients[name] = coefficients.get(name, 0.0) + number_of(
+                self.source, element, element.attributes, "coef", "nan"
+            )
+        return coefficients
+
+    def _rest(
+        self, tendon: XmlElement, attributes: Attributes, shares: Mapping[str, float]
+    ) -> float:
+        """Return the relaxed length; -1 stands for the length at the joints' rest positions."""
+        length = numbers_of(self.source, tendon, attributes, "springlength", "-1")
+        if length[0] != length[-1]:
+            raise self.source.unsupported(tendon, "a tendon that is slack between two lengths")
+        if length[0] == AUTOMATIC:
+            positions = {**self.refs, **{name: one.rest for name, one in self.joints.items()}}
+            return sum(share * positions[name] for name, share in shares.items())
+        return length[0]
+
+    def _free(self, shares: Mapping[str, float], k: float, c: float, rest: float) -> Spring:
+        """Return the spring on the moving joints only."""
+        still = sum(share * self.refs[name] for name, share in shares.items() if name in self.refs)
+        moving = {name: share for name, share in shares.items() if name not in self.refs}
+        return Spring(moving, k, c, rest - still)
+
+    def actuators(self, controls: Sequence[float]) -> Iterator[HeldActuator]:
+        """Yield actuators with an affine law, at these controls, one for each.
+
+        Raises:
+            EngineError: for actuators of other laws, and for a wrong number of controls.
+        """
+        rows = self.source.root.findall("actuator/*")
+        if len(controls) != len(rows):
+            wanted = "1 number" if len(rows) == 1 else f"{len(rows)} numbers"
+            sentence = f"[settings] controls is {list(controls)}; expected {wanted}"
+            raise self.source.refused(rows[0], sentence)
+        for element, control in zip(rows, controls, strict=True):
+            attributes = self._checked_attributes(element)
+            length, gear = self._length(element, attributes)
+            if not {name for name in length if name in self.joints}:
+                continue  # the joint is held, so its actuator has no effect
+            gain, bias = self._law(element, attributes)
+            still = sum(by * self.refs[name] for name, by in length.items() if name in self.refs)
+            yield HeldActuator(
+                joints={k: gear * by for k, by in length.items() if k not in self.refs},
+                force=gain * control + bias[0] + bias[1] * gear * still,
+                stiffness=-bias[1],
+                damping=-bias[2],
+            )
+
+    def _checked_attributes(self, element: XmlElement) -> Attributes:
+        if element.tag not in MOTORS or self.defaults.mixed(element, MOTORS):
+            raise self.source.unsupported(
+                element, f"an actuator <{element.tag}> of these defaults or laws"
+            )
+        attributes = self.defaults.attributes(element)
+        if (
+            attributes.get("gaintype", "fixed") != "fixed"
+            or attributes.get("dyntype", "none") != "none"
+        ):
+            raise self.source.unsupported(element, "an actuator with a state or a gain of a law")
+        for key in ("armature", "damping", "delay", "timeconst"):
+            if any(numbers_of(self.source, element, attributes, key, "0")):
+                raise self.source.unsupported(element, f"an actuator with {key} is not added here")
+        return attributes
+
+    def _length(
+        self, element: XmlElement, attributes: Attributes
+    ) -> tuple[Mapping[str, float], float]:
+        """Return the combination of joints that it acts on, and its gear."""
+        gear = numbers_of(self.source, element, attributes, "gear", "1")[0]
+        joint, tendon = (
+            attributes.get("joint", attributes.get("jointinparent", "")),
+            attributes.get("tendon", ""),
+        )
+        if joint in self.refs or (
+            joint in self.joints and self.joints[joint].kind in (SLIDE, HINGE)
+        ):
+            return {joint: 1.0}, gear
+        for fixed in self.source.root.findall("tendon/fixed") if tendon else ():
+            if fixed.get("name") == tendon:
+                return self.shares(fixed), gear
+        raise self.source.unsupported(element, "an actuator on no slide, hinge or fixed tendon")
+
+    def _law(
+        self, element: XmlElement, attributes: Attributes
+    ) -> tuple[float, tuple[float, float, float]]:
+        """Return the gain, and the bias coefficients (constant, length, rate)."""
+
+        def parameter(key: str, otherwise: str) -> float:
+            return numbers_of(self.source, element, attributes, key, otherwise)[0]
+
+        if element.tag == "motor":
+            return 1.0, (0.0, 0.0, 0.0)
+        if element.tag == "position" and not parameter("dampratio", "0"):
+            return parameter("kp", "1"), (0.0, -parameter("kp", "1"), -parameter("kv", "0"))
+        if element.tag == "velocity":
+            return parameter("kv", "1"), (0.0, 0.0, -parameter("kv", "1"))
+        affine = attributes.get("biastype", "none") in ("none", "affine")
+        if element.tag != "general" or not affine:
+            raise self.source.unsupported(
+                element, f"an actuator <{element.tag}> of this law is not added here"
+            )
+        if attributes.get("biastype", "none") == "none":
+            return parameter("gainprm", "1"), (0.0, 0.0, 0.0)
+        given = numbers_of(self.source, element, attributes, "biasprm", "0")
+        zero, length, rate = (*given, 0.0, 0.0, 0.0)[:3]
+        return parameter("gainprm", "1"), (zero, length, rate)
 
 
 @dataclass(frozen=True, kw_only=True)

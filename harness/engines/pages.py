@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
-from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, Engine
 from physics_crosscheck.harness.engines.pybullet.settings import DEFAULTS as PYBULLET
 from physics_crosscheck.harness.engines.registry import BUILT_IN, install_command
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine

@@ -3,7 +3,7 @@ free root.
 
 Munthe-Kaas (1999), Appl. Numer. Math. 29, 115-127: the stages add displacements from the step's
 start. A root's rotation is a quaternion here. Its velocity is along the world's axes at its origin,
-and angular about its own axes (`harness.engines.attitude` defines the harness's coordinates).
+and angular about its own axes (`reference.mechanism.rotations` defines the coordinates).
 
 All states of a batch step together, because for few numbers a call of Python and numpy takes longer
 than an engine's accelerations.

@@ -16,13 +16,15 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.installed import import_quietly
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
-from physics_crosscheck.harness.engines.one_by_one import Stepper
-from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    DefaultLeftOn,
+    Model,
+    ModelSpec,
+    StepRule,
+)
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.springs import SpringForces
-from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
 from physics_crosscheck.harness.engines.urdf_copy import Change, temporary_urdf, without_visuals
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel

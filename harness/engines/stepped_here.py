@@ -7,8 +7,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
-from physics_crosscheck.harness.engines.protocol import Array, UnsupportedError
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    DefaultLeftOn,
+    StepRule,
+    UnsupportedError,
+)
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import (
     Accelerations,
@@ -16,9 +20,7 @@ from physics_crosscheck.harness.engines.runge_kutta import (
     SingleAccelerations,
     to_state,
 )
-from physics_crosscheck.harness.engines.springs import SpringForces
-from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.engines.tree_model import TreeModel
+from physics_crosscheck.harness.engines.tree_model import SpringForces, TreeModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
 ADDED_HERE: Mapping[str, bool] = MappingProxyType({

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Array, Model
-from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.protocol import Array, Model, StepRule
 from physics_crosscheck.harness.numerics.batch import even_indices, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge

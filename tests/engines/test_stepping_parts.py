@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
-from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
+from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -24,7 +23,11 @@ from physics_crosscheck.harness.engines.runge_kutta import (
     each_alone,
     to_state,
 )
-from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.tree_model import (
+    SpringForces,
+    constrained_accelerations,
+    leader_matrix,
+)
 from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.harness.engines.urdf_sidecar import check_settings, declared_urdf
 from physics_crosscheck.reference.mechanism.rotations import (

@@ -11,8 +11,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.task import load, model_task
-from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.protocol import Array, StepRule
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.discrete import StepLinearization, linearize_step
 from physics_crosscheck.harness.records.model import Model

@@ -14,8 +14,7 @@ import pytest
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import SystemTask, load, model_task
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
-from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce, StepRule
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files

@@ -15,13 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.bare import (
-    BARE,
-    bare_cause,
-    bare_links,
-    zero_missing_inertials,
-)
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
@@ -38,6 +31,7 @@ from physics_crosscheck.harness.engines.dart.sdf import (
     without_collisions,
 )
 from physics_crosscheck.harness.engines.dart.steps import WorldSteps
+from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -45,23 +39,30 @@ from physics_crosscheck.harness.engines.protocol import (
     Model,
     ModelSpec,
     Sample,
+    StepRule,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import each_alone
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
-from physics_crosscheck.harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
-from physics_crosscheck.harness.engines.sdf_sidecar import DeclaredSdf
+from physics_crosscheck.harness.engines.sdf_sidecar import (
+    DeclaredSdf,
+    sdf_without_bounds,
+    sdf_without_friction,
+)
 from physics_crosscheck.harness.engines.source import one_line
-from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
+    BARE,
     TRIMMED,
     Change,
+    bare_cause,
+    bare_links,
     dropped_cause,
     refuse_blanks,
     trim_numbers,
     without_friction,
     without_shapes,
+    zero_missing_inertials,
 )
 from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf

@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.one_by_one import Stepper
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.engines.springs import SpringForces
-from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     coordinate_rate,

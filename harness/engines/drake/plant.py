@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.one_by_one import Stepper
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.runge_kutta import place, rates, to_state
-from physics_crosscheck.harness.engines.springs import SpringForces
-from physics_crosscheck.harness.engines.tree_model import FREE, Weight
+from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper, Weight
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 
 QUATERNION = 4

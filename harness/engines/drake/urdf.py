@@ -1,22 +1,20 @@
-"""A URDF, or an SDFormat file, in Drake."""
+"""A URDF, or an SDFormat file, in Drake.
+
+Drake's SDFormat parser ignores `<mimic>` and defines its own element.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel, refuse_balls
 from physics_crosscheck.harness.engines.drake.plant import weight_of
-from physics_crosscheck.harness.engines.drake.reading import refuse_balls
-from physics_crosscheck.harness.engines.drake.sdf import (
-    own_mimics,
-    weight_cause,
-    weightless_links,
-    without_own,
-)
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.sdf_copy import sdf_mimics_of, sdf_without_bounds
+from physics_crosscheck.harness.engines.sdf import mimic_of
+from physics_crosscheck.harness.engines.sdf_sidecar import sdf_mimics_of, sdf_without_bounds
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
@@ -26,6 +24,48 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_shapes,
 )
 from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfModel
+
+PREFIX = "drake:"
+"""The prefix of elements that only Drake reads."""
+
+SPACE = {"xmlns:drake": "http://drake.mit.edu"}
+
+
+def without_own(model: XmlElement) -> None:
+    """Remove joint elements that only Drake reads, such as rotor inertias."""
+    for joint in model.findall("joint"):
+        for part in list(joint):
+            if part.tag.startswith(PREFIX):
+                joint.remove(part)
+
+
+def own_mimics(model: XmlElement) -> None:
+    """Write `<mimic>` as `<drake:mimic>`."""
+    for joint in model.findall("joint"):
+        mimic = mimic_of(joint)
+        if mimic is not None:
+            attributes = {
+                "joint": mimic.leader,
+                "multiplier": repr(mimic.multiplier),
+                "offset": repr(mimic.offset),
+            }
+            joint.add(f"{PREFIX}mimic", SPACE | attributes)
+
+
+def weightless_links(model: XmlElement) -> tuple[str, ...]:
+    """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
+    return tuple(
+        link.get("name", "")
+        for link in model.findall("link")
+        if link.findtext("gravity").strip().lower() in ("0", "false")
+    )
+
+
+def weight_cause(names: Sequence[str]) -> str:
+    """Return the cause that a diagnosis reports."""
+    listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+    return f"Drake's ignoring of <gravity>false</gravity> ({listed})"
+
 
 MIMICS = "Drake's leaving out of <mimic>"
 

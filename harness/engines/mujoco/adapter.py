@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.installed import version_of
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL
 from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
 from physics_crosscheck.harness.engines.mujoco.forward import (
@@ -28,7 +27,6 @@ from physics_crosscheck.harness.engines.mujoco.mjcf import (
     load_error,
     sources,
 )
-from physics_crosscheck.harness.engines.mujoco.poses import PoseEvaluator
 from physics_crosscheck.harness.engines.mujoco.remarks import (
     UNCOMPENSATED,
     file_remarks,
@@ -53,19 +51,21 @@ from physics_crosscheck.harness.engines.mujoco.urdf import changes, complete_urd
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import (
     Array,
+    DefaultLeftOn,
     Engine,
     EngineError,
     Force,
+    LeftOut,
     Model,
     ModelSpec,
     Sample,
     StateForce,
+    StepRule,
     clip_ranges,
     held_joints,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import XmlSource, engine_errors
-from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
@@ -73,6 +73,52 @@ from physics_crosscheck.harness.engines.urdf import (
     sample_urdf,
 )
 from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
+
+
+class PoseEvaluator:
+    """Poses by `kind:name`; `centre` is a body's centre of mass, in the body's axes.
+
+    Args:
+        model: compiled; for a URDF, without fusing links on fixed joints.
+        body: the file's word for a body: `body`, or `link` in a URDF.
+    """
+
+    def __init__(self, model: Any, body: str) -> None:
+        import mujoco
+
+        self._model, self._data = model, mujoco.MjData(model)
+        kinds = {
+            body: (model.nbody, model.body, "xpos", "xmat"),
+            "centre": (model.nbody, model.body, "xipos", "xmat"),
+            "site": (model.nsite, model.site, "site_xpos", "site_xmat"),
+            "geom": (model.ngeom, model.geom, "geom_xpos", "geom_xmat"),
+        }
+        self._rows = {
+            f"{kind}:{named(i).name}": (at, turn, i)
+            for kind, (count, named, at, turn) in kinds.items()
+            for i in range(count)
+            if named(i).name
+        }
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """All places with a name."""
+        return tuple(self._rows)
+
+    def evaluate(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """Return origins (K, F, 3) and rotations (K, F, 3, 3) at positions z, (K, nz)."""
+        import mujoco
+
+        wanted = [self._rows[place] for place in places]
+        origins, turns = np.empty((len(z), len(wanted), 3)), np.empty((len(z), len(wanted), 9))
+        for k, qpos in enumerate(z):
+            self._data.qpos[:] = qpos
+            mujoco.mj_kinematics(self._model, self._data)
+            for f, (positions_field, turn, i) in enumerate(wanted):
+                origins[k, f] = getattr(self._data, positions_field)[i]
+                turns[k, f] = getattr(self._data, turn)[i]
+        return origins, turns.reshape(len(z), len(wanted), 3, 3)
+
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from physics_crosscheck.harness.engines.compiled import CompiledCoupling
-from physics_crosscheck.harness.engines.mujoco.pulls import acts
-from physics_crosscheck.harness.engines.mujoco.ways import of_tendon
+from physics_crosscheck.harness.engines.mujoco.pulls import acts, of_tendon
 
 _CURVED = slice(2, 5)
 """Coefficients of an equality's polynomial that make it nonlinear."""

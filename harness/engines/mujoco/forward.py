@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.following import constrained_accelerations
 from physics_crosscheck.harness.engines.mujoco.equalities import straight_equalities
 from physics_crosscheck.harness.engines.mujoco.pulls import acts
 from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.tree_model import constrained_accelerations
 
 
 def forward(

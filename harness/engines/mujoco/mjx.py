@@ -18,13 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
 from physics_crosscheck.harness.engines.mujoco.pulls import powers
 from physics_crosscheck.harness.engines.protocol import (
     Array,
+    DefaultLeftOn,
     EngineError,
     Force,
+    LeftOut,
     ModelSpec,
     Sample,
     StateForce,

@@ -1,4 +1,7 @@
-"""Tendons and actuators of a compiled model as forces along lengths."""
+"""Forces of a compiled model: tendons and actuators along lengths, and the drag of its fluid.
+
+Lengths are of joints, points or frames.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,105 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledForce, CompiledLength, Numbers
-from physics_crosscheck.harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
+from physics_crosscheck.harness.engines.compiled import (
+    CompiledFluid,
+    CompiledForce,
+    CompiledFrame,
+    CompiledLength,
+    Numbers,
+)
+
+Combination = tuple[tuple[int, float], ...]
+"""Coefficients by the index of a hinge or slide."""
+
+
+def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledLength | None:
+    """Return a combination of joints, or segments between sites; None if the tendon wraps
+    shapes.
+    """
+    import mujoco
+
+    first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
+    rows = range(first, first + count)
+    kinds = {mujoco.mjtWrap(m.wrap_type[k]) for k in rows}
+    if kinds == {mujoco.mjtWrap.mjWRAP_JOINT}:
+        return tuple((int(m.wrap_objid[k]), gear * float(m.wrap_prm[k])) for k in rows)
+    if not kinds <= {mujoco.mjtWrap.mjWRAP_SITE, mujoco.mjtWrap.mjWRAP_PULLEY}:
+        return None
+    branches: list[tuple[float, list[CompiledFrame]]] = [(gear, [])]
+    for k in rows:
+        if m.wrap_type[k] == mujoco.mjtWrap.mjWRAP_PULLEY:
+            branches.append((gear / float(m.wrap_prm[k]), []))
+        else:
+            branches[-1][1].append(mark(m, int(m.wrap_objid[k])))
+    return CompiledLength(
+        branches=tuple((share, tuple(row)) for share, row in branches if len(row) > 1)
+    )
+
+
+def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledLength | None:
+    """Return the same for an actuator; None for slider-cranks, bodies and later transmissions."""
+    import mujoco
+
+    kind = mujoco.mjtTrn(m.actuator_trntype[i])
+    target, other = map(int, m.actuator_trnid[i])
+    if kind == mujoco.mjtTrn.mjTRN_TENDON:
+        return of_tendon(m, target, gear[0])
+    if kind == mujoco.mjtTrn.mjTRN_SITE:
+        against = mark(m, other) if other >= 0 else None
+        return CompiledLength(frame=mark(m, target), against=against, gear=gear)
+    inside = kind == mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    if not inside and kind != mujoco.mjtTrn.mjTRN_JOINT:
+        return None
+    joint = mujoco.mjtJoint(m.jnt_type[target])
+    if joint in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+        return ((target, gear[0]),)
+    size = 3 if joint == mujoco.mjtJoint.mjJNT_BALL else 6
+    return CompiledLength(joint=target, gear=gear[:size], in_parent=inside)
+
+
+def mark(m: Any, site: int) -> CompiledFrame:
+    """Return a site."""
+    return CompiledFrame(
+        body=int(m.site_bodyid[site]),
+        position=tuple(map(float, np.ravel(m.site_pos[site]))),
+        turn=tuple(map(float, np.ravel(m.site_quat[site]))),
+    )
+
+
+FAINT = 1e-300
+"""A remaining share of an ellipsoid's forces: at zero, MuJoCo would drag its body's box."""
+
+
+def box_fluid(m: Any) -> CompiledFluid | None:
+    """Return the fluid of the inertia model, or None if no fluid or passive force acts."""
+    if not (m.opt.density > 0 or m.opt.viscosity > 0) or not (
+        acts(m, "SPRING") or acts(m, "DAMPER")
+    ):
+        return None
+    x, y, z = map(float, m.opt.wind)
+    return CompiledFluid(
+        density=float(m.opt.density), viscosity=float(m.opt.viscosity), wind=(x, y, z)
+    )
+
+
+def ellipsoids(m: Any) -> Any:
+    """Return which geoms, (ngeom,), the fluid model treats as ellipsoids: their bodies have no box
+    drag.
+    """
+    return np.array(m.geom_fluid)[:, 0] > 0
+
+
+def without_ellipsoids(m: Any) -> None:
+    """Remove the fluid forces on these geoms and their bodies."""
+    m.geom_fluid[ellipsoids(m), 0] = FAINT
+
+
+def has_box_drag(m: Any, body: int) -> bool:
+    """Return whether the fluid acts on a body as on a box."""
+    first, count = int(m.body_geomadr[body]), int(m.body_geomnum[body])
+    return not (count and ellipsoids(m)[first : first + count].any())
+
 
 UNCOUPLED = "armature of a tendon across branches couples no joints"
 """The cause that a diagnosis reports."""

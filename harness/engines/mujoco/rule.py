@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
-from physics_crosscheck.harness.engines.mujoco.medium import box_fluid
-from physics_crosscheck.harness.engines.mujoco.pulls import acts, actuators, powers
-from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.mujoco.pulls import acts, actuators, box_fluid, powers
+from physics_crosscheck.harness.engines.protocol import Array, StepRule
 
 SOFT = "equalities, which are soft at any step"
 

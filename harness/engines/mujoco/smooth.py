@@ -8,20 +8,18 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act, straight_equalities
-from physics_crosscheck.harness.engines.mujoco.medium import (
-    box_fluid,
-    ellipsoids,
-    without_ellipsoids,
-)
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     acts,
     actuators,
+    box_fluid,
     control,
     covered_actuator,
     covered_tendon,
+    ellipsoids,
     joint_name,
     pulls_by_itself,
     spatial_tendon,
+    without_ellipsoids,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
 

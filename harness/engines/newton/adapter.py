@@ -10,14 +10,18 @@ from types import MappingProxyType
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import with_options
+from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
-from physics_crosscheck.harness.engines.newton.reading import ParsedModel, limits_of
-from physics_crosscheck.harness.engines.newton.urdf import (
-    READER,
-    read_urdf,
-    stopped_turns,
-    without_idle_shapes,
+from physics_crosscheck.harness.engines.newton.reading import (
+    ParsedModel,
+    collapse,
+    collect_warnings,
+    correct_inertias,
+    limits_of,
+    new_builder,
+    without_limit_forces,
 )
 from physics_crosscheck.harness.engines.newton.worlds import Worlds
 from physics_crosscheck.harness.engines.protocol import (
@@ -27,16 +31,76 @@ from physics_crosscheck.harness.engines.protocol import (
     Model,
     ModelSpec,
     Sample,
+    StepRule,
     clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors
-from physics_crosscheck.harness.engines.springs import SpringForces
-from physics_crosscheck.harness.engines.step_rule import StepRule
-from physics_crosscheck.harness.engines.urdf import SETTINGS, sample_urdf
-from physics_crosscheck.harness.engines.urdf_copy import without_crossed_bounds
+from physics_crosscheck.harness.engines.tree_model import SpringForces
+from physics_crosscheck.harness.engines.urdf import SETTINGS, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf_copy import with_changes, without_crossed_bounds
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
+
+READER = UrdfReader(
+    name="newton",
+    no_inertial="the mass of its collision shapes at 1000 kg/m^3, or none",
+    equal_bounds=True,
+    no_friction="Newton",
+)
+
+
+def without_idle_shapes(robot: XmlElement) -> None:
+    """Remove shapes, except those from which Newton computes a mass."""
+    for link in robot.findall("link"):
+        tags = ("visual",) if link.find("inertial") is None else ("visual", "collision")
+        for shape in [shape for tag in tags for shape in link.findall(tag)]:
+            link.remove(shape)
+
+
+def stopped_turns(robot: XmlElement) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield continuous joints with limits, which other engines ignore."""
+    for joint in robot.findall("joint"):
+        stated = {} if (limit := joint.find("limit")) is None else limit.attributes
+        if joint.get("type") == "continuous" and {"lower", "upper"} <= set(stated):
+            bounds = float(stated["lower"]), float(stated["upper"])
+            if bounds[0] <= bounds[1]:  # the file's copy has no others
+                yield joint.get("name", ""), bounds
+
+
+def read_urdf(model: UrdfModel) -> ParsedModel:
+    """Read a URDF and its sidecar's declarations.
+
+    Raises:
+        EngineError: naming file and joint.
+    """
+    robot = with_changes(model.declared.robot, model.declared.changes)
+    builder, messages = new_builder(model.gravity), list[str]()
+    with collect_warnings(messages):
+        text = robot.written().decode()
+        builder.add_urdf(text, floating=model.floats, enable_self_collisions=False)
+    if model.settings["smooth"]:
+        without_limit_forces(builder)
+    corrected = correct_inertias(builder, messages) if model.settings["corrected_inertias"] else ()
+    lost = collapse(builder, bool(model.settings["collapse_fixed_joints"]))
+    prefix = f"{robot.get('name')}/" if robot.get("name") else ""
+    names: list[list[str]] = []
+    for label, (lines, turns) in zip(builder.joint_label, builder.joint_dof_dim, strict=True):
+        name = label.removeprefix(prefix)
+        if lines + turns > 1 and not (model.floats and not names):
+            raise EngineError(f"{model.path}: joint {name!r} is neither a slide nor a hinge")
+        names.append([model.root if model.floats and not names else name][: lines + turns])
+    layout = Layout(builder, names, np.zeros(len(builder.joint_qd)))
+    springs = model.declared.springs
+    return ParsedModel(
+        builder=builder,
+        layout=layout,
+        springs=springs,
+        lost=lost,
+        corrected=corrected,
+        messages=messages,
+    )
+
 
 _NAMED = 6
 """The most bodies that a sentence names."""

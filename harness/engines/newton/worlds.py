@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
-from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.tree_model import SpringForces
 
 KEPT = 8
 """The most batch sizes whose worlds are kept, and step sizes whose launches are kept."""

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.following import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.pinocchio.reading import frames, lift_models
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.runge_kutta import to_state
 from physics_crosscheck.harness.engines.stepped_here import SteppedHere
-from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.tree_model import (
+    FREE,
+    constrained_accelerations,
+    leader_matrix,
+)
 from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,

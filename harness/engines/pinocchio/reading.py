@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, capture_output
+from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import Array, UnsupportedError
 from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.tree_model import Weight

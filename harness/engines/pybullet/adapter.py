@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.bare import BARE, bare_cause, bare_links
 from physics_crosscheck.harness.engines.installed import version_of
-from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
 from physics_crosscheck.harness.engines.protocol import (
     Array,
+    DefaultLeftOn,
     Engine,
     EngineError,
     Force,
@@ -22,12 +21,11 @@ from physics_crosscheck.harness.engines.protocol import (
     ModelSpec,
     Sample,
     Spring,
+    StepRule,
     clip_ranges,
     held_joints,
 )
-from physics_crosscheck.harness.engines.pybullet.axes import UNIT, length_cause, long_axes
-from physics_crosscheck.harness.engines.pybullet.ball import Ball
-from physics_crosscheck.harness.engines.pybullet.base import Base
+from physics_crosscheck.harness.engines.pybullet.base import Ball, Base
 from physics_crosscheck.harness.engines.pybullet.inertias import (
     EXACT,
     axes_cause,
@@ -36,22 +34,23 @@ from physics_crosscheck.harness.engines.pybullet.inertias import (
     held_inertias,
     lost_inertias,
 )
-from physics_crosscheck.harness.engines.pybullet.poses import link_places
-from physics_crosscheck.harness.engines.pybullet.printed import collect_printed_errors
 from physics_crosscheck.harness.engines.pybullet.remarks import (
     CAUSES,
+    collect_printed_errors,
     model_remarks,
     products_caveat,
 )
 from physics_crosscheck.harness.engines.pybullet.settings import (
     DEFAULTS,
     DISABLED_EFFECTS,
+    UNIT,
     changes_of,
+    length_cause,
+    long_axes,
 )
-from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper
+from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper, link_places
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors, one_line
-from physics_crosscheck.harness.engines.step_rule import StepRule
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
@@ -63,7 +62,13 @@ from physics_crosscheck.harness.engines.urdf import (
     refuse_negative_masses,
     sample_urdf,
 )
-from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
+from physics_crosscheck.harness.engines.urdf_copy import (
+    BARE,
+    bare_cause,
+    bare_links,
+    followers_of,
+    temporary_urdf,
+)
 from physics_crosscheck.harness.engines.urdf_sidecar import check_settings
 
 _client: int | None = None

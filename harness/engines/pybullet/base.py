@@ -1,7 +1,11 @@
-"""The base of a floating URDF: its link's pose, from PyBullet's pose of its inertial frame.
+"""Joints of several degrees of freedom: the floating base of a URDF, and spherical joints.
 
 PyBullet counts a floating base's position and velocity from the center of mass, rotated by the
 inertial frame, in the world's axes; quaternions have their real part last.
+
+Only PyBullet defines spherical joints. It expresses their rotation, angular velocity and torque in
+the axes of the link's inertial frame, not of the link. A position motor without force disables
+their default motor, as `VELOCITY_CONTROL` does for other joints.
 """
 
 from __future__ import annotations
@@ -21,6 +25,72 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotation_names,
     unit_quaternion,
 )
+
+BALL_COUNT = 3
+"""Number of coordinates: the rotation of its link in the joint's frame."""
+
+
+class Ball:
+    """A spherical joint of a loaded body.
+
+    Args:
+        body: PyBullet's index of the body.
+        joint: PyBullet's index of the joint.
+        name: of the joint.
+    """
+
+    count = BALL_COUNT
+
+    def __init__(self, body: int, joint: int, name: str) -> None:
+        import pybullet as p
+
+        self._body, self._joint = body, joint
+        self.names = rotation_names(name)
+        self._axes = from_quaternion(real_first(p.getDynamicsInfo(body, joint)[4]))
+        self._near = np.array([1.0, 0.0, 0.0, 0.0])
+
+    def disable_motor(self) -> None:
+        """Disable its motor."""
+        import pybullet as p
+
+        none = [0.0, 0.0, 0.0]
+        p.setJointMotorControlMultiDof(
+            self._body, self._joint, p.POSITION_CONTROL, targetPosition=[0.0, 0.0, 0.0, 1.0],
+            targetVelocity=none, positionGain=0.0, velocityGain=1.0, force=none,
+        )  # fmt: skip
+
+    def reset(self, z: Array, w: Array) -> None:
+        """Set coordinates and their rates, (3,) each."""
+        import pybullet as p
+
+        self._near = unit_quaternion(z)
+        turn = [*(self._near[1:] @ self._axes), self._near[0]]
+        spin = angular_velocity(z, w) @ self._axes
+        p.resetJointStateMultiDof(self._body, self._joint, turn, spin.tolist())
+
+    def push(self, force: Sequence[float]) -> None:
+        """Apply a moment about the link's axes over a step."""
+        import pybullet as p
+
+        torque = (np.array(force) @ self._axes).tolist()
+        p.setJointMotorControlMultiDof(self._body, self._joint, p.TORQUE_CONTROL, force=torque)
+
+    def position(self) -> Array:
+        """Return its coordinates, (3,), near to the last ones."""
+        import pybullet as p
+
+        turn = real_first(p.getJointStateMultiDof(self._body, self._joint)[0])
+        turned = minimal_coordinates(np.array([turn[0], *(self._axes @ turn[1:])]), self._near)
+        self._near = unit_quaternion(turned)
+        return turned
+
+    def rates(self, z: Array) -> Array:
+        """Return the rates of its current coordinates z, (3,)."""
+        import pybullet as p
+
+        spin = np.array(p.getJointStateMultiDof(self._body, self._joint)[1])
+        return coordinate_rate(z, self._axes @ spin)
+
 
 COUNT = 6
 """Number of coordinates of a base: the position of its link's origin, in the world, and its

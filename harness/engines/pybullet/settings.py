@@ -1,13 +1,20 @@
-"""Settings of a URDF's sidecar for PyBullet."""
+"""Settings of a URDF's sidecar for PyBullet, and joint axes that are not unit vectors.
+
+PyBullet scales the motion by an axis' length: `btMultiBody::setupRevolute` and `setupPrismatic` use
+the axis as given. A slanted axis printed with six digits has a length that differs from 1 by 1e-7.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from physics_crosscheck.harness.engines.bare import zero_missing_inertials
+import numpy as np
+
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
-from physics_crosscheck.harness.engines.pybullet.axes import unit_axes
 from physics_crosscheck.harness.engines.pybullet.inertias import exact_axes
+from physics_crosscheck.harness.engines.source import finite_numbers
+from physics_crosscheck.harness.engines.urdf import ROUNDED
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     followers_of,
@@ -16,7 +23,43 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_limits,
     without_shapes,
     without_visuals,
+    zero_missing_inertials,
 )
+
+UNIT: Mapping[str, object] = {"unit_axes": True}
+"""The adapter's setting that normalizes the file's axes."""
+
+MOVING = ("revolute", "continuous", "prismatic")
+
+
+def _long(robot: XmlElement) -> Iterator[tuple[XmlElement, XmlElement, list[float], float]]:
+    """Yield joints with such an axis, the axis, its numbers and its length."""
+    for joint in robot.findall("joint"):
+        axis = joint.find("axis")
+        if axis is None or joint.get("type") not in MOVING:
+            continue
+        numbers = finite_numbers(axis.get("xyz", "")) or []
+        length = float(np.linalg.norm(numbers))
+        if len(numbers) == 3 and length > 0 and abs(length - 1) > ROUNDED:
+            yield joint, axis, numbers, length
+
+
+def long_axes(robot: XmlElement) -> dict[str, float]:
+    """Return the excess length of each joint axis that is not a unit vector."""
+    return {joint.get("name", ""): length - 1 for joint, _, _, length in _long(robot)}
+
+
+def unit_axes(robot: XmlElement) -> None:
+    """Normalize these axes."""
+    for _, axis, numbers, length in _long(robot):
+        axis.set("xyz", " ".join(repr(number / length) for number in numbers))
+
+
+def length_cause(lengths: Mapping[str, float]) -> str:
+    """Return the cause that a diagnosis reports."""
+    worst = max(map(abs, lengths.values()))
+    return f"PyBullet's own length of the axes of {', '.join(lengths)}, up to {worst:.1e} off 1"
+
 
 DISABLED_EFFECTS: Mapping[str, float | bool] = {
     # Linear and angular damping of every link; PyBullet's default is 0.04.
