@@ -28,15 +28,16 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 _IDENTITIES = ("name", "reference", "joint", "class")
-ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-TAG = re.compile(rb"<[^\s/>]+")
+_ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_TAG = re.compile(rb"<[^\s/>]+")
+_EMPTY = re.compile(rb"\s*/>")
 _ELEMENT = re.compile(rb"<[A-Za-z_]")
 
 MAX_XML_DEPTH = 300
 """The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""
 _DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
 _HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
-NO_ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
+NO__ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(eq=False)
@@ -103,7 +104,7 @@ class XmlElement:
         return "" if element is None else element.text
 
     def add(
-        self, tag: str, attributes: Mapping[str, str] = NO_ATTRIBUTES, text: str = ""
+        self, tag: str, attributes: Mapping[str, str] = NO__ATTRIBUTES, text: str = ""
     ) -> XmlElement:
         """Add a child at the end, and return it."""
         return self.append(XmlElement(tag, dict(attributes), text=text))
@@ -121,6 +122,12 @@ class XmlElement:
     def remove(self, child: XmlElement) -> None:
         """Remove a child."""
         self.children.remove(child)
+
+    @property
+    def content(self) -> object:
+        """Its tag, attributes, text and children, without blanks: equal for equal elements."""
+        attributes = sorted((key, value.split()) for key, value in self.attributes.items())
+        return self.tag, attributes, self.text.split(), [child.content for child in self.children]
 
     def copy(self) -> XmlElement:
         """Return a copy that can be changed, without a parent."""
@@ -145,7 +152,7 @@ class XmlElement:
             inner = escape(self.text).encode() + b"".join(one.written() for one in self.children)
             return f"<{self.tag}{attributes}>".encode() + inner + f"</{self.tag}>".encode()
         data, edits = element.source.data, sorted(self._edits(element, element.source))
-        first, last = element.start, _stop(element, element.source)
+        first, last = element.start, end_offset(element, element.source)
         return apply_edits(data[first:last], ((a - first, b - first, new) for a, b, new in edits))
 
     def _edits(self, element: XmlElement, source: SourceFile) -> Iterator[tuple[int, int, bytes]]:
@@ -164,9 +171,9 @@ class XmlElement:
             if id(child) in kept:
                 yield from kept[id(child)]._edits(child, source)
             else:
-                yield child.start, _stop(child, source), b""
-        if new and source.data[inner : inner + 2] == b"/>":
-            yield inner, inner + 2, added + b">" + new + f"</{self.tag}>".encode()
+                yield child.start, end_offset(child, source), b""
+        if new and (empty := _EMPTY.match(source.data, inner)):
+            yield inner, empty.end(), added + b">" + new + f"</{self.tag}>".encode()
             return
         yield inner, inner, added
         yield element.end, element.end, new
@@ -192,30 +199,31 @@ class XmlElement:
 def attribute_spans(
     element: XmlElement, source: SourceFile
 ) -> tuple[dict[str, tuple[Span, Span]], int]:
-    """Return the bytes of each attribute and of its value, and the end of the tag, `>` or `/>`."""
-    tag = TAG.match(source.data, element.start)
+    """Return the bytes of each attribute and of its value, and the end of the last one."""
+    tag = _TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
     spans, position = dict[str, tuple[Span, Span]](), tag.end()
-    while match := ATTRIBUTE.match(source.data, position):
+    while match := _ATTRIBUTE.match(source.data, position):
         inner = match.span(2 if match[2] is not None else 3)
         spans[match[1].decode("utf-8")] = match.span(), inner
         position = match.end()
-    while source.data[position : position + 1].isspace():
-        position += 1
     return spans, position
 
 
-def _stop(element: XmlElement, source: SourceFile) -> int:
+def end_offset(element: XmlElement, source: SourceFile) -> int:
     """Return the byte after an element."""
-    position = attribute_spans(element, source)[1]
-    if source.data[position : position + 2] == b"/>":
-        return position + 2
-    return source.data.index(b">", element.end) + 1
+    empty = _EMPTY.match(source.data, attribute_spans(element, source)[1])
+    return empty.end() if empty else source.data.index(b">", element.end) + 1
 
 
 def attribute_span(element: XmlElement, attribute: str, source: SourceFile) -> Span:
     """Return the span of an attribute's value."""
     return attribute_spans(element, source)[0][attribute][1]
+
+
+def text_span(element: XmlElement, source: SourceFile) -> Span:
+    """Return the span between an element's tags."""
+    return source.data.index(b">", attribute_spans(element, source)[1]) + 1, element.end
 
 
 def check_harmless(source: SourceFile) -> None:

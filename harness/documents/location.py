@@ -47,6 +47,9 @@ Span = tuple[int, int]
 Resolve = Callable[[str], tuple[Span, float]]
 """A function from an address to its bytes and the parser's value there."""
 
+DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+"""A finite number, as model files write it."""
+
 _NUMBER = re.compile(r"[+-]?(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?", re.ASCII)
 
 

@@ -9,9 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf import WORLD
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.sdf_check import WORLD, CheckedJoint, check_sdf
+from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, check_sdf
 from physics_crosscheck.harness.engines.source import (
     XmlSource,
     finite_numbers,

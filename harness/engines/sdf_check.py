@@ -1,8 +1,4 @@
-"""Refusal, by line, of SDFormat elements that are not supported or ambiguous.
-
-Names are resolved as in SDFormat 1.7: a joint's parent and child may be frames, which are attached
-to links, joints or other frames (http://sdformat.org/tutorials?tut=pose_frame_semantics).
-"""
+"""Refusal, by line, of SDFormat elements that are not supported or ambiguous."""
 
 from __future__ import annotations
 
@@ -10,11 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.documents.sdf import WORLD, attached, has_automatic
 from physics_crosscheck.harness.engines.source import XmlSource, finite_numbers
-
-WORLD = "world"
-"""The parent of root joints, which no file declares."""
 
 OPAQUE = ("plugin", "sensor", "gripper", "visual", "light", "projector")
 """Elements that are removed for engines: visuals, sensors, and content that a simulator would
@@ -129,11 +122,6 @@ def _within(element: XmlElement) -> Iterator[XmlElement]:
             yield from _within(child)
 
 
-def has_automatic(link: XmlElement) -> bool:
-    """Return whether a link's inertia follows from its collision shapes, which are then read."""
-    return any(is_automatic(one.get("auto")) for one in link.findall("inertial"))
-
-
 def _check_parts(source: XmlSource, model: XmlElement, world: XmlElement | None) -> None:
     for element in _within(model):
         if element is not model and element.tag in _NOT_COVERED:
@@ -196,7 +184,7 @@ def _joints(source: XmlSource, model: XmlElement) -> dict[str, CheckedJoint]:
             raise source.refused(
                 element, f"joint {name!r} is of type {kind!r}; types are {', '.join(KINDS)}"
             )
-        parent, child = (_end(source, element, tag, named) for tag in ("parent", "child"))
+        parent, child = (_end(source, element, tag, named, model) for tag in ("parent", "child"))
         if child in above:
             raise source.refused(element, f"link {child!r} has a second parent, by joint {name!r}")
         above[child] = parent
@@ -217,37 +205,22 @@ def _check_axis(source: XmlSource, joint: XmlElement, name: str) -> None:
         raise source.refused(xyz, f"the axis of joint {name!r} has no length")
 
 
-def _end(source: XmlSource, joint: XmlElement, tag: str, named: Mapping[str, XmlElement]) -> str:
+def _end(
+    source: XmlSource,
+    joint: XmlElement,
+    tag: str,
+    named: Mapping[str, XmlElement],
+    model: XmlElement,
+) -> str:
     """Return the link of a joint's parent or child, directly or through a frame."""
     stated = joint.findtext(tag).strip()
-    link = attached(stated, named)
+    link = attached(stated, named, model)
     if not link or (link == WORLD and tag == "child"):
         name = joint.get("name", "")
         raise source.refused(
             joint, f"the {tag} of joint {name!r} is {stated!r}, which is not a link"
         )
     return link
-
-
-def attached(name: str, named: Mapping[str, XmlElement]) -> str:
-    """Return the link that a link, frame or joint is attached to, or an empty text."""
-    passed: set[str] = set()
-    while name and name not in passed and name != WORLD:
-        passed.add(name)
-        if name == "__model__":
-            return next((key for key, one in named.items() if one.tag == "link"), "")
-        element = named.get(name)
-        if element is None:
-            return ""
-        if element.tag == "link":
-            return name
-        joint = element.tag == "joint"
-        name = element.findtext("child").strip() if joint else _carrier(element)
-    return WORLD if name == WORLD else ""
-
-
-def _carrier(frame: XmlElement) -> str:
-    return frame.get("attached_to") or "__model__"
 
 
 def _check_tree(

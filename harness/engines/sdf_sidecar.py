@@ -9,10 +9,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf import has_automatic
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf import Bounds, SdfFile, number, read_sdf, sdf_remarks
-from physics_crosscheck.harness.engines.sdf_check import OPAQUE, has_automatic
+from physics_crosscheck.harness.engines.sdf_check import OPAQUE
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import Change, followers_of, with_changes
 from physics_crosscheck.harness.engines.urdf_sidecar import DeclaredUrdf

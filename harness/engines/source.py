@@ -5,7 +5,6 @@ line.
 from __future__ import annotations
 
 import math
-import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,13 +19,11 @@ from physics_crosscheck.harness.documents.elements import (
     repaired_xml,
 )
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
-from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
 from physics_crosscheck.harness.engines.protocol import EngineError
 
 MAX_FILE_BYTES = 64_000_000
 """The largest size of a model file, bytes."""
-
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 class NoXmlError(EngineError):
@@ -117,7 +114,7 @@ def finite_numbers(words: str) -> list[float] | None:
     """
     *before, last = words.split() or [""]
     parts = [*(word.removesuffix(",") for word in before), last] if last else []
-    numbers = [float(w) if _NUMBER.fullmatch(w) else math.nan for w in parts]
+    numbers = [float(w) if DECIMAL.fullmatch(w) else math.nan for w in parts]
     return numbers if all(map(math.isfinite, numbers)) else None
 
 

@@ -95,14 +95,8 @@ def _check_once(source: XmlSource, element: XmlElement) -> None:
     for tag in _ONCE.get(element.tag, ()):
         elements = element.findall(tag)
         for other in elements[1:]:
-            if _content(other) != _content(elements[0]):
+            if other.content != elements[0].content:
                 raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
-
-
-def _content(element: XmlElement) -> object:
-    """Return the content of an element, without blanks."""
-    attributes = sorted((key, value.split()) for key, value in element.attributes.items())
-    return element.tag, attributes, element.text.split(), [_content(one) for one in element]
 
 
 def _named(source: XmlSource, tag: str) -> dict[str, XmlElement]:

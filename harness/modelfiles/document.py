@@ -11,12 +11,11 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement, read_elements, repaired_xml
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError, quote
-from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.robot import ReadError
 from physics_crosscheck.harness.records.case import CaseKind
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ENDLESS = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _UNEXPANDED = re.compile(r"\$[({]")
 EXPAND = "expand it first: xacro FILE > robot.urdf"
@@ -103,7 +102,7 @@ class Document:
         """Return the child with this tag; several children are a problem unless they are equal."""
         children = [one for one in element.children if one.tag == tag]
         for other in children[1:]:
-            if _content(other) != _content(children[0]):
+            if other.content != children[0].content:
                 self.add_problem(
                     other, f"a second <{tag}> in one <{element.tag}>", "keep one of them"
                 )
@@ -165,13 +164,6 @@ def read_numbers(text: str, count: int) -> tuple[float, ...] | None:
     words = [word.strip() for word in words]
     if len(words) != count:
         return None
-    if not all(NUMBER.fullmatch(word) or _ENDLESS.fullmatch(word) for word in words):
+    if not all(DECIMAL.fullmatch(word) or _ENDLESS.fullmatch(word) for word in words):
         return None
     return tuple(map(float, words))
-
-
-def _content(element: XmlElement) -> object:
-    """Return the content of an element, without blanks."""
-    attributes = sorted((key, value.split()) for key, value in element.attributes.items())
-    inner = [_content(child) for child in element.children]
-    return element.tag, attributes, element.text.split(), inner

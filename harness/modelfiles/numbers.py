@@ -12,9 +12,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.elements import ATTRIBUTE, TAG, XmlElement, attribute_span
-from physics_crosscheck.harness.documents.location import SourceFile, apply_edits
-from physics_crosscheck.harness.modelfiles.document import NUMBER, Document
+from physics_crosscheck.harness.documents.elements import XmlElement, attribute_span, text_span
+from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile, apply_edits
+from physics_crosscheck.harness.modelfiles.document import Document
 
 _WORD = re.compile(r"[^\s,]+")
 _IDENTITIES = ("name", "class", "file")
@@ -149,10 +149,10 @@ def _row(document: Document, element: XmlElement, key: str) -> _Row | None:
     """Return the numbers of an attribute, or of the text; None for other content."""
     text = element.attributes[key] if key else element.text
     words = _WORD.findall(text)
-    if not words or not all(map(NUMBER.fullmatch, words)):
+    if not words or not all(map(DECIMAL.fullmatch, words)):
         return None
     source = SourceFile(document.path, document.data)
-    start, end = attribute_span(element, key, source) if key else _text_span(document, element)
+    start, end = attribute_span(element, key, source) if key else text_span(element, source)
     spans = [
         (start + match.start(), start + match.end())
         for match in re.finditer(rb"[^\s,]+", document.data[start:end])
@@ -160,15 +160,6 @@ def _row(document: Document, element: XmlElement, key: str) -> _Row | None:
     if [document.data[a:b].decode() for a, b in spans] != words:
         return None  # spelled with references, or cut by a comment
     return key, spans, [float(word) for word in words]
-
-
-def _text_span(document: Document, element: XmlElement) -> tuple[int, int]:
-    tag = TAG.match(document.data, element.start)
-    assert tag is not None  # the parser has found an element here
-    position = tag.end()
-    while match := ATTRIBUTE.match(document.data, position):
-        position = match.end()
-    return document.data.index(b">", position) + 1, element.end
 
 
 def _related(element: XmlElement, key: str, rows: list[_Row], values: list[float]) -> list[float]:

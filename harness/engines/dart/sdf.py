@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf import SIZES, WATER, has_automatic, solid
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import SdfFile, number
-from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, has_automatic
-from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
+from physics_crosscheck.harness.engines.sdf_check import CheckedJoint
 from physics_crosscheck.harness.engines.sdf_sidecar import VERSION, sdf_without_bounds_of
 from physics_crosscheck.harness.engines.source import read_xml, temporary_file
 from physics_crosscheck.reference.mechanism.rotations import from_rpy

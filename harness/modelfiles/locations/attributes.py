@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
-from physics_crosscheck.harness.documents.elements import ATTRIBUTE, TAG, XmlElement, read_elements
+from physics_crosscheck.harness.documents.elements import XmlElement, end_offset, read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
 
@@ -48,26 +47,17 @@ def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> byt
     Raises:
         LocationError: if no element starts at such a byte, or the bytes are not XML.
     """
-    starts = {element.start for element in read_elements(SourceFile(file, data))}
-    for attribute in sorted(wanted, key=lambda attribute: -attribute.start):
-        if attribute.start not in starts:
+    source = SourceFile(file, data)
+    root = read_elements(source)[0]
+    changed = root.copy()
+    copies = {element.start: element for element in changed.iter()}
+    for attribute in wanted:
+        if attribute.start not in copies:
             raise LocationError(f"no element starts at byte {attribute.start}", file=file)
-        data = _with(data, attribute)
+        attributes = copies[attribute.start].attributes
+        attributes.pop(attribute.name, None)
+        if attribute.value is not None:
+            attributes[attribute.name] = attribute.value
+    data = data[: root.start] + changed.written() + data[end_offset(root, source) :]
     read_elements(SourceFile(file, data))
     return data
-
-
-def _with(data: bytes, attribute: Attribute) -> bytes:
-    tag = TAG.match(data, attribute.start)
-    assert tag is not None  # the parser has found an element here
-    written = (
-        b""
-        if attribute.value is None
-        else f" {attribute.name}={quoteattr(attribute.value)}".encode()
-    )
-    position = tag.end()
-    while match := ATTRIBUTE.match(data, position):
-        if match[1].decode("utf-8") == attribute.name:
-            return data[: match.start()] + written + data[match.end() :]
-        position = match.end()
-    return data[:position] + written + data[position:]

@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.elements import ATTRIBUTE, TAG, XmlElement, read_elements
+from physics_crosscheck.harness.documents.elements import (
+    XmlElement,
+    attribute_spans,
+    end_offset,
+    read_elements,
+)
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile, Span
 from physics_crosscheck.harness.modelfiles.locations.xml import find_words
@@ -79,19 +84,13 @@ def outline(file: Path, data: bytes) -> Element:
 
 def _element(source: SourceFile, raw: XmlElement, key: tuple[str, str | None, int]) -> Element:
     data = source.data
-    tag = TAG.match(data, raw.start)
-    assert tag is not None  # the parser has found an element here
-    position = tag.end()
-    attributes = {}
-    while match := ATTRIBUTE.match(data, position):
-        group = 2 if match[2] is not None else 3
-        name = match[1].decode()
-        span = match.start(group), match.end(group)
-        attributes[name] = _value(source, raw.attributes[name], span, match.span())
-        position = match.end()
-    close = data.index(b">", position)
-    closed = data[position:close].strip() != b"/"
-    end = data.index(b">", raw.end) + 1 if closed else close + 1
+    spans, position = attribute_spans(raw, source)
+    attributes = {
+        name: _value(source, raw.attributes[name], inner, outer)
+        for name, (outer, inner) in spans.items()
+    }
+    close, end = data.index(b">", position), end_offset(raw, source)
+    closed = end > close + 1
     text = Value(text="", span=(position, position), outer=(position, position), words=(), line=0)
     if closed and not raw.children and raw.text.strip():
         inner = close + 1, raw.end

@@ -9,22 +9,27 @@ from contextlib import suppress
 from physics_crosscheck.harness.documents.elements import (
     XmlElement,
     attribute_span,
-    attribute_spans,
     read_elements,
+    text_span,
 )
 from physics_crosscheck.harness.documents.errors import (
     LocationError,
     quote,
     truncate,
 )
-from physics_crosscheck.harness.documents.location import Resolve, SourceFile, Span, nearest
+from physics_crosscheck.harness.documents.location import (
+    DECIMAL,
+    Resolve,
+    SourceFile,
+    Span,
+    nearest,
+)
 
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
 _ADDRESS = re.compile(
     rf"(?P<steps>{_STEP.pattern}(?:/{_STEP.pattern})*)"
     r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d{1,9})\])?)?"
 )
-_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def xml_paths(source: SourceFile) -> Resolve:
@@ -130,7 +135,7 @@ def xml_numbers(source: SourceFile, kinds: re.Pattern[str]) -> Iterator[str]:
         for attribute, values in words.items():
             if kinds.fullmatch(element.tag + attribute):
                 for index, value in enumerate(values):
-                    if _DECIMAL.fullmatch(value):
+                    if DECIMAL.fullmatch(value):
                         ending = attribute + (f"[{index}]" if len(values) > 1 else "")
                         yield from _address(resolve, element, ending)
 
@@ -193,8 +198,7 @@ def text_words(
         raise source.error(
             address, f"names <{element.tag}>, which has no text{remedy}", element.start
         )
-    first = attribute_spans(element, source)[1] + 1
-    return find_words(source, first, element.end, address), element.text.split()
+    return find_words(source, *text_span(element, source), address), element.text.split()
 
 
 def find_words(source: SourceFile, start: int, end: int, address: str) -> list[Span]:

@@ -15,11 +15,11 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.documents.sdf import MODEL, WORLD, attached, carrier, child_of
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 
-MODEL, WORLD = "__model__", "world"
 NAMED = ("link", "joint", "frame")
 
 
@@ -98,21 +98,7 @@ class SdfFrames:
 
     def link(self, name: str) -> str:
         """Return the link, or `world`, that a frame is attached to, or an empty text."""
-        passed: set[str] = set()
-        while name not in passed:
-            passed.add(name)
-            if name == MODEL:
-                name = self._canonical
-            element = self.named.get(name)
-            if element is None or element.tag == "link":
-                return name if element is not None or name == WORLD else ""
-            name = child_of(element) if element.tag == "joint" else _carrier(element)
-        return ""
-
-    @property
-    def _canonical(self) -> str:
-        stated = self._model.attributes.get("canonical_link", "")
-        return stated or next(iter(self.tagged("link")), "")
+        return attached(name, self.named, self._model)
 
     def place(self, name: str) -> Place:
         """Return the pose of a frame in the model; an invalid frame is noted in the document."""
@@ -155,17 +141,8 @@ def inverse(place: Place) -> Place:
     return Place(place.rotation.T, -place.rotation.T @ place.origin)
 
 
-def child_of(joint: XmlElement) -> str:
-    """Return the text of a joint's `<child>`."""
-    return next((one.text.strip() for one in joint.children if one.tag == "child"), "")
-
-
-def _carrier(frame: XmlElement) -> str:
-    return frame.attributes.get("attached_to", "") or MODEL
-
-
 def _default(element: XmlElement) -> str:
     """Return the default reference frame of a pose."""
     if element.tag == "joint":
         return child_of(element)
-    return _carrier(element) if element.tag == "frame" else MODEL
+    return carrier(element) if element.tag == "frame" else MODEL

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.documents.sdf import is_automatic
 from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
 from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
 from physics_crosscheck.harness.modelfiles.robot import Omission
@@ -97,7 +97,7 @@ def _all(
 def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
     """Yield elements that `<inertial auto="true">` makes meaningless."""
     for inertial in link.children:
-        if inertial.tag == "inertial" and is_automatic(inertial.attributes.get("auto")):
+        if inertial.tag == "inertial" and is_automatic(inertial):
             for part in inertial.children:
                 if part.tag in ("pose", "inertia"):
                     yield f"<{part.tag}> of an automatic <inertial>", name

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.documents.sdf import is_automatic
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.numbers import (
     Number,
@@ -94,5 +94,5 @@ def _is_relevant(number: Number) -> bool:
     return (
         link is not None
         and _SHAPES.fullmatch(number.path) is not None
-        and any(is_automatic(part.attributes.get("auto")) for part in link.children)
+        and any(is_automatic(part) for part in link.children)
     )

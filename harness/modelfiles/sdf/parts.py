@@ -10,17 +10,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.documents.sdf import MODEL, WORLD, child_of, is_automatic
 from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, acyclic
 from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.sdf.frames import (
-    MODEL,
-    WORLD,
-    SdfFrames,
-    child_of,
-    inverse,
-    read_pose,
-)
+from physics_crosscheck.harness.modelfiles.sdf.frames import SdfFrames, inverse, read_pose
 from physics_crosscheck.harness.modelfiles.sdf.shapes import automatic_inertia
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -79,7 +72,7 @@ def _body(document: Document, frames: SdfFrames, link: XmlElement, name: str) ->
     inertial = document.child(link, "inertial")
     falls = document.child(link, "gravity")
     lift = 1.0 if falls is not None and falls.text.strip().lower() in ("0", "false") else 0.0
-    if inertial is not None and is_automatic(inertial.attributes.get("auto")):
+    if inertial is not None and is_automatic(inertial):
         spatial_inertia = automatic_inertia(document, frames, link, inertial, name)
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = spatial_inertia.inertia.tolist()
         return RigidBody(

@@ -9,6 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.documents.sdf import WORLD
 from physics_crosscheck.harness.modelfiles.attach import add_loop_problems, attach_child
 from physics_crosscheck.harness.modelfiles.build_tree import (
     build_tree,
@@ -18,7 +19,7 @@ from physics_crosscheck.harness.modelfiles.build_tree import (
 )
 from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
 from physics_crosscheck.harness.modelfiles.robot import Robot, refused
-from physics_crosscheck.harness.modelfiles.sdf.frames import WORLD, SdfFrames
+from physics_crosscheck.harness.modelfiles.sdf.frames import SdfFrames
 from physics_crosscheck.harness.modelfiles.sdf.left_out import is_static, sdf_left_out
 from physics_crosscheck.harness.modelfiles.sdf.parts import (
     SdfJoint,

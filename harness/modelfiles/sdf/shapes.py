@@ -8,7 +8,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
+from physics_crosscheck.harness.documents.sdf import SIZES, WATER, solid
 from physics_crosscheck.harness.modelfiles.document import Document
 from physics_crosscheck.harness.modelfiles.sdf.frames import SdfFrames, inverse, read_pose
 from physics_crosscheck.reference.mechanism.spatial_inertia import NO_INERTIA, SpatialInertia

@@ -1,6 +1,8 @@
-"""Solid shapes of SDFormat: volumes and moments of inertia, for `<inertial auto="true">`.
+"""Rules of SDFormat: the links that frames are attached to, and shapes that define an inertia.
 
-The format computes a link's mass, center and moments from its collision shapes and their densities
+A joint's parent and child may be frames, which are attached to links, joints or other frames
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). For `<inertial auto="true">` the format
+computes a link's mass, center and moments from its collision shapes and their densities
 (http://sdformat.org/tutorials?tut=auto_inertial_params_proposal).
 """
 
@@ -9,6 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+
+from physics_crosscheck.harness.documents.elements import XmlElement
+
+MODEL, WORLD = "__model__", "world"
+"""Names of frames that no file declares."""
 
 WATER = 1000.0
 """The default density of a shape, kg/m^3."""
@@ -27,9 +34,45 @@ Solid = tuple[float, float, tuple[float, float, float]]
 """Volume, m^3; height of the center along z, m; moments about it per kg, m^2."""
 
 
-def is_automatic(auto: str | None) -> bool:
+def is_automatic(inertial: XmlElement) -> bool:
     """Return whether the attribute `auto` of an `<inertial>` selects the shapes' inertia."""
-    return (auto or "").strip().lower() in ("1", "true")
+    return inertial.get("auto").strip().lower() in ("1", "true")
+
+
+def has_automatic(link: XmlElement) -> bool:
+    """Return whether a link's inertia follows from its collision shapes."""
+    return any(map(is_automatic, link.findall("inertial")))
+
+
+def attached(name: str, named: Mapping[str, XmlElement], model: XmlElement) -> str:
+    """Return the link, or `world`, that a frame is attached to, or an empty text.
+
+    Args:
+        name: of a link, joint or frame, or `__model__`.
+        named: links, joints and frames by name.
+        model: the model, which is attached to its canonical link: by default the first.
+    """
+    passed: set[str] = set()
+    while name not in passed:
+        passed.add(name)
+        if name == MODEL:
+            first = next((key for key, one in named.items() if one.tag == "link"), "")
+            name = model.get("canonical_link") or first
+        element = named.get(name)
+        if element is None or element.tag == "link":
+            return name if element is not None or name == WORLD else ""
+        name = child_of(element) if element.tag == "joint" else carrier(element)
+    return ""
+
+
+def child_of(joint: XmlElement) -> str:
+    """Return the text of a joint's `<child>`."""
+    return joint.findtext("child").strip()
+
+
+def carrier(frame: XmlElement) -> str:
+    """Return the frame that a `<frame>` is attached to."""
+    return frame.get("attached_to") or MODEL
 
 
 def solid(shape: str, sizes: Sequence[float]) -> Solid:
