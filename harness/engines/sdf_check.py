@@ -157,23 +157,9 @@ def _check_once(source: XmlSource, element: XmlElement) -> None:
             raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
 
 
-def _named(source: XmlSource, model: XmlElement) -> dict[str, XmlElement]:
-    """Return links, joints and frames by name; names must be unique among them."""
-    by_name: dict[str, XmlElement] = {}
-    for element in model:
-        if element.tag not in ("link", "joint", "frame"):
-            continue
-        name = element.get("name", "")
-        if not name:
-            raise source.refused(element, f"a <{element.tag}> has no name")
-        if name in by_name:
-            raise source.refused(element, f"a second link, joint or frame is called {name!r}")
-        by_name[name] = element
-    return by_name
-
-
 def _joints(source: XmlSource, model: XmlElement) -> dict[str, CheckedJoint]:
-    named = _named(source, model)
+    parts = (one for one in model if one.tag in ("link", "joint", "frame"))
+    named = source.named(parts, "link, joint or frame")
     joints: dict[str, CheckedJoint] = {}
     above: dict[str, str] = {}
     for name, element in named.items():

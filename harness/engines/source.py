@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +45,26 @@ class XmlSource:
         """Return an error about an element."""
         file, line = element.place
         return EngineError(sentence, file=file, line=line)
+
+    def named(self, elements: Iterable[XmlElement], kind: str) -> dict[str, XmlElement]:
+        """Return elements by name; names must exist and be unique.
+
+        Args:
+            elements: some elements of the file.
+            kind: of elements that may not share a name, for messages.
+
+        Raises:
+            EngineError: naming file and line.
+        """
+        by_name: dict[str, XmlElement] = {}
+        for element in elements:
+            name = element.get("name")
+            if not name:
+                raise self.refused(element, f"a <{element.tag}> has no name")
+            if name in by_name:
+                raise self.refused(element, f"a second {kind} is called {name!r}")
+            by_name[name] = element
+        return by_name
 
 
 def read_source(path: Path, *, tolerant: bool = False) -> str:

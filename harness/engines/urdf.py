@@ -57,8 +57,8 @@ def check_urdf(source: XmlSource) -> None:
             _check_once(source, part)
     for robot in root.findall("robot"):
         raise source.refused(robot, "every engine ignores a <robot> inside the <robot>")
-    links = _named(source, "link")
-    joints = _named(source, "joint")
+    links = source.named(root.findall("link"), "link")
+    joints = source.named(root.findall("joint"), "joint")
     parents: dict[str, str] = {}
     for name, joint in joints.items():
         ends = [_end(source, joint, name, tag, links) for tag in ("parent", "child")]
@@ -97,19 +97,6 @@ def _check_once(source: XmlSource, element: XmlElement) -> None:
         for other in elements[1:]:
             if other.content != elements[0].content:
                 raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
-
-
-def _named(source: XmlSource, tag: str) -> dict[str, XmlElement]:
-    """Return elements by name; names must exist and be unique."""
-    by_name: dict[str, XmlElement] = {}
-    for element in source.root.findall(tag):
-        name = element.get("name", "")
-        if not name:
-            raise source.refused(element, f"a <{tag}> has no name")
-        if name in by_name:
-            raise source.refused(element, f"a second {tag} is called {name!r}")
-        by_name[name] = element
-    return by_name
 
 
 def _end(
