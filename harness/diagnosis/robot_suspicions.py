@@ -9,7 +9,7 @@ from itertools import combinations
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import rank
 from physics_crosscheck.harness.diagnosis.robot_problem import FileHypothesis
-from physics_crosscheck.harness.modelfiles.locations.xml import RawElement
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
@@ -64,7 +64,7 @@ def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
         yield _switch(numbers, CauseId(kind="axis", subject=(joint,)), units)
 
 
-def joint_of(element: RawElement | None) -> str:
+def joint_of(element: XmlElement | None) -> str:
     """Return the name of the joint that an element belongs to, or ""."""
     while element is not None and element.tag != "joint":
         element = element.parent
