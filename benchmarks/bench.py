@@ -37,7 +37,7 @@ from benchmarks.bench_segments import certification, overhead
 from benchmarks.lasting import keep, this_version
 from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, compare
-from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.compare.execute import at_once
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model

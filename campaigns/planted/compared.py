@@ -13,8 +13,7 @@ from campaigns.planted.fates import (
 )
 from physics_crosscheck.harness.compare.candidate import CompareError, candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
-from physics_crosscheck.harness.compare.execute import FailureError
-from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.compare.execute import FailureError, at_once
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.records.outcome import Outcome
 

@@ -36,12 +36,13 @@ from physics_crosscheck.harness.compare.property import Property
 from physics_crosscheck.harness.compare.ranges import range_notes, start_range
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.slack import taut_starts
-from physics_crosscheck.harness.compare.terms import Term, TermFrame, differing_terms
+from physics_crosscheck.harness.compare.terms import TermFrame, differing_terms
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.numerics.batch import even_indices
+from physics_crosscheck.harness.records.comparison import ComparedTerm
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -104,7 +105,7 @@ class Findings:
     remaining: float
     properties: tuple[Property, ...]
     explained: Explained | None
-    differing_terms: tuple[Term, ...]
+    differing_terms: tuple[ComparedTerm, ...]
     trials: tuple[Trial, ...]
     untried: int
     untested: tuple[str, ...]
@@ -158,7 +159,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     turned, signs, remaining, final = _turned(trial, judgement, followed, read)
     mends = bool(turned) and remaining <= options.resolution
     share: Explained | None = None
-    measured: tuple[Term, ...] = ()
+    measured: tuple[ComparedTerm, ...] = ()
     is_explained = False
     if judgement.outcome is not Outcome.AGREES and not mends:
         if read.sides is not None:
@@ -322,7 +323,7 @@ def _measure_terms(
     matched: Match,
     signs: Array,
     count: int,
-) -> tuple[Term, ...]:
+) -> tuple[ComparedTerm, ...]:
     """Return the differing terms of source and target, measured at `count` states."""
     source, target = models
     going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)

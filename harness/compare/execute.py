@@ -1,12 +1,13 @@
-"""Interface for running functions elsewhere, and its errors."""
+"""Executors: in worker processes, which may crash, or in this process, for tests."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from dataclasses import replace
+from typing import Generic, Protocol, TypeVar
 
 from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.workers import Failure, Workers
 
 T = TypeVar("T")
 V = TypeVar("V")
@@ -44,3 +45,44 @@ def ask(execute: Execute, candidate: Candidate, function: Callable[[T], V], argu
     if isinstance(value, Failure):
         raise CompareError(value.reason) if value.usage else FailureError(value)
     return value
+
+
+def in_workers(workers: Workers) -> Execute:
+    """Run each argument in a worker process; a crash only loses its own value."""
+
+    def execute(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
+        tasks = [workers.submit(_Guarded(function), argument) for argument in arguments]
+        return [_name_failure(who, workers.outcome(task)) for task in tasks]
+
+    return execute
+
+
+def at_once(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
+    """Run each argument in this process."""
+    values: list[V | Failure] = []
+    for argument in arguments:
+        try:
+            values.append(_Guarded(function)(argument))
+        except (RuntimeError, ValueError) as error:
+            values.append(_name_failure(who, Failure(str(error), "")))
+    return values
+
+
+def _name_failure(who: str, value: V | Failure) -> V | Failure:
+    """Prefix a failure with the model's name, unless the reason already names its file."""
+    if not isinstance(value, Failure) or value.usage or who.rpartition(" [")[0] in value.reason:
+        return value
+    return replace(value, reason=f"{who}: {value.reason}")
+
+
+class _Guarded(Generic[T, V]):
+    """A function that returns wrong usage as a `Failure`."""
+
+    def __init__(self, function: Callable[[T], V]) -> None:
+        self.function = function
+
+    def __call__(self, argument: T) -> V | Failure:
+        try:
+            return self.function(argument)
+        except CompareError as error:
+            return Failure(str(error), "", usage=True)

@@ -17,9 +17,8 @@ from physics_crosscheck.harness.compare.bodies import body_properties
 from physics_crosscheck.harness.compare.candidate import FOLLOWERS
 from physics_crosscheck.harness.compare.partners import joints_of
 from physics_crosscheck.harness.compare.placed import PlacedTree
-from physics_crosscheck.harness.compare.property import Property, make_property, shown
+from physics_crosscheck.harness.compare.property import Property, apart, make_property, shown
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide
-from physics_crosscheck.harness.compare.terms import apart
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import Omission
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.compare.terms import apart, percent
+import numpy as np
+
 from physics_crosscheck.harness.records.base import SourceLine
 
 
@@ -64,3 +65,19 @@ def shown(here: float, there: float) -> str:
     text_a, text_b = apart(here, there, 0.0)
     share = f" ({percent((there - here) / here)})" if here and there else ""
     return f"{text_a} in A, {text_b} in B{share}"
+
+
+def apart(here: float, there: float, doubt: float) -> tuple[str, str]:
+    """Format both numbers with enough digits to show the difference; uncertain ones are 0."""
+    here, there = (0.0 if abs(x) <= doubt else x for x in (here, there))
+    size = max(abs(here), abs(there))
+    share = abs(here - there) / size if size else 0.0
+    digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
+    return f"{here:.{digits}g}", f"{there:.{digits}g}"
+
+
+def percent(share: float) -> str:
+    """Format a relative change."""
+    if abs(share) >= 1e-4:
+        return f"{100 * share:+.3g} %"
+    return f"{share:+.1e}"

@@ -10,7 +10,6 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings
 from physics_crosscheck.harness.compare.judge import Judgement
 from physics_crosscheck.harness.compare.property import Property
-from physics_crosscheck.harness.compare.terms import Term
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
@@ -20,7 +19,6 @@ from physics_crosscheck.harness.records.comparison import (
     ComparedModel,
     ComparedProperty,
     ComparedRuns,
-    ComparedTerm,
     Comparison,
     FileDifference,
     FileEdit,
@@ -62,7 +60,7 @@ def comparison_record(findings: Findings, created: datetime.datetime) -> Compari
             properties=tuple(_property(one) for one in findings.properties),
             explained=None if findings.explained is None else number(findings.explained.share),
             off=_off(findings),
-            terms=tuple(_term(term) for term in findings.differing_terms),
+            terms=findings.differing_terms,
             differences=tuple(_difference(trial) for trial in findings.trials),
             untried=findings.untried,
             untested=findings.untested,
@@ -132,18 +130,6 @@ def _property(difference: Property) -> ComparedProperty:
         where_b=difference.where_b,
         moves=difference.moves,
         relative=number(difference.relative),
-    )
-
-
-def _term(term: Term) -> ComparedTerm:
-    return ComparedTerm(
-        kind=term.kind,
-        joints=tuple(term.about),
-        message=term.message,
-        a=number(term.a),
-        b=number(term.b),
-        uncertainty=number(term.uncertainty),
-        effect=number(term.effect),
     )
 
 

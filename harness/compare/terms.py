@@ -8,34 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.harness.compare.mechanics import SPEEDS, Mechanics
+from physics_crosscheck.harness.compare.property import apart, percent
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.accelerations import Estimate
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import ComparedTerm
 from physics_crosscheck.harness.results.status import counted
 
 EPSILON = float(np.finfo(float).eps)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Term:
-    """A term that differs.
-
-    Attributes:
-        kind: "constraint", "inertia", "damping", "friction", "stiffness", "spring", "gravity" or
-            "force".
-        about: the joints it belongs to.
-        message: a sentence.
-        a, b: its values in both models.
-        uncertainty: of their difference.
-        effect: the difference, as a share of the forces of the compared motions.
-    """
-
-    kind: str
-    about: tuple[str, ...]
-    message: str
-    a: float
-    b: float
-    uncertainty: float
-    effect: float
 
 
 @dataclass(frozen=True)
@@ -55,7 +35,7 @@ class TermFrame:
     typical: float
 
 
-def differing_terms(a: Mechanics, b: Mechanics, frame: TermFrame) -> tuple[Term, ...]:
+def differing_terms(a: Mechanics, b: Mechanics, frame: TermFrame) -> tuple[ComparedTerm, ...]:
     """Return the terms that differ by more than their uncertainty, worst first."""
     constraint = tuple(_constraint(a, b))
     if constraint:
@@ -72,24 +52,28 @@ def differing_terms(a: Mechanics, b: Mechanics, frame: TermFrame) -> tuple[Term,
     else:
         every += comparison.springs(a.rest, b.rest, "force")
     # Round to six digits, so that last digits do not change the order of like legs.
-    return tuple(sorted(every, key=lambda term: -float(f"{term.effect:.5e}")))
+    return tuple(sorted(every, key=_rounded_effect, reverse=True))
 
 
-def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
+def _rounded_effect(term: ComparedTerm) -> float:
+    return float("inf") if term.effect is None else float(f"{term.effect:.5e}")
+
+
+def _constraint(a: Mechanics, b: Mechanics) -> Iterator[ComparedTerm]:
     rank_a, rank_b = max(a.rank), max(b.rank)
     if rank_a != rank_b:
         more, less = ("A", "B") if rank_a > rank_b else ("B", "A")
         joints = counted(max(rank_a, rank_b), "joint")
-        yield Term(
+        yield ComparedTerm(
             kind="constraint",
-            about=(),
+            joints=(),
             message=f"no joint of {less} moves under a force; {joints}"
             f" of {more} can. A motor or a constraint holds them, or they have no inertia"
             if min(rank_a, rank_b) == 0
             else f"{joints} can move independently in {more},"
             f" {min(rank_a, rank_b)} in {less}. {less} has a constraint that {more} lacks",
-            a=rank_a,
-            b=rank_b,
+            a=number(rank_a),
+            b=number(rank_b),
             uncertainty=0.0,
             effect=1.0,
         )
@@ -109,7 +93,7 @@ class _Pair:
         inertia = np.max(np.abs(np.diagonal(a.mass.value, axis1=1, axis2=2)), axis=0, initial=0.0)
         self.forces = np.maximum(np.nan_to_num(inertia), 1e-300) * frame.unit * frame.typical**2
 
-    def inertia(self) -> Iterator[Term]:
+    def inertia(self) -> Iterator[ComparedTerm]:
         """Yield differing entries of the mass matrix."""
         a, b, frame = self.a.mass, self.b.mass, self.frame
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
@@ -138,7 +122,7 @@ class _Pair:
                     state if varies else None,
                 )
 
-    def resistance(self) -> Iterator[Term]:
+    def resistance(self) -> Iterator[ComparedTerm]:
         """Yield differences of damping, and of other forces that depend on the velocity."""
         a, b, frame = self.a.odd, self.b.odd, self.frame
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
@@ -191,7 +175,7 @@ class _Pair:
                         base if varies else None,
                     )
 
-    def springs(self, a: Estimate, b: Estimate, kind: str) -> Iterator[Term]:
+    def springs(self, a: Estimate, b: Estimate, kind: str) -> Iterator[ComparedTerm]:
         """Yield differences of stiffness if forces are linear in the positions, else of forces."""
         frame = self.frame
         count, r = frame.places.shape
@@ -234,7 +218,7 @@ class _Pair:
 
     def pointwise(
         self, a: Estimate, b: Estimate, kind: str, only: int | None = None
-    ) -> Iterator[Term]:
+    ) -> Iterator[ComparedTerm]:
         """Yield differing forces, at the state with the largest difference."""
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
         for i, name_i in enumerate(self.frame.names):
@@ -261,20 +245,20 @@ class _Pair:
         effect: float,
         state: int | None,
         suffix: str = "",
-    ) -> Term:
+    ) -> ComparedTerm:
         shown = apart(here, there, doubt)
         message = f"{name}: {shown[0]} in A, {shown[1]} in B{_share(here, there, doubt)}"
         if state is not None:
             place = zip(self.frame.names, self.frame.places[state], strict=True)
             message += " at " + ", ".join(f"{n} = {value:.3g}" for n, value in list(place)[:4])
-        return Term(
+        return ComparedTerm(
             kind=kind,
-            about=about,
+            joints=about,
             message=message + suffix,
-            a=here,
-            b=there,
-            uncertainty=doubt,
-            effect=float(effect),
+            a=number(here),
+            b=number(there),
+            uncertainty=number(doubt),
+            effect=number(effect),
         )
 
 
@@ -287,23 +271,7 @@ def _worst(miss: Array, error: Array) -> int | None:
     return int(np.argmax(np.where(certain, np.abs(miss), -1.0)))
 
 
-def apart(here: float, there: float, doubt: float) -> tuple[str, str]:
-    """Format both numbers with enough digits to show the difference; uncertain ones are 0."""
-    here, there = (0.0 if abs(x) <= doubt else x for x in (here, there))
-    size = max(abs(here), abs(there))
-    share = abs(here - there) / size if size else 0.0
-    digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
-    return f"{here:.{digits}g}", f"{there:.{digits}g}"
-
-
 def _share(here: float, there: float, doubt: float) -> str:
     if abs(here) <= doubt or abs(there) <= doubt:
         return ""
     return f" ({percent((there - here) / here)})"
-
-
-def percent(share: float) -> str:
-    """Format a relative change."""
-    if abs(share) >= 1e-4:
-        return f"{100 * share:+.3g} %"
-    return f"{share:+.1e}"

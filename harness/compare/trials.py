@@ -17,6 +17,7 @@ from physics_crosscheck.harness.compare.excitation import unwrapped
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs, quick
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,12 +123,7 @@ UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
 def _edited(candidate: Candidate, edits: Sequence[SourceEdit], folder: Path) -> Candidate:
     """Return a copy of the model with edits; link to the other files of its folder."""
     model = candidate.sidecar.model
-    for entry in model.parent.resolve().iterdir():
-        hidden = entry.name.startswith(".")
-        if not hidden and entry.name not in (model.name, f"{model.name}.toml", "__pycache__"):
-            (folder / entry.name).symlink_to(entry)
-    copy = folder / model.name
-    copy.write_bytes(applied(model.read_bytes(), tuple(edits)))
+    copy = copy_with_texts(model, {model: applied(model.read_bytes(), tuple(edits))}, folder)
     sidecar = replace(candidate.sidecar, model=copy)
     springs = list(sidecar.springs)
     settings = {**sidecar.settings, **sidecar.engine_settings.get(candidate.engine, {})}

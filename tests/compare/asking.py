@@ -6,7 +6,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
-from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.compare.execute import at_once
 from physics_crosscheck.harness.compare.match import declared
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.standing import standing_only

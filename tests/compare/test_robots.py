@@ -12,7 +12,7 @@ from physics_crosscheck.harness.compare.actuators import _state
 from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import Findings
 from physics_crosscheck.harness.compare.excitation import Recorded
-from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.compare.execute import at_once
 from physics_crosscheck.harness.compare.judge import TargetEnds, judge
 from physics_crosscheck.harness.compare.match import match
 from physics_crosscheck.harness.compare.prepared import prepare

@@ -13,8 +13,7 @@ from physics_crosscheck.harness.compare.candidate import (
     candidate,
 )
 from physics_crosscheck.harness.compare.compare import CompareOptions, compare
-from physics_crosscheck.harness.compare.execute import FailureError
-from physics_crosscheck.harness.compare.executor import in_workers
+from physics_crosscheck.harness.compare.execute import FailureError, in_workers
 from physics_crosscheck.harness.compare.match import declared
 from physics_crosscheck.harness.compare.record import comparison_record, failed_record
 from physics_crosscheck.harness.interfaces.cli import arguments
