@@ -4,6 +4,7 @@
                                                          ├> mechanics of both ─> terms
                                                          └> edits ─> trials (literals)
 
+Besides, each engine is checked against its own file: `own_file`.
 Each engine runs in a worker process, so that a crash only ends the comparison.
 """
 
@@ -31,6 +32,7 @@ from physics_crosscheck.harness.compare.judge import (
 )
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.mechanics import MechanicsTask, mechanics
+from physics_crosscheck.harness.compare.own_file import OwnFile, check_own_files
 from physics_crosscheck.harness.compare.prepared import PreparedComparison, prepare
 from physics_crosscheck.harness.compare.property import Property
 from physics_crosscheck.harness.compare.ranges import range_notes, start_range
@@ -84,6 +86,7 @@ class Findings:
 
     Attributes:
         facts: of A and B, as loaded.
+        own_files: each engine against the equations of its own file, which have no constraints.
         turned: joints of opposite direction in B; the terms exclude that effect.
         remaining: the discrepancy that remains after turning these.
         properties: differences between the files' contents.
@@ -98,6 +101,7 @@ class Findings:
 
     options: CompareOptions
     facts: tuple[Facts, Facts]
+    own_files: tuple[OwnFile, OwnFile]
     match: Match
     recorded: Recorded
     judgement: Judgement
@@ -175,6 +179,9 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     return Findings(
         options=options,
         facts=prepared.facts,
+        own_files=check_own_files(execute, (a, b), prepared.facts, options.resolution)
+        if not options.include_constraints
+        else (OwnFile(), OwnFile()),
         match=matched,
         recorded=recorded,
         judgement=judgement,

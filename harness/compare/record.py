@@ -9,6 +9,7 @@ import numpy as np
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings
 from physics_crosscheck.harness.compare.judge import Judgement
+from physics_crosscheck.harness.compare.own_file import OwnFile
 from physics_crosscheck.harness.compare.property import Property
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.registry import engines
@@ -33,8 +34,10 @@ def comparison_record(findings: Findings, created: datetime.datetime) -> Compari
         created=_spelled(created),
         resolution=options.resolution,
         models=tuple(
-            _model(candidate, facts)
-            for candidate, facts in zip((options.a, options.b), findings.facts, strict=True)
+            _model(*model)
+            for model in zip(
+                (options.a, options.b), findings.facts, findings.own_files, strict=True
+            )
         ),
         outcome=judged.outcome,
         strict=options.strict,
@@ -85,7 +88,7 @@ def failed_record(
     return Comparison(
         created=_spelled(created),
         resolution=options.resolution,
-        models=tuple(_model(candidate, None) for candidate in (options.a, options.b)),
+        models=tuple(_model(candidate, None, OwnFile()) for candidate in (options.a, options.b)),
         outcome=Outcome.FAILED,
         strict=options.strict,
         reason=failure.reason,
@@ -98,7 +101,7 @@ def _spelled(created: datetime.datetime) -> str:
     return created.isoformat(timespec="seconds")
 
 
-def _model(candidate: Candidate, facts: Facts | None) -> ComparedModel:
+def _model(candidate: Candidate, facts: Facts | None, own_file: OwnFile) -> ComparedModel:
     return ComparedModel(
         model=str(candidate.sidecar.model),
         engine=candidate.engine,
@@ -108,6 +111,8 @@ def _model(candidate: Candidate, facts: Facts | None) -> ComparedModel:
         integrator=None if facts is None else facts.integrator,
         step=None if facts is None else number(facts.step),
         gravity=None if facts is None else numbers(facts.gravity),
+        case=own_file.case,
+        diagnosis=own_file.diagnosis,
     )
 
 

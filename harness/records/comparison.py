@@ -5,8 +5,9 @@ from __future__ import annotations
 import msgspec
 
 from physics_crosscheck.harness.records.base import Number, Numbers, Record, SourceLine
-from physics_crosscheck.harness.records.case import CaseKind
+from physics_crosscheck.harness.records.case import Case, CaseKind
 from physics_crosscheck.harness.records.codes import comparison_code
+from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
 
 
@@ -22,6 +23,8 @@ class ComparedModel(Record, frozen=True, kw_only=True):
         integrator: Name of the integrator; None if the model did not load.
         step: Time step, seconds; None if the model did not load.
         gravity: Gravity, m/s^2; empty if the engine reports none, None if the model did not load.
+        case: The engine against its own file, without constraints; None without equations.
+        diagnosis: Causes if the engine differs from its file; None otherwise.
     """
 
     model: str
@@ -32,6 +35,8 @@ class ComparedModel(Record, frozen=True, kw_only=True):
     integrator: str | None = None
     step: Number = None
     gravity: Numbers | None = None
+    case: Case | None = None
+    diagnosis: Diagnosis | None = None
 
 
 class ComparedRuns(Record, frozen=True, kw_only=True):

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.cause import IN_FILE, Cause, digits_known
+from physics_crosscheck.harness.records.comparison import ComparedModel
 from physics_crosscheck.harness.records.finding import Explanation
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.results.messages import with_code
 
 SWITCHES = ("axis", "default", "exchange", "dropped")
 """Kinds of causes without a fitted number."""
@@ -60,3 +65,21 @@ def _fitted(value: Number, error: Number) -> str:
 
 def _digits(value: Number) -> str:
     return "unknown" if value is None else f"{value:.10g}"
+
+
+def own_file_sentence(model: ComparedModel) -> str:
+    """Return how an engine follows the equations of its own file, and why not, or "" if unknown."""
+    case, diagnosis = model.case, model.diagnosis
+    if case is None:
+        return ""
+    begin = f"{Path(model.model).name} in {model.engine}"
+    verdict = case.verdict
+    if case.outcome is Outcome.AGREES and verdict is not None:
+        e, u = verdict.discrepancy or 0.0, verdict.uncertainty or 0.0
+        return f"{begin}: difference {e:.1e}, uncertainty {u:.1e}"
+    reason = with_code(case.code, case.reason)
+    if diagnosis is None or not diagnosis.explained:
+        return f"{begin}: {reason}"
+    causes = cause_sentences(diagnosis.explanations[0])[:-1]
+    coded = zip((cause.code for cause in diagnosis.explanations[0].causes), causes, strict=True)
+    return f"{begin}: {'; '.join(with_code(*one) for one in coded)}"

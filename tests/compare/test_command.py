@@ -63,6 +63,21 @@ def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:
     assert found.terms == ()
     assert str(found.differences[0].edits[0].where_a).endswith(f"mujoco.xml:{line}")
     assert found.runs.count > found.runs.driven > 0
+    assert [one.case for one in written_down.models] == [None, None]  # sidecars add to the files
+
+
+def test_an_engine_that_changes_its_file_is_named_with_the_line(tmp_path: Path) -> None:
+    """PyBullet gives 1 kg to a link without <inertial>; MuJoCo does not."""
+    path = ROOT / "docs" / "cases" / "leg.urdf"
+    engines = ("--engine-a", "mujoco", "--engine-b", "pybullet")
+    done = crosscheck(path, path, *engines, "--json", "record.json", cwd=tmp_path)
+    lines = done.stdout.splitlines()
+    begin = lines.index("each engine against the equations of its own file")
+    assert lines[begin + 2].startswith("FAIL  leg.urdf in pybullet: XC207 ")
+    assert lines[begin + 1].startswith("ok  leg.urdf in mujoco: difference ")
+    written_down = decoded((tmp_path / "record.json").read_bytes(), Comparison)
+    cases = [one.case for one in written_down.models]
+    assert [one.outcome for one in cases if one] == [Outcome.AGREES, Outcome.DIFFERS]
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])

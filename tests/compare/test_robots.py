@@ -447,6 +447,14 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> Non
     assert found.explained is not None
     assert found.explained.off[0] < 1e-9 < found.explained.off[1]
     assert any("link 'panda_link8' has inertia" in one for one in found.impossible)
+    mine, its = found.own_files
+    assert mine.case is not None
+    assert its.case is not None
+    assert its.diagnosis is not None
+    assert (mine.case.outcome, its.case.outcome) == (Outcome.AGREES, Outcome.DIFFERS)
+    (cause,) = its.diagnosis.explanations[0].causes
+    assert cause.kind == "dropped"
+    assert "link[panda_link8]/inertial" in str(cause)
     assert {term.kind for term in found.differing_terms} <= {"inertia"}
 
 

@@ -39,6 +39,7 @@ from physics_crosscheck.harness.planning.options import check_limits, check_reso
 from physics_crosscheck.harness.records import comparison
 from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
+from physics_crosscheck.harness.results.causes import own_file_sentence
 from physics_crosscheck.harness.results.places import shown_path
 
 _OPTION = re.compile(r"--([a-z][a-z-]*)")
@@ -160,6 +161,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
             f'<div style="margin:6px 0">{badge(self.outcome)}{remark}</div>',
             line(self.reason) if self.reason else "",
             *map(line, _besides(result)),
+            *(line(text) for model in self.models if (text := own_file_sentence(model))),
             table(heads, rows, text_columns=5) if rows else "",
             *(line(note, faint=True) for note in notes),
         )

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.comparison import Compared, ComparedProperty
+from physics_crosscheck.harness.records.comparison import Compared, ComparedProperty, Comparison
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.versions import print_text
 
@@ -26,16 +26,17 @@ MINOR = 1e-5
 
 
 def print_properties(
-    console: Console, outcome: Outcome, compared: Compared, *, is_named: bool = False
+    console: Console, comparison: Comparison, compared: Compared, *, is_named: bool = False
 ) -> None:
     """Print properties that differ with an effect on motions, frames, and the others.
 
     Args:
         console: to print on.
-        outcome: of the comparison.
+        comparison: to report.
         compared: by it.
         is_named: whether the verdict names the first property that differs.
     """
+    outcome = comparison.outcome
     moving = [one for one in compared.properties if one.moves]
     frames = [one for one in compared.properties if one.kind == "frame"]
     without_effect = [one for one in compared.properties if not one.moves and one.kind != "frame"]
@@ -47,7 +48,7 @@ def print_properties(
     if not is_single or compared.impossible or not is_explained(compared):
         _print_all(console, title, moving)
     if not agrees:
-        _print_share(console, compared)
+        _print_share(console, comparison, compared)
     _print_all(console, "frames that differ", frames)
     _print_all(console, "differences without an effect on these runs", without_effect)
 
@@ -109,18 +110,20 @@ def line_name(where: SourceLine) -> str:
     return Path(str(where)).name
 
 
-def _print_share(console: Console, compared: Compared) -> None:
-    """Print the share of the discrepancy that the files' own equations give."""
-    if compared.explained is None or compared.off is None:
-        return
-    if is_explained(compared):
-        return  # the verdict has the share
-    a, b = (float("inf") if inertia is None else inertia for inertia in compared.off)
-    also = " too" if compared.properties or compared.differences else ""
-    print_text(
-        console,
-        f"  the engines differ{also}. Distance from the equations of the file:"
-        f" {a:.1e} in A, {b:.1e} in B",
-    )
+def _print_share(console: Console, comparison: Comparison, compared: Compared) -> None:
+    """Print how far the engines are from the equations of both files, if these do not explain it.
+
+    The statements about each engine and its own file replace the distances.
+    """
+    if compared.explained is None or compared.off is None or is_explained(compared):
+        return  # unknown, or the verdict has the share
+    if any(model.case is None for model in comparison.models):
+        a, b = (float("inf") if distance is None else distance for distance in compared.off)
+        also = " too" if compared.properties or compared.differences else ""
+        print_text(
+            console,
+            f"  the engines differ{also}. Distance from the equations of the file:"
+            f" {a:.1e} in A, {b:.1e} in B",
+        )
     for inertia in compared.impossible:
         print_text(console, f"  {inertia}")

@@ -27,6 +27,7 @@ from physics_crosscheck.harness.render.terminal.compared_properties import (
 from physics_crosscheck.harness.render.terminal.console import print_wrapped
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.render.terminal.versions import print_text
+from physics_crosscheck.harness.results.causes import own_file_sentence
 from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import counted
 
@@ -55,10 +56,24 @@ def print_comparison(console: Console, comparison: Comparison) -> None:
     else:
         _print_outcome(console, comparison, compared)
         edit = _edit_that_explains(compared)
-        print_properties(console, comparison.outcome, compared, is_named=edit is None)
+        print_properties(console, comparison, compared, is_named=edit is None)
         _print_terms(console, comparison.outcome, compared)
         _print_differences(console, comparison.outcome, compared)
+        _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
+
+
+def _print_own_files(console: Console, comparison: Comparison) -> None:
+    """Print each engine against the equations of its own file."""
+    models = [model for model in comparison.models if model.case is not None]
+    if models:
+        console.print("\neach engine against the equations of its own file")
+    sentences = dict.fromkeys(
+        (model.case.outcome, own_file_sentence(model)) for model in models if model.case
+    )
+    for outcome, sentence in sentences:
+        lead = f"{WORDS[outcome]}  "
+        print_wrapped(console, sentence, lead=lead, style=STYLES[outcome], indent=2)
 
 
 def _print_failure(console: Console, comparison: Comparison) -> None:
