@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.compare.property import Property, make_property
+from physics_crosscheck.harness.compare.property import Difference, make_property
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
 from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
 
@@ -126,7 +126,7 @@ def actuator_properties(
     b: Sequence[CompiledActuator],
     joints: Mapping[str, str],
     acting: bool,
-) -> Iterator[Property]:
+) -> Iterator[Difference]:
     """Yield differences between paired actuators, and actuators that only one file has.
 
     Args:
@@ -139,18 +139,18 @@ def actuator_properties(
         for actuator in (actuators[i] for i in unpaired):
             message = f"actuator {_name(actuator)}: in {label} alone"
             moves = acting and actuator.covered
-            yield make_property("actuators", actuator.on, message, 0.0, moves=moves)
+            yield make_property("actuators", actuator.on, message, moves=moves)
     for i, j in pairs.pairs:
         yield from _differences(a[i], b[j], acting)
 
 
 def _differences(
     actuator: CompiledActuator, other: CompiledActuator, acting: bool
-) -> Iterator[Property]:
+) -> Iterator[Difference]:
     for here, there in zip(actuator.kind, other.kind, strict=True):
         if here != there:
             message = f"actuator {_name(actuator)}: {here} in A, {there} in B"
-            yield make_property("actuator", actuator.on, message, 0.0, moves=acting)
+            yield make_property("actuator", actuator.on, message, moves=acting)
     moves = acting and actuator.covered and other.covered
     for values_a, values_b, acts in (
         (actuator.numbers, other.numbers, moves),
@@ -163,7 +163,7 @@ def _differences(
                 message = (
                     f"{what} of actuator {_name(actuator)}: {values[0]} in A, {values[1]} in B"
                 )
-                yield make_property("actuator", actuator.on, message, 0.0, moves=acts)
+                yield make_property("actuator", actuator.on, message, moves=acts)
 
 
 def _shown(values: Numbers | None) -> str:

@@ -8,7 +8,7 @@ all that it carries is turned by one angle.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class Aligned:
         angle: between the axes, rad.
         apart: distance between the axes of hinges, m, combined with the common shift along the
             axis of all that the hinge carries.
+        axis: B's axis where its parent's place is that of A, in A's direction, (3,).
+        shift: from A's axis to B's, likewise, m, (3,).
         zero: B's position minus A's where both mechanisms coincide, rad or m, about A's axis.
     """
 
@@ -47,6 +49,8 @@ class Aligned:
     opposite: bool = False
     angle: float = 0.0
     apart: float = 0.0
+    axis: Array = field(default_factory=lambda: np.zeros(3))
+    shift: Array = field(default_factory=lambda: np.zeros(3))
     zero: float = 0.0
 
 
@@ -100,6 +104,8 @@ def _joint(
         opposite=opposite,
         angle=angle,
         apart=float(np.hypot(apart, along)),
+        axis=v,
+        shift=-shift - along * u,
         zero=zero,
     )
 

@@ -3,52 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from physics_crosscheck.harness.compare.alignment import SAME, Aligned
-from physics_crosscheck.harness.compare.property import Property, make_property, shown
+from physics_crosscheck.harness.compare.placed import with_link
+from physics_crosscheck.harness.compare.property import Difference, make_property, shown
 from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.reference.mechanism.tree import Tree
 
 ROUNDING = 1e-13
 """Rounding error of a tensor transformed between frames, in units of m r^2."""
 
 
-def body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Property]:
+def body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Difference]:
     """Yield the differences, in the world, of the bodies that a pair of joints carries."""
     body_a, body_b = a.placed.body_inertia(row.a), b.placed.body_inertia(row.b).in_frame(row.moved)
-    parts = a.parts[row.a], b.parts[row.b]
-    total = sum(link.mass for link in a.tree.links) or 1.0
+    parts, frame = (a.parts[row.a], b.parts[row.b]), a.placed.frames[row.a]
     heavy = max(body_a.mass, body_b.mass)
     if abs(body_a.mass - body_b.mass) > SAME * heavy:
-        effect = abs(body_a.mass - body_b.mass) / total
-        yield from _masses(a, b, parts, (body_a.mass, body_b.mass), effect)
+        yield from _masses(a, b, row, parts, (body_a.mass, body_b.mass))
     apart = float(np.linalg.norm(body_a.center - body_b.center))
     weighed = min(body_a.mass, body_b.mass) > 0
     if weighed and apart > SAME * size:
         here, there = (f"({_digits(c, apart)})" for c in (body_a.center, body_b.center))
         message = f"centre of mass {apart:.3g} m apart: {here} in A, {there} in B, in the world"
-        effect = heavy * apart / total / size
-        yield from _named(a, b, parts, "centre", message, (effect, apart / size))
+        changed = with_link(a.tree, row.a, center=frame.rotation.T @ (body_b.center - frame.origin))
+        yield _named(a, b, parts, "centre", message, apart / size, changed)
     large = max(np.abs(body_a.inertia).max(), np.abs(body_b.inertia).max())
     miss = float(np.abs(body_a.inertia - body_b.inertia).max())
     if miss > SAME * large + ROUNDING * heavy * size**2:
         message = _tensors(body_a.inertia, body_b.inertia)
-        effect = miss / total / size**2
-        yield from _named(a, b, parts, "inertia", message, (effect, miss / large))
+        inertia = frame.rotation.T @ body_b.inertia @ frame.rotation
+        changed = with_link(a.tree, row.a, inertia=inertia)
+        yield _named(a, b, parts, "inertia", message, miss / large, changed)
 
 
 def _masses(
     a: ModelSide,
     b: ModelSide,
+    row: Aligned,
     parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     masses: tuple[float, float],
-    effect: float,
-) -> Iterator[Property]:
+) -> Iterator[Difference]:
     """Yield mass differences by link where these explain the total; else that of the body."""
     pairs = [
         (x, y) for x, y in _namesakes(*parts)
@@ -58,15 +58,21 @@ def _masses(
     if pairs and abs(remainder) <= SAME * max(masses):
         for x, y in pairs:
             message = f"link {_both(x.name, y.name)}: mass {shown(x.mass, y.mass)}"
-            share = abs(x.mass - y.mass) / max(x.mass, y.mass)
-            difference = make_property(
-                "mass", x.name, message, effect, x.mass, y.mass, relative=share
+            yield make_property(
+                "mass",
+                x.name,
+                message,
+                a=x.mass,
+                b=y.mass,
+                lines=_lines(a, b, x, y),
+                relative=abs(x.mass - y.mass) / max(x.mass, y.mass),
+                changed=with_link(a.tree, row.a, mass=masses[0] + y.mass - x.mass),
             )
-            yield _with_lines(a, b, x, y, difference)
         return
     message = f"mass {shown(*masses)}"
     share = abs(masses[0] - masses[1]) / max(masses)
-    yield from _named(a, b, parts, "mass", message, (effect, share), masses)
+    changed = with_link(a.tree, row.a, mass=masses[1])
+    yield _named(a, b, parts, "mass", message, share, changed, masses)
 
 
 def _namesakes(
@@ -84,12 +90,13 @@ def _named(
     parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     kind: str,
     message: str,
-    sizes: tuple[float, float],
-    values: tuple[float, float] | None = None,
-) -> Iterator[Property]:
-    """Yield a difference of the one link that differs, or of all welded links.
+    share: float,
+    changed: Tree,
+    values: tuple[float | None, float | None] = (None, None),
+) -> Difference:
+    """Return a difference of the one link that differs, or of all welded links.
 
-    `sizes` are the effect and the relative difference.
+    `share` is the relative difference.
     """
     unequal = [
         pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)
@@ -98,11 +105,16 @@ def _named(
     name = _both(x.name, y.name) if x and y else (x or y or _NOBODY).name
     more = max(map(len, parts)) > 1 and len(unequal) != 1
     subject = f"link {name}{' with what is welded to it' if more else ''}"
-    here, there = values or (None, None)
-    effect, share = sizes
-    about, sentence = x.name if x else name, f"{subject}: {message}"
-    difference = make_property(kind, about, sentence, effect, here, there, relative=share)
-    yield _with_lines(a, b, x, y, difference)
+    return make_property(
+        kind,
+        x.name if x else name,
+        f"{subject}: {message}",
+        a=values[0],
+        b=values[1],
+        lines=_lines(a, b, x, y),
+        relative=share,
+        changed=changed,
+    )
 
 
 _NOBODY = LinkPart(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
@@ -125,15 +137,15 @@ def _both(x: str, y: str) -> str:
     return x if x == y else f"{x} / {y}"
 
 
-def _with_lines(
-    a: ModelSide, b: ModelSide, x: LinkPart | None, y: LinkPart | None, difference: Property
-) -> Property:
-    """Return a difference with its source lines."""
-    where = [
+def _lines(
+    a: ModelSide, b: ModelSide, x: LinkPart | None, y: LinkPart | None
+) -> tuple[SourceLine | None, SourceLine | None]:
+    """Return the source lines of links of A and B."""
+    here, there = (
         SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None
         for side, part in ((a, x), (b, y))
-    ]
-    return replace(difference, where_a=where[0], where_b=where[1])
+    )
+    return here, there
 
 
 def _tensors(tensor_a: Array, tensor_b: Array) -> str:

@@ -34,7 +34,6 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.mechanics import MechanicsTask, mechanics
 from physics_crosscheck.harness.compare.own_file import OwnFile, check_own_files
 from physics_crosscheck.harness.compare.prepared import PreparedComparison, prepare
-from physics_crosscheck.harness.compare.property import Property
 from physics_crosscheck.harness.compare.ranges import range_notes, start_range
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.slack import taut_starts
@@ -44,7 +43,7 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.numerics.batch import even_indices
-from physics_crosscheck.harness.records.comparison import ComparedTerm
+from physics_crosscheck.harness.records.comparison import ComparedProperty, ComparedTerm
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -107,7 +106,7 @@ class Findings:
     judgement: Judgement
     turned: tuple[str, ...]
     remaining: float
-    properties: tuple[Property, ...]
+    properties: tuple[ComparedProperty, ...]
     explained: Explained | None
     differing_terms: tuple[ComparedTerm, ...]
     trials: tuple[Trial, ...]
@@ -159,7 +158,9 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
     ones = np.ones(len(matched.names))
     followed, judgement = trial.judged(ones)
-    read = compare_files(execute, prepared, home)
+    read = compare_files(
+        execute, prepared, home, _own_runs(recorded.runs, matched) if is_a else runs
+    )
     turned, signs, remaining, final = _turned(trial, judgement, followed, read)
     mends = bool(turned) and remaining <= options.resolution
     share: Explained | None = None
@@ -250,6 +251,13 @@ def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
         f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
         " too quick)",
     )
+
+
+def _own_runs(runs: Runs, matched: Match) -> Runs | None:
+    """Return the source's runs with forces on its own coordinates; None if these vary."""
+    if not matched.constant:
+        return None
+    return replace(runs, push=runs.push @ matched.slopes(runs.z[:1])[0])
 
 
 @dataclass(frozen=True, kw_only=True)

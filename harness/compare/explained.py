@@ -1,22 +1,28 @@
-"""Share of a discrepancy that the equations of both files' trees explain."""
+"""Effect of file differences on motions, by the equations of both files' trees."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.compare.excitation import Recorded
 from physics_crosscheck.harness.compare.judge import TargetEnds
 from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.property import Difference
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.numerics.batch import even_indices
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES
-from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
+from physics_crosscheck.harness.numerics.batch import even_indices, movement
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.multibody import tree_system
+from physics_crosscheck.reference.solving.collocation import ReferenceError
+from physics_crosscheck.reference.solving.samples import ends_of
 
 SOLVED_RUNS = 24
 """Runs over which the equations are solved."""
@@ -96,6 +102,43 @@ def explained(
     )
 
 
+def weighed(
+    differences: Sequence[Difference], a: ModelSide, runs: Runs | None
+) -> tuple[ComparedProperty, ...]:
+    """Return differences with their effects on A's motions, the largest first.
+
+    The effect of a difference is the change of the ends of runs if A's tree takes B's value.
+
+    Args:
+        differences: of the files.
+        a: contents of A.
+        runs: of A, with forces on its own coordinates; None if these are unknown.
+    """
+    effects: list[float | None] = [None] * len(differences)
+    if runs is not None and not a.tree.couplings:
+        part = _select(runs, even_indices(len(runs.z), SOLVED_RUNS))
+        with np.errstate(all="ignore"):
+            ends = _ends(a, part, part.push)
+            scale = movement(ends, np.hstack([part.z, part.w]))
+            for i, (_, tree) in enumerate(differences):
+                if tree is not None:
+                    changed = _ends(replace(a, tree=tree), part, part.push)
+                    effects[i] = float(np.max(np.abs(changed - ends) / scale))
+    rows = [
+        structs.replace(row, effect=number(effect))
+        for (row, _), effect in zip(differences, effects, strict=True)
+    ]
+    return tuple(sorted(rows, key=_least_effect_last))
+
+
+def _least_effect_last(row: ComparedProperty) -> tuple[bool, bool, float]:
+    """Return a key; actuators and tendons, whose effects are unknown, follow bodies and joints."""
+    size = row.relative if row.effect is None else row.effect
+    # Round to six digits, so that last digits do not change the order of like legs.
+    rounded = float(f"{1.0 if size is None else size:.5e}")
+    return not row.moves, row.kind in ("tendon", "actuator", "actuators"), -rounded
+
+
 def _reached(followed: TargetEnds) -> tuple[NDArray[np.intp], Array]:
     """Return which runs have known end states, and all end states, (K, 2m).
 
@@ -119,27 +162,16 @@ def _size(values: Array) -> float:
 def _ends(model: ModelSide, runs: Runs, push: Array) -> Array:
     """Return the end states of a file's equations, (K, 2nz), in the engine's order."""
     order, n = model.order, runs.z.shape[1]
-    equations = Charted(model.tree, DOUBLES)
-    forces = push[:, order].T
-
-    def field(times: Array, states: Array) -> Array:
-        q, v = np.moveaxis(states[..., :n], -1, 0), np.moveaxis(states[..., n:], -1, 0)
-        shape = forces.shape[:2] + (1,) * (q.ndim - 2)
-        pushed = np.broadcast_to(forces.reshape(shape), q.shape)
-        a = np.moveaxis(equations.acceleration(q, v, pushed), 0, -1)
-        return np.concatenate([states[..., n:], a], axis=-1)
-
-    reached = start = np.hstack([runs.z[:, order], runs.w[:, order]])
+    system = tree_system(name=model.label, title="", source=str(model.file), tree=model.tree)
+    equations, start = TreeEquations(system), np.hstack([runs.z[:, order], runs.w[:, order]])
     for pieces in PIECES:
+        reached = start
         try:
-            reached = start
             for _ in range(pieces):
-                reached, _ = collocate(field, np.zeros(len(start)), reached, runs.length / pieces)
+                reached = ends_of(equations, reached, push[:, order], runs.length / pieces)
         except ReferenceError:
             continue
-        break
-    else:
-        return np.full_like(start, np.nan)
-    ends = np.empty_like(reached)
-    ends[:, [*order, *(n + i for i in order)]] = reached
-    return ends
+        ends = np.empty_like(reached)
+        ends[:, [*order, *(n + i for i in order)]] = reached
+        return ends
+    return np.full_like(start, np.nan)

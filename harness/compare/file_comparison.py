@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.candidate import Facts
+from physics_crosscheck.harness.compare.alignment import SAME
+from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.execute import Execute, ask
-from physics_crosscheck.harness.compare.frames import (
-    FramesTask,
-    frame_properties,
-    frames,
-    shared_frames,
-)
+from physics_crosscheck.harness.compare.explained import weighed
 from physics_crosscheck.harness.compare.prepared import PreparedComparison
 from physics_crosscheck.harness.compare.properties import properties
-from physics_crosscheck.harness.compare.property import Property
+from physics_crosscheck.harness.compare.property import make_property
+from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide, model_side, pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.records.comparison import ComparedProperty
+
+POSE_ACCURACY = 1e-9
+"""Accuracy of frames from engines, relative to the size of the mechanism."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,7 @@ class FileComparison:
     """
 
     sides: tuple[ModelSide, ModelSide] | None
-    properties: tuple[Property, ...]
+    properties: tuple[ComparedProperty, ...]
     turned: tuple[str, ...]
 
     @property
@@ -42,13 +43,16 @@ class FileComparison:
         return any(one.moves for one in self.properties)
 
 
-def compare_files(execute: Execute, prepared: PreparedComparison, home: Array) -> FileComparison:
+def compare_files(
+    execute: Execute, prepared: PreparedComparison, home: Array, runs: Runs | None
+) -> FileComparison:
     """Compare both files at one position.
 
     Args:
         execute: runs the engines, which compute frames.
         prepared: both models.
         home: positions of the source, (nz,).
+        runs: of A, with forces on its own coordinates, to weigh differences; None if unknown.
 
     Raises:
         FailureError: if an engine fails.
@@ -59,23 +63,24 @@ def compare_files(execute: Execute, prepared: PreparedComparison, home: Array) -
     z = z if prepared.match.source == "A" else z[::-1]
     sides = _sides(prepared, z)
     if sides is None:
-        return FileComparison(sides=None, properties=_frames(execute, prepared, z, 1.0), turned=())
-    differences = properties(*sides, pairs)
-    turned = tuple(
-        p.a if prepared.match.source == "B" else p.b for p in pairs if p.a in differences.turned
-    )
-    if differences.turned:
+        return FileComparison(
+            sides=None, properties=_compare_frames(execute, prepared, z, 1.0), turned=()
+        )
+    differences, opposite = properties(*sides, pairs)
+    turned = tuple(p.a if prepared.match.source == "B" else p.b for p in pairs if p.a in opposite)
+    if opposite:
         of_a = dict(zip(prepared.facts[0].coordinates, z[0].tolist(), strict=True))
         # Compare again in corresponding positions.
-        pairs = tuple(_turned(p) if p.a in differences.turned else p for p in pairs)
+        pairs = tuple(_turned(p) if p.a in opposite else p for p in pairs)
         z = z[0], _posed(z[1], prepared.facts, pairs, of_a)
         again = _sides(prepared, z)
         assert again is not None
-        differences = properties(*again, pairs)
+        differences, _ = properties(*again, pairs)
     size = max(one.placed.size for one in sides)
-    moving = [one for one in differences.differences if one.moves]
-    rest = [one for one in differences.differences if not one.moves]
-    every = (*moving, *_frames(execute, prepared, z, size), *rest)
+    rows = weighed(differences, sides[0], runs)
+    moving = [row for row in rows if row.moves]
+    rest = [row for row in rows if not row.moves]
+    every = (*moving, *_compare_frames(execute, prepared, z, size), *rest)
     return FileComparison(sides=sides, properties=every, turned=turned)
 
 
@@ -101,9 +106,9 @@ def _posed(
     return posed
 
 
-def _frames(
+def _compare_frames(
     execute: Execute, prepared: PreparedComparison, z: tuple[Array, Array], size: float
-) -> tuple[Property, ...]:
+) -> tuple[ComparedProperty, ...]:
     places = shared_frames(*prepared.facts)
     if not places[0] or prepared.a == prepared.b:
         return ()
@@ -112,3 +117,74 @@ def _frames(
         for candidate, its, at in zip((prepared.a, prepared.b), places, z, strict=True)
     )
     return frame_properties(places[0], frames_a, frames_b, size)
+
+
+@dataclass(frozen=True)
+class FramesTask:
+    """Input of a worker: frames of a model, as `kind:name`, and positions, (nz,)."""
+
+    candidate: Candidate
+    places: tuple[str, ...]
+    z: Array
+
+
+def frames(task: FramesTask) -> tuple[Array, Array]:
+    """Return origins (F, 3), m, and rotations (F, 3, 3) in the engine's world.
+
+    Raises:
+        EngineError: with file, place and remedy.
+    """
+    origins, turns = task.candidate.load().poses(task.places, task.z[None])
+    return origins[0], turns[0]
+
+
+def shared_frames(a: Facts, b: Facts) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return massless frames of A and of B with equal names: sites, and links on fixed joints.
+
+    The frame of a link with mass is a convention.
+    """
+    frames_a, frames_b = _massless_frames(a), _massless_frames(b)
+    names = [name for name in frames_a if name in frames_b]
+    return tuple(frames_a[name] for name in names), tuple(frames_b[name] for name in names)
+
+
+def _massless_frames(facts: Facts) -> dict[str, str]:
+    parts = () if facts.robot is None else facts.robot.parts
+    massless = {part.name for part in parts if part.mass == 0.0 and not part.inertia.any()}
+    places: dict[str, str] = {}
+    for place in facts.places:
+        kind, _, name = place.partition(":")
+        if kind == "site" or (kind in ("body", "link") and name in massless):
+            places.setdefault(name, place)
+    return places
+
+
+def frame_properties(
+    places: Sequence[str], a: tuple[Array, Array], b: tuple[Array, Array], size: float
+) -> tuple[ComparedProperty, ...]:
+    """Return frames whose poses differ between the files."""
+    differences = []
+    for i, place in enumerate(places):
+        name = place.partition(":")[2]
+        apart = b[0][i] - a[0][i]
+        far = float(np.linalg.norm(apart))
+        turn = _angle(a[1][i].T @ b[1][i])
+        parts = []
+        if far > max(POSE_ACCURACY, SAME) * size:
+            x, y, z = (f"{value + 0.0:.4g}" for value in apart)
+            parts.append(f"in B {far:.4g} m away, by ({x}, {y}, {z}) in the world")
+        if turn > 10 * SAME:
+            parts.append(f"turned by {turn:.4g} rad")
+        if parts:
+            message = f"frame {name}: {' and '.join(parts)}"
+            differences.append(
+                make_property("frame", name, message, moves=False, relative=far / size + turn)[0]
+            )
+    return tuple(differences)
+
+
+def _angle(rotation: Array) -> float:
+    """Return the angle of a rotation, rad, accurate for small and large angles."""
+    odd = rotation - rotation.T
+    sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
+    return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))

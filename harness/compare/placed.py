@@ -159,6 +159,44 @@ def held(tree: Tree, locked: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]
     return whole, tuple(i for i, _ in now)
 
 
+def with_link(tree: Tree, i: int, **changes: object) -> Tree:
+    """Return the tree with other values of one link."""
+    links = list(tree.links)
+    links[i] = replace(links[i], **changes)  # type: ignore[arg-type]
+    return replace(tree, links=tuple(links))
+
+
+def with_shifted_joint(placed: PlacedTree, i: int, shift: Array) -> Tree:
+    """Return the tree with a joint at another point, and all bodies at the same places.
+
+    Args:
+        placed: the tree, at the position that keeps its bodies.
+        i: index of the joint's link.
+        shift: of the joint, in the world, m, (3,).
+    """
+    tree, link = placed.tree, placed.tree.links[i]
+    outer = np.eye(3) if link.parent == WORLD else placed.frames[link.parent].rotation
+    inner = placed.frames[i].rotation.T @ shift
+    changed = with_link(
+        tree,
+        i,
+        position=link.position + outer.T @ shift,
+        center=link.center - inner,
+        lift=link.lift - inner,
+    )
+    for child, row in enumerate(tree.links):
+        if row.parent == i:
+            changed = with_link(changed, child, position=row.position - inner)
+    return changed
+
+
+def with_shifted_zero(tree: Tree, i: int, by: float) -> Tree:
+    """Return the tree with the zero of a hinge or slide displaced, rad or m."""
+    link = tree.links[i]
+    place = Place(link.rotation, link.position).compose(_moved(link, by))
+    return with_link(tree, i, rotation=place.rotation, position=place.origin)
+
+
 def _pulled(force: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:
     """Return a force element with updated link indices and frames."""
     if force.along is None:

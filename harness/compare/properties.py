@@ -7,7 +7,7 @@ some actuators and shapes do not affect the compared motions.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,35 +16,29 @@ from physics_crosscheck.harness.compare.alignment import SAME, Aligned, aligned,
 from physics_crosscheck.harness.compare.bodies import body_properties
 from physics_crosscheck.harness.compare.candidate import FOLLOWERS
 from physics_crosscheck.harness.compare.partners import joints_of
-from physics_crosscheck.harness.compare.placed import PlacedTree
-from physics_crosscheck.harness.compare.property import Property, apart, make_property, shown
+from physics_crosscheck.harness.compare.placed import (
+    PlacedTree,
+    with_link,
+    with_shifted_joint,
+    with_shifted_zero,
+)
+from physics_crosscheck.harness.compare.property import Difference, apart, make_property, shown
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import Omission
 
 
-@dataclass(frozen=True, kw_only=True)
-class Properties:
-    """Differences between the contents of two files.
-
-    Attributes:
-        differences: those that affect motions first, the largest first.
-        turned: joints whose axis direction in B contradicts the pairing.
-    """
-
-    differences: tuple[Property, ...]
-    turned: tuple[str, ...]
-
-
-def properties(a: ModelSide, b: ModelSide, pairs: Sequence[JointPair]) -> Properties:
-    """Compare two files."""
+def properties(
+    a: ModelSide, b: ModelSide, pairs: Sequence[JointPair]
+) -> tuple[list[Difference], tuple[str, ...]]:
+    """Compare two files; also return joints whose axis direction in B contradicts the pairing."""
     by_name = _joint_pairs(a.placed, b.placed, pairs)
     names = [(pair.a, pair.b) for pair in by_name.values()]
     links, odd = paired_links(a.placed, b.placed, names)
     rows = aligned(a.placed, b.placed, links)
     size = max(a.placed.size, b.placed.size)
     differences = [
-        make_property("kind", name, f"joint {name}: {here} in A, {there} in B", 1.0)
+        make_property("kind", name, f"joint {name}: {here} in A, {there} in B")
         for name, here, there in odd
     ]
     turned = []
@@ -56,18 +50,8 @@ def properties(a: ModelSide, b: ModelSide, pairs: Sequence[JointPair]) -> Proper
         differences += _joint(a, b, row, pair, size)
         differences += body_properties(a, b, row, size)
     differences += _gravity(a, b)
-    differences.sort(key=lambda one: (one.kind in ALONG_JOINTS, -one.effect))
-    rest = [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
-    rest += _left_out(a, b)
-    every = sorted((*differences, *rest), key=lambda one: not one.moves)
-    return Properties(differences=tuple(every), turned=tuple(turned))
-
-
-ALONG_JOINTS = ("armature", "damping", "stiffness", "rest")
-"""Kinds of properties listed after bodies and axes: motors and gears are chosen later.
-
-Files often leave them out.
-"""
+    differences += [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
+    return [*differences, *_left_out(a, b)], tuple(turned)
 
 
 def _joint_pairs(
@@ -88,7 +72,7 @@ def _joint_pairs(
 
 def _joint(
     a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
-) -> Iterator[Property]:
+) -> Iterator[Difference]:
     """Yield differences of a joint's geometry and forces."""
     if a.tree.links[row.a].kind in ("hinge", "slide"):
         yield from _geometry(a, b, row, pair, size)
@@ -98,7 +82,7 @@ def _joint(
 
 def _geometry(
     a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
-) -> Iterator[Property]:
+) -> Iterator[Difference]:
     """Yield differences of axis, position and zero."""
     link = a.tree.links[row.a]
     name = link.name
@@ -106,20 +90,23 @@ def _geometry(
         vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
         message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
         message += f", {row.angle:.3g} rad apart"
-        yield make_property("axis", name, message, row.angle, relative=row.angle)
+        changed = with_link(a.tree, row.a, axis=a.placed.frames[row.a].rotation.T @ row.axis)
+        yield make_property("axis", name, message, relative=row.angle, changed=changed)
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
-        yield make_property("anchor", name, message, row.apart / size, relative=row.apart / size)
+        changed = with_shifted_joint(a.placed, row.a, row.shift)
+        yield make_property("anchor", name, message, relative=row.apart / size, changed=changed)
     if abs(row.zero) > SAME * (1.0 if link.kind == "hinge" else size):
         unit = "rad" if link.kind == "hinge" else "m"
         sign = -1.0 if row.opposite else 1.0
         shift = f"{row.zero - sign * pair.offset:+.15g}"
         remedy = f"--joints={pair.a}={'-' if row.opposite else ''}{pair.b}{shift}"
         message = f"zero of joint {name}: {abs(row.zero):.9g} {unit} from that of A ({remedy})"
-        yield make_property("zero", name, message, abs(row.zero))
+        changed = with_shifted_zero(a.tree, row.a, -row.zero)
+        yield make_property("zero", name, message, changed=changed)
 
 
-def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterator[Property]:
+def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterator[Difference]:
     """Yield differences of armature, damper and spring."""
     link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
     name = link_a.name
@@ -134,14 +121,16 @@ def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterat
         if abs(here - there) > SAME * largest:
             message = f"{what} of joint {name}: {shown(here, there)}"
             share = abs(here - there) / largest
-            yield make_property(what, name, message, share, here, there, relative=share)
+            changed = with_link(a.tree, row.a, **{what: there})
+            yield make_property(
+                what, name, message, a=here, b=there, relative=share, changed=changed
+            )
     if link_a.stiffness and link_b.stiffness and not (a.springs or b.springs):
         rest = (link_b.rest[0] - pair.offset) / pair.slope
         if abs(link_a.rest[0] - rest) > SAME:
             message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
-            yield make_property(
-                "rest", name, message, abs(link_a.rest[0] - rest), link_a.rest[0], rest
-            )
+            changed = with_link(a.tree, row.a, rest=(rest,))
+            yield make_property("rest", name, message, a=link_a.rest[0], b=rest, changed=changed)
 
 
 def _axis(b: ModelSide, row: Aligned) -> Array:
@@ -154,7 +143,7 @@ def _vector(values: Array) -> str:
     return f"({', '.join(f'{x:.4g}' for x in values + 0.0)})"
 
 
-def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Property]:
+def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     gravity_a, gravity_b = np.array(a.facts.gravity), np.array(b.facts.gravity)
     if gravity_a.shape != gravity_b.shape or not gravity_a.size:
         return
@@ -162,12 +151,14 @@ def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Property]:
     large = max(float(np.linalg.norm(gravity_a)), float(np.linalg.norm(gravity_b)))
     if apart > SAME * large:
         here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (gravity_a, gravity_b))
-        yield make_property("gravity", "", f"gravity: {here} in A, {there} in B", apart / large)
+        changed = replace(a.tree, gravity=gravity_b)
+        message = f"gravity: {here} in A, {there} in B"
+        yield make_property("gravity", "", message, changed=changed)
 
 
 def _ranges(
     a: ModelSide, b: ModelSide, rows: Sequence[Aligned], by_name: dict[str, JointPair]
-) -> Iterator[Property]:
+) -> Iterator[Difference]:
     """Yield differences of position limits, those of B in A's coordinates."""
     for row in rows:
         pair = by_name[a.tree.links[row.a].name]
@@ -181,7 +172,7 @@ def _ranges(
             told_a, told_b = _range(here, there)
             message = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
-            yield make_property("range", pair.a, message, 0.0, moves=False, relative=share)
+            yield make_property("range", pair.a, message, moves=False, relative=share)
 
 
 def _share(miss: Array, sizes: Array) -> float:
@@ -206,7 +197,7 @@ def _range(here: Array, there: Array) -> tuple[str, str]:
     return f"{low} to {high}", f"{its_low} to {its_high}"
 
 
-def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Property]:
+def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     """Yield differences of springs, dampers and armatures along tendons, paired by name."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
@@ -218,7 +209,7 @@ def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Property]:
     for name in dict.fromkeys([*tendons_a, *tendons_b]):
         if name not in tendons_a or name not in tendons_b:
             label = "A" if name in tendons_a else "B"
-            yield make_property("tendon", name, f"tendon {name} pulls in {label} alone", 0.0)
+            yield make_property("tendon", name, f"tendon {name} pulls in {label} alone")
             continue
         here, there = tendons_a[name], tendons_b[name]
         for what, x, y in (
@@ -229,14 +220,14 @@ def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Property]:
         ):
             if x != y:
                 message = f"{what} of tendon {name}: {_row(x)} in A, {_row(y)} in B"
-                yield make_property("tendon", name, message, 0.0)
+                yield make_property("tendon", name, message)
 
 
 def _row(values: Sequence[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values) or "none"
 
 
-def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Property]:
+def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Difference]:
     """Yield differences of actuators, if both formats have some."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
@@ -251,7 +242,7 @@ COUNTED = (
 """Start of omissions whose counts are compared."""
 
 
-def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Property]:
+def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     """Yield differences of the numbers of omissions; only files of one format count alike."""
     if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
         return
@@ -261,7 +252,7 @@ def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Property]:
     for what in dict.fromkeys([*counts_a, *counts_b]):
         if counts_a.get(what, 0) != counts_b.get(what, 0):
             message = f"{what}: {counts_a.get(what, 0)} in A, {counts_b.get(what, 0)} in B"
-            yield make_property("left out", "", message, 0.0, moves=False)
+            yield make_property("left out", "", message, moves=False)
 
 
 def _counts(left_out: Sequence[Omission]) -> dict[str, int]:

@@ -2,62 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.reference.mechanism.tree import Tree
 
-
-@dataclass(frozen=True, kw_only=True)
-class Property:
-    """A difference between the contents of two files.
-
-    Attributes:
-        kind: such as "mass", "centre", "inertia", "axis", "damping", "range", "frame".
-        about: the joint or link; empty for the whole model.
-        message: a sentence.
-        a, b: the values, for single numbers.
-        where_a, where_b: the source lines, if known.
-        effect: relative size, for sorting.
-        moves: whether it is part of the equations of motion.
-        relative: the relative difference; 1 for anything without a size.
-    """
-
-    kind: str
-    about: str
-    message: str
-    a: float | None = None
-    b: float | None = None
-    where_a: SourceLine | None = None
-    where_b: SourceLine | None = None
-    effect: float
-    moves: bool = True
-    relative: float = 1.0
+Difference = tuple[ComparedProperty, Tree | None]
+"""A difference of two files, and A's tree with B's value; None if no tree shows it."""
 
 
 def make_property(
     kind: str,
     about: str,
     message: str,
-    effect: float,
+    *,
     a: float | None = None,
     b: float | None = None,
-    *,
+    lines: tuple[SourceLine | None, SourceLine | None] = (None, None),
     moves: bool = True,
     relative: float = 1.0,
-) -> Property:
-    """Return a difference without lines."""
-    return Property(
+    changed: Tree | None = None,
+) -> Difference:
+    """Return a difference.
+
+    Args:
+        kind: such as "mass", "centre", "inertia", "axis", "damping", "range", "frame".
+        about: the joint or link; empty for the whole model.
+        message: a sentence.
+        a, b: the values, for single numbers.
+        lines: of A and of B, if known.
+        moves: whether it is part of the equations of motion.
+        relative: the relative difference; 1 for anything without a size.
+        changed: A's tree with B's value.
+    """
+    record = ComparedProperty(
         kind=kind,
         about=about,
         message=message,
-        a=a,
-        b=b,
-        effect=float(effect),
+        a=number(a),
+        b=number(b),
+        where_a=lines[0],
+        where_b=lines[1],
         moves=moves,
-        relative=float(relative),
+        relative=number(relative),
     )
+    return record, changed
 
 
 def shown(here: float, there: float) -> str:

@@ -10,7 +10,6 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings
 from physics_crosscheck.harness.compare.judge import Judgement
 from physics_crosscheck.harness.compare.own_file import OwnFile
-from physics_crosscheck.harness.compare.property import Property
 from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
@@ -18,7 +17,6 @@ from physics_crosscheck.harness.records.base import number, numbers
 from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
-    ComparedProperty,
     ComparedRuns,
     Comparison,
     FileDifference,
@@ -60,7 +58,7 @@ def comparison_record(findings: Findings, created: datetime.datetime) -> Compari
             ),
             turned=findings.turned,
             left_when_turned=number(findings.remaining) if findings.turned else None,
-            properties=tuple(_property(one) for one in findings.properties),
+            properties=findings.properties,
             explained=None if findings.explained is None else number(findings.explained.share),
             off=_off(findings),
             terms=findings.differing_terms,
@@ -122,20 +120,6 @@ def _off(findings: Findings) -> tuple[float | None, ...] | None:
         return None
     off = findings.explained.off
     return tuple(numbers(off if findings.match.source == "A" else off[::-1]))
-
-
-def _property(difference: Property) -> ComparedProperty:
-    return ComparedProperty(
-        kind=difference.kind,
-        about=difference.about,
-        message=difference.message,
-        a=number(difference.a) if difference.a is not None else None,
-        b=number(difference.b) if difference.b is not None else None,
-        where_a=difference.where_a,
-        where_b=difference.where_b,
-        moves=difference.moves,
-        relative=number(difference.relative),
-    )
 
 
 def _difference(trial: Trial) -> FileDifference:

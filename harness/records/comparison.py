@@ -91,6 +91,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
         where_b: Line in file B, if known.
         moves: Whether the equations of motion contain this property.
         relative: Relative difference; 1 for a difference without a size.
+        effect: Change of A's motions by B's value, relative to their size; None if unknown.
     """
 
     kind: str
@@ -102,6 +103,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
     where_b: SourceLine | None
     moves: bool
     relative: Number
+    effect: Number = None
 
 
 class FileEdit(Record, frozen=True, kw_only=True):
