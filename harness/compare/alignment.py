@@ -40,7 +40,7 @@ class Aligned:
             axis of all that the hinge carries.
         axis: B's axis where its parent's place is that of A, in A's direction, (3,).
         shift: from A's axis to B's, likewise, m, (3,).
-        zero: B's position minus A's where both mechanisms coincide, rad or m, about A's axis.
+        zero: A's position minus B's where both mechanisms coincide, rad or m, about A's axis.
     """
 
     a: int
@@ -91,7 +91,7 @@ def _joint(
     angle = float(np.arctan2(sine, u @ v))
     moved = before
     if angle > SAME:
-        moved = _turned_about(r, across / sine, angle).compose(moved)
+        moved = turned_about(r, across / sine, angle).compose(moved)
     shift = (p - r) - u * (u @ (p - r)) if hinge else np.zeros(3)
     apart = float(np.linalg.norm(shift))
     if apart > SAME * size:
@@ -131,7 +131,7 @@ def _zero(
             # Project onto the plane normal to the axis.
             x, y = (w - p - u * (u @ (w - p)) for w in (x, y))
             by = float(np.arctan2(u @ np.cross(y, x), x @ y))
-            guess = _turned_about(p, u, by).compose(moved)
+            guess = turned_about(p, u, by).compose(moved)
         else:
             by = float(u @ (x - y))
             guess = Place(np.eye(3), by * u).compose(moved)
@@ -189,7 +189,7 @@ class _Carried:
             yield bool(np.linalg.norm(np.cross(u, v)) <= SAME and line)
 
 
-def _turned_about(point: Array, axis: Array, angle: float) -> Place:
+def turned_about(point: Array, axis: Array, angle: float) -> Place:
     """Return the rotation about a line."""
     rotation = about_axis(axis, np.array(angle), DOUBLES)
     return Place(rotation, point - rotation @ point)

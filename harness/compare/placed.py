@@ -14,7 +14,7 @@ from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coo
 from physics_crosscheck.reference.mechanism.force_paths import JointForce, LinkFrame
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import (
     WORLD,
     Immersed,
@@ -166,35 +166,14 @@ def with_link(tree: Tree, i: int, **changes: object) -> Tree:
     return replace(tree, links=tuple(links))
 
 
-def with_shifted_joint(placed: PlacedTree, i: int, shift: Array) -> Tree:
-    """Return the tree with a joint at another point, and all bodies at the same places.
-
-    Args:
-        placed: the tree, at the position that keeps its bodies.
-        i: index of the joint's link.
-        shift: of the joint, in the world, m, (3,).
-    """
+def with_joint(placed: PlacedTree, i: int, motion: Place) -> Tree:
+    """Return the tree with a joint, and all that it carries, moved in the world."""
     tree, link = placed.tree, placed.tree.links[i]
-    outer = np.eye(3) if link.parent == WORLD else placed.frames[link.parent].rotation
-    inner = placed.frames[i].rotation.T @ shift
-    changed = with_link(
-        tree,
-        i,
-        position=link.position + outer.T @ shift,
-        center=link.center - inner,
-        lift=link.lift - inner,
-    )
-    for child, row in enumerate(tree.links):
-        if row.parent == i:
-            changed = with_link(changed, child, position=row.position - inner)
-    return changed
-
-
-def with_shifted_zero(tree: Tree, i: int, by: float) -> Tree:
-    """Return the tree with the zero of a hinge or slide displaced, rad or m."""
-    link = tree.links[i]
-    place = Place(link.rotation, link.position).compose(_moved(link, by))
-    return with_link(tree, i, rotation=place.rotation, position=place.origin)
+    outer = IDENTITY if link.parent == WORLD else placed.frames[link.parent]
+    place = motion.compose(outer.compose(Place(link.rotation, link.position)))
+    rotation = outer.rotation.T
+    position = rotation @ (place.origin - outer.origin)
+    return with_link(tree, i, rotation=rotation @ place.rotation, position=position)
 
 
 def _pulled(force: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:

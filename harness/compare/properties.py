@@ -12,20 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from physics_crosscheck.harness.compare.actuators import actuator_properties
-from physics_crosscheck.harness.compare.alignment import SAME, Aligned, aligned, paired_links
+from physics_crosscheck.harness.compare.alignment import (
+    SAME,
+    Aligned,
+    aligned,
+    paired_links,
+    turned_about,
+)
 from physics_crosscheck.harness.compare.bodies import body_properties
 from physics_crosscheck.harness.compare.candidate import FOLLOWERS
 from physics_crosscheck.harness.compare.partners import joints_of
 from physics_crosscheck.harness.compare.placed import (
     PlacedTree,
+    with_joint,
     with_link,
-    with_shifted_joint,
-    with_shifted_zero,
 )
 from physics_crosscheck.harness.compare.property import Difference, apart, make_property, shown
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 
 
 def properties(
@@ -85,16 +91,18 @@ def _geometry(
 ) -> Iterator[Difference]:
     """Yield differences of axis, position and zero."""
     link = a.tree.links[row.a]
-    name = link.name
+    name, u, point = link.name, a.placed.axes[row.a], a.placed.anchors[row.a]
     if row.angle > SAME:
         vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
         message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
         message += f", {row.angle:.3g} rad apart"
-        changed = with_link(a.tree, row.a, axis=a.placed.frames[row.a].rotation.T @ row.axis)
+        across = np.cross(u, row.axis)
+        motion = turned_about(point, across / np.linalg.norm(across), row.angle)
+        changed = with_joint(a.placed, row.a, motion)
         yield make_property("axis", name, message, relative=row.angle, changed=changed)
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
-        changed = with_shifted_joint(a.placed, row.a, row.shift)
+        changed = with_joint(a.placed, row.a, Place(np.eye(3), row.shift))
         yield make_property("anchor", name, message, relative=row.apart / size, changed=changed)
     if abs(row.zero) > SAME * (1.0 if link.kind == "hinge" else size):
         unit = "rad" if link.kind == "hinge" else "m"
@@ -102,7 +110,9 @@ def _geometry(
         shift = f"{row.zero - sign * pair.offset:+.15g}"
         remedy = f"--joints={pair.a}={'-' if row.opposite else ''}{pair.b}{shift}"
         message = f"zero of joint {name}: {abs(row.zero):.9g} {unit} from that of A ({remedy})"
-        changed = with_shifted_zero(a.tree, row.a, -row.zero)
+        slid = Place(np.eye(3), row.zero * u)
+        motion = turned_about(point, u, row.zero) if link.kind == "hinge" else slid
+        changed = with_joint(a.placed, row.a, motion)
         yield make_property("zero", name, message, changed=changed)
 
 

@@ -2,12 +2,20 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.compare.candidate import Candidate, candidate
 from physics_crosscheck.harness.compare.diff import applied, edits
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.compare.execute import at_once
+from physics_crosscheck.harness.compare.prepared import prepare
+from physics_crosscheck.harness.compare.properties import properties
+from physics_crosscheck.harness.compare.side import model_side, pairs_of
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.multibody import tree_system
+from tests.compare.arm import MJCF
 from tests.compare.asking import written
 
 
@@ -102,3 +110,52 @@ def test_a_file_that_cannot_be_read_is_named_with_its_line(
 ) -> None:
     with pytest.raises(LocationError, match=sentence):
         between(tmp_path, suffix, {".xml": "<m/>", ".py": "a = 1"}[suffix], text)
+
+
+EFFECTS = (
+    ("mass", 'mass="0.9"', 'mass="0.95"'),
+    ("centre", 'pos="0 0.03 -0.19"', 'pos="0 0.04 -0.19"'),
+    ("inertia", "0.017 0.016", "0.018 0.016"),
+    ("damping", 'damping="1.3"', 'damping="1.5"'),
+    ("stiffness", 'stiffness="2.5"', 'stiffness="2.7"'),
+    ("rest", 'springref="0.4"', 'springref="0.5"'),
+    ("armature", 'name="elbow"', 'name="elbow" armature="0.01"'),
+    ("gravity", "0 0 -9.81", "0 0.1 -9.81"),
+    ("axis", 'euler="0.3 0 0"', 'euler="0.31 0 0"'),
+    ("anchor", 'pos="0.01 0.05 -0.45"', 'pos="0.01 0.05 -0.47"'),
+    ("zero", 'pos="0 0 -0.4"', 'pos="0 0 -0.41"'),
+    ("zero", 'name="upper" pos="0 0 1.2"', 'name="upper" pos="0 0 1.2" xyaxes="1 0 0.1 0 1 0"'),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), EFFECTS)
+def test_a_difference_put_into_the_tree_of_a_makes_that_of_b(
+    tmp_path: Path, kind: str, old: str, new: str
+) -> None:
+    """Effects of differences are those of these trees, so both must accelerate alike."""
+    base = MJCF.replace(' euler="0.3 0 0"', "") if "xyaxes" in new else MJCF
+    pair = [
+        written(tmp_path / label, "arm.xml", base, *change)
+        for label, change in (("a", ()), ("b", ((old, new),)))
+    ]
+    a, b = (candidate(label, path, None) for label, path in zip("AB", pair, strict=True))
+    prepared = prepare(at_once, a, b, ({}, {}), include_constraints=False)
+    here, there = (
+        model_side(one, facts, {}, np.array([0.2, -0.3, 0.05]))
+        for one, facts in zip((prepared.a, prepared.b), prepared.facts, strict=True)
+    )
+    assert here is not None
+    assert there is not None
+    pairs = pairs_of(prepared.match, prepared.facts[0].coordinates)
+    differences, _ = properties(here, there, pairs)
+    ((row, tree),) = [one for one in differences if one[0].moves]
+    assert row.kind == kind
+    assert tree is not None
+    q, v = np.array([[0.4, -0.7, 0.1]]), np.array([[1.0, -2.0, 0.3]])
+    mine, its = (
+        TreeEquations(tree_system(name="arm", title="", source="", tree=one)).pushed_acceleration(
+            q, v, np.zeros((1, 3))
+        )
+        for one in (tree, there.tree)
+    )
+    np.testing.assert_allclose(mine, its, rtol=1e-8)
