@@ -49,13 +49,13 @@ def _names(found: Findings, one: Number) -> bool:
     first = found.trials[0]
     resolved = found.judgement.discrepancy > 100 * found.judgement.uncertainty
     lines = {edit.where_b.line for edit in first.edits}
-    return lines == {one.line} and (first.explained >= MOST or not resolved)
+    return lines == {one.line} and ((first.explained or 0) >= MOST or not resolved)
 
 
 def _told(found: Findings) -> str:
     """The first difference of the files, and the first property."""
     first = [
-        f"{one.edits[0].label} line {one.edits[0].where_b.line} explains {one.explained:.2%}"
+        f"{one.edits[0].what} line {one.edits[0].where_b.line} explains {one.explained:.2%}"
         for one in found.trials[:1]
     ]
     return "; ".join([*first, *(one.message for one in found.properties[:1])])

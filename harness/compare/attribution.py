@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable, Sequence
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.compare.diff import SourceEdit, edits
-from physics_crosscheck.harness.compare.excitation import Recorded
+from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
+from physics_crosscheck.harness.compare.diff import SourceEdit, applied, edits
+from physics_crosscheck.harness.compare.excitation import Recorded, unwrapped
 from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
 from physics_crosscheck.harness.compare.judge import TargetEnds
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.runs import Runs
-from physics_crosscheck.harness.compare.trials import Trial, TrialTask, attribute_difference, tried
-from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.compare.runs import Runs, quick
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
 from physics_crosscheck.harness.numerics.batch import even_indices
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 
 MAX_SINGLE_TRIALS = 24
 """Maximum number of differences tried one by one, largest first; the rest is only counted."""
@@ -33,8 +37,21 @@ TRIAL_RUNS = 32
 SMOOTH_UNCERTAINTY = 1e-9
 """Relative uncertainty of end states below which runs are preferred."""
 
-Attribution = tuple[tuple[Trial, ...], int]
-"""Trials, and the number of differences not tried alone."""
+
+@dataclass(frozen=True, kw_only=True)
+class Attribution:
+    """Effects of the differences of the files.
+
+    Attributes:
+        trials: of each difference, and of all together; the largest effect first.
+        untried: number of differences not tried alone.
+        silent: a sentence for each difference without effect on any run, except visual ones and
+            time steps.
+    """
+
+    trials: tuple[FileDifference, ...]
+    untried: int = 0
+    silent: tuple[str, ...] = ()
 
 
 def attributed(
@@ -67,16 +84,17 @@ def attributed(
         raise FailureError(Failure(str(error), "")) from None
     can = [edit for edit in differences if edit.changes or edit.settings]
     rest = [
-        Trial((edit,), 0.0, 0.0, "it can't be tried alone")
+        _difference((edit,), not_tried="it can't be tried alone")
         for edit in differences
         if not edit.changes and not edit.settings
     ]
+    engine, root = engines()[models[0].engine], _root(models[0].sidecar.model)
+    visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
+    quiet = [edit.record for edit in differences if not _is_physical(edit, root, visual)]
     if not can:
-        return tuple(rest), 0
+        return Attribution(trials=tuple(rest), silent=_silent(rest, quiet))
     bench = _Bench.prepare(execute, models, recorded, runs, followed, matched, len(can))
-    engine = engines()[models[0].engine]
     looks = [re.compile(pattern) for pattern in engine.non_physical]
-    root = _root(models[0].sidecar.model)
     ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
     idle_limit = (
@@ -90,22 +108,31 @@ def attributed(
         sets.append(tuple(can))
     trials += [*bench.tried(sets), *rest]
     # Round to six digits, so that last digits do not change the order of like trials.
-    trials.sort(key=lambda one: (-round(one.explained, 6), -float(f"{one.moved:.5e}"),
-                                 len(one.edits)))  # fmt: skip
-    return tuple(trials), untried
+    trials.sort(key=_largest_first)
+    return Attribution(trials=tuple(trials), untried=untried, silent=_silent(trials, quiet))
 
 
-def untested(trials: Iterable[Trial], a: Candidate) -> tuple[str, ...]:
-    """Return the file differences without effect on any run, except visual ones and time steps."""
-    engine, root = engines()[a.engine], _root(a.sidecar.model)
-    looks = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
-    silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or not one.moved))
-    edits = (one.edits[0] for one in silent)
-    return tuple(
-        f"{edit.label}: {edit.old} in A, {edit.new} in B"
-        for edit in edits
-        if not _is_ineffective(edit, root, looks) and not edit.label.startswith(SETTINGS)
+def _largest_first(trial: FileDifference) -> tuple[float, float, int]:
+    explained, moved = (
+        float("inf") if size is None else size for size in (trial.explained, trial.moved)
     )
+    return (
+        -round(explained, 6) if np.isfinite(explained) else 0.0,
+        -float(f"{moved:.5e}"),
+        len(trial.edits),
+    )
+
+
+def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tuple[str, ...]:
+    """Return a sentence for each difference without effect on any run, except quiet ones."""
+    silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or one.moved == 0))
+    edits = (one.edits[0] for one in silent)
+    return tuple(f"{e.what}: {e.a} in A, {e.b} in B" for e in edits if e not in quiet)
+
+
+def _is_physical(edit: SourceEdit, root: str, visual: Iterable[re.Pattern[str]]) -> bool:
+    """Return whether a difference may affect motions at all, unlike colours and time steps."""
+    return not (_is_ineffective(edit, root, visual) or edit.record.what.startswith(SETTINGS))
 
 
 NO_PHYSICS = ("looks", "step and solver")
@@ -124,7 +151,7 @@ def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]
 
     A whole element counts like its numbers.
     """
-    tags = re.sub(r"\[[^\]]*\]", "", edit.label)
+    tags = re.sub(r"\[[^\]]*\]", "", edit.record.what)
     paths = (f"{root}/{tags}", f"{root}/{tags.replace('@', '/')}/")
     return bool(edit.changes) and any(one.fullmatch(path) for one in looks for path in paths)
 
@@ -139,7 +166,7 @@ def _actuation(candidate: Candidate) -> dict[str, list[float]]:
 def _size(edit: SourceEdit) -> float:
     """Return the relative change of a number, or 1 for anything else."""
     try:
-        old, new = float(edit.old), float(edit.new)
+        old, new = float(edit.record.a), float(edit.record.b)
     except ValueError:
         return 1.0
     large = max(abs(old), abs(new))
@@ -215,18 +242,18 @@ class _Bench:
             floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
         )
 
-    def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[Trial]:
+    def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[FileDifference]:
         """Apply each set of differences at once."""
         tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
         values = self.execute(self.task.candidate.name, tried, tasks)
         return [
-            Trial(made, 0.0, 0.0, value.reason)
+            _difference(made, not_tried=value.reason)
             if isinstance(value, Failure)
-            else attribute_difference(made, value, self.a, self.b, self.scale, self.floor)
+            else _attributed(made, value, self.a, self.b, self.scale, self.floor)
             for made, value in zip(sets, values, strict=True)
         ]
 
-    def try_ineffective(self, group: Sequence[SourceEdit], limit: int) -> list[Trial]:
+    def try_ineffective(self, group: Sequence[SourceEdit], limit: int) -> list[FileDifference]:
         """Try probably ineffective differences at once; try some singly if there is an effect.
 
         Args:
@@ -236,5 +263,132 @@ class _Bench:
         if len(group) > 1:
             (together,) = self.tried([tuple(group)])
             if not together.not_tried and together.moved == 0.0:
-                return [Trial((edit,), 0.0, 0.0) for edit in group]
+                return [_difference((edit,)) for edit in group]
         return self.tried([(edit,) for edit in group[:limit]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialTask:
+    """Input of a worker that tries some differences at once in one model.
+
+    Attributes:
+        side: the model to edit.
+        edits: applied together; () for the unchanged model.
+        runs: in its own coordinates.
+        match: conversion to the coordinates of the comparison; None: they are equal.
+        joints: number of its coordinates.
+        near: end states near which angles are taken, (K, 2m).
+        periodic: of the coordinates of the comparison.
+        other: settings that hold B's actuators.
+        whole: whether all differences are applied, so that actuators are those of B.
+    """
+
+    candidate: Candidate
+    edits: tuple[SourceEdit, ...]
+    runs: Runs
+    match: Match | None
+    joints: int
+    near: Array
+    periodic: tuple[bool, ...]
+    other: Mapping[str, list[float]]
+    whole: bool = False
+
+
+def tried(task: TrialTask) -> Array:
+    """Return end states (K, 2m) of the runs with some edits applied to a copy.
+
+    Raises:
+        EngineError: if the edited model cannot run.
+    """
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        try:
+            model = _loaded(task, _edited(task.candidate, task.edits, Path(folder)))
+            if len(model.coordinates) != task.joints:
+                raise EngineError("it changes which joints there are")
+            ends = quick(model, task.runs, task.match)
+        except CompareError:
+            raise
+        except (RuntimeError, ValueError) as error:
+            # Drop the path of the temporary copy: the file's own name is enough.
+            raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
+    if task.match is not None:
+        n = task.runs.z.shape[1]
+        ends = np.hstack(task.match.over(ends[:, :n], ends[:, n:]))
+    return unwrapped(ends, task.near, task.periodic)
+
+
+def _loaded(task: TrialTask, edited: Candidate) -> Model:
+    """Return the edited model, with its actuators held as A's, or as B's where they are B's.
+
+    Raises:
+        EngineError: if it cannot be loaded, or its number of actuators is neither A's nor B's.
+    """
+    as_b = edited.with_settings(**task.other) if task.other else edited
+    try:
+        return (
+            edited.with_settings(**_completed(task)) if task.whole and task.other else edited
+        ).load()
+    except EngineError as error:
+        if not UNLIKE_ACTUATORS.search(str(error)):
+            raise
+    try:
+        return as_b.load()
+    except EngineError:
+        raise EngineError("it changes which actuators there are") from None
+
+
+def _completed(task: TrialTask) -> dict[str, object]:
+    """Return B's settings, or A's of equal length, since its actuators keep their order."""
+    settings = task.candidate.sidecar.spec(task.candidate.engine).settings
+    return {
+        key: mine if isinstance(mine := settings.get(key), list) and len(mine) == len(its) else its
+        for key, its in task.other.items()
+    }
+
+
+UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
+"""Error for a wrong number of actuators."""
+
+
+def _edited(candidate: Candidate, edits: Sequence[SourceEdit], folder: Path) -> Candidate:
+    """Return a copy of the model with edits; link to the other files of its folder."""
+    model = candidate.sidecar.model
+    copy = copy_with_texts(model, {model: applied(model.read_bytes(), tuple(edits))}, folder)
+    sidecar = replace(candidate.sidecar, model=copy)
+    springs = list(sidecar.springs)
+    settings = {**sidecar.settings, **sidecar.engine_settings.get(candidate.engine, {})}
+    for key, value in (setting for edit in edits for setting in edit.settings):
+        kind, _, name = key.partition(".")
+        if kind != "settings":
+            index = int(key.removeprefix("spring[").removesuffix("]"))
+            springs[index : index + 1] = [value] if isinstance(value, Spring) else []
+        elif value is None:
+            settings.pop(name, None)
+        else:
+            settings[name] = value
+    sidecar = replace(sidecar, springs=tuple(springs), settings=settings, engine_settings={})
+    return replace(candidate, sidecar=sidecar)
+
+
+def _difference(edits: Sequence[SourceEdit], **result: object) -> FileDifference:
+    """Return the record of edits, applied together; without a result they move nothing."""
+    values = {"moved": 0.0, "explained": 0.0, "not_tried": "", **result}
+    return FileDifference(edits=tuple(edit.record for edit in edits), **values)  # type: ignore[arg-type]
+
+
+def _attributed(
+    edits: tuple[SourceEdit, ...], edited: Array, a: Array, b: Array, scale: Array, floor: float
+) -> FileDifference:
+    """Return the effect of edits: end states of A edited, of A and of B, (K, 2m) each.
+
+    Below `floor`, relative to `scale`, nothing is certain.
+    """
+    moved = float(np.max(np.abs(edited - a) / scale))
+    before, after = (np.abs(one - b) / scale for one in (a, edited))
+    size, remaining = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
+    if moved <= floor:
+        return _difference(edits)
+    if float(np.max(after)) <= floor:
+        return _difference(edits, moved=moved, explained=1.0)
+    explained = number(1.0 - remaining / size if size > 0 else 0.0)
+    return _difference(edits, moved=number(moved), explained=explained)

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.attribution import attributed, untested
+from physics_crosscheck.harness.compare.attribution import Attribution, attributed
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.excitation import Recorded, SourceTask, record
 from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
@@ -38,12 +38,15 @@ from physics_crosscheck.harness.compare.ranges import range_notes, start_range
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.slack import taut_starts
 from physics_crosscheck.harness.compare.terms import TermFrame, differing_terms
-from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.numerics.batch import even_indices
-from physics_crosscheck.harness.records.comparison import ComparedProperty, ComparedTerm
+from physics_crosscheck.harness.records.comparison import (
+    ComparedProperty,
+    ComparedTerm,
+    FileDifference,
+)
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -109,7 +112,7 @@ class Findings:
     properties: tuple[ComparedProperty, ...]
     explained: Explained | None
     differing_terms: tuple[ComparedTerm, ...]
-    trials: tuple[Trial, ...]
+    trials: tuple[FileDifference, ...]
     untried: int
     untested: tuple[str, ...]
     impossible: tuple[str, ...]
@@ -176,7 +179,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
             measured = _measure_terms(
                 execute, (source, target), recorded, runs, matched, signs, count
             )
-    trials, untried = attributed(execute, (a, b), recorded, runs, followed, matched, read.moving)
+    attribution = attributed(execute, (a, b), recorded, runs, followed, matched, read.moving)
     return Findings(
         options=options,
         facts=prepared.facts,
@@ -191,9 +194,9 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         properties=read.properties,
         explained=share,
         differing_terms=measured,
-        trials=trials,
-        untried=untried,
-        untested=_untested(prepared, judgement, read, trials, untried),
+        trials=attribution.trials,
+        untried=attribution.untried,
+        untested=_untested(prepared, judgement, read, attribution),
         impossible=_impossible(prepared),
         notes=_notes(prepared, recorded, strangers),
         seconds=time.perf_counter() - began,
@@ -216,15 +219,14 @@ def _untested(
     prepared: PreparedComparison,
     judgement: Judgement,
     read: FileComparison,
-    trials: tuple[Trial, ...],
-    untried: int,
+    attribution: Attribution,
 ) -> tuple[str, ...]:
     """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
     messages = [one.message for one in read.properties if agrees or not one.moves]
-    messages += untested(trials, prepared.a)
-    if untried:
-        messages.append(f"{untried} differences of the files that were not tried alone")
+    messages += attribution.silent
+    if attribution.untried:
+        messages.append(f"{attribution.untried} differences of the files that were not tried alone")
     return (*dict.fromkeys(messages), *prepared.uncompared)
 
 

@@ -15,6 +15,7 @@ from physics_crosscheck.harness.documents.location import Location, apply_edits
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.comparison import FileEdit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,20 +23,27 @@ class SourceEdit:
     """One difference between the files of A and B.
 
     Attributes:
-        label: the difference, as an address of `harness.modelfiles.locations` if it has one.
-        where_a, where_b: lines of the files.
-        old, new: values in A and B.
+        record: the difference, by an address of `harness.modelfiles.locations` if it has one.
         changes: replacements of bytes in A's model file, (first, after the last, new bytes).
         settings: new values of settings in A's sidecar, by key; None removes one.
     """
 
-    label: str
-    where_a: SourceLine
-    where_b: SourceLine
-    old: str
-    new: str
+    record: FileEdit
     changes: tuple[tuple[int, int, bytes], ...] = ()
     settings: tuple[tuple[str, object], ...] = ()
+
+
+def _edit(
+    what: str,
+    where_a: SourceLine,
+    where_b: SourceLine,
+    a: str,
+    b: str,
+    changes: tuple[tuple[int, int, bytes], ...] = (),
+    settings: tuple[tuple[str, object], ...] = (),
+) -> SourceEdit:
+    record = FileEdit(what=what, a=a, b=b, where_a=where_a, where_b=where_b)
+    return SourceEdit(record=record, changes=changes, settings=settings)
 
 
 def edits(a: Candidate, b: Candidate) -> tuple[SourceEdit, ...]:
@@ -77,23 +85,23 @@ class _Xml:
             yield from self._elements(element, partner)
         for element in gone:
             text = self.data_a[element.start : element.end].decode()
-            yield SourceEdit(
-                label=element.label,
+            yield _edit(
+                what=element.label,
                 where_a=self._at_a(element.line),
                 where_b=self._at_b(b.line),
-                old=_short(text),
-                new="nothing",
+                a=_short(text),
+                b="nothing",
                 changes=((element.start, element.end, b""),),
             )
         for element in new:
             data = self.data_b[element.start : element.end]
             changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
-            yield SourceEdit(
-                label=element.label,
+            yield _edit(
+                what=element.label,
                 where_a=self._at_a(a.line),
                 where_b=self._at_b(element.line),
-                old="nothing",
-                new=_short(data.decode()),
+                a="nothing",
+                b=_short(data.decode()),
                 changes=changes,
             )
 
@@ -105,21 +113,21 @@ class _Xml:
                 yield from self._value(label, value_a, value_b, a, b)
         elif value_b is not None:
             data = b" " + self.data_b[value_b.outer[0] : value_b.outer[1]].strip()
-            yield SourceEdit(
-                label=label,
+            yield _edit(
+                what=label,
                 where_a=self._at_a(a.line),
                 where_b=self._at_b(value_b.line),
-                old="nothing",
-                new=value_b.text,
+                a="nothing",
+                b=value_b.text,
                 changes=((a.tag_end, a.tag_end, data),),
             )
         elif value_a is not None:
-            yield SourceEdit(
-                label=label,
+            yield _edit(
+                what=label,
                 where_a=self._at_a(value_a.line),
                 where_b=self._at_b(b.line),
-                old=value_a.text,
-                new="nothing",
+                a=value_a.text,
+                b="nothing",
                 changes=((*value_a.outer, b""),),
             )
 
@@ -129,7 +137,7 @@ class _Xml:
         """Compare word by word if both hold equally many numbers, else as a whole."""
         old, new = value_a.text.split(), value_b.text.split()
         edit = partial(
-            SourceEdit,
+            _edit,
             where_a=self._at_a(value_a.line or a.line),
             where_b=self._at_b(value_b.line or b.line),
         )
@@ -137,14 +145,14 @@ class _Xml:
         if not numbers or len(old) != len(new) or len(value_a.words) != len(old):
             change = (*value_a.span, self.data_b[value_b.span[0] : value_b.span[1]])
             yield edit(
-                label=label, old=_short(value_a.text), new=_short(value_b.text), changes=(change,)
+                what=label, a=_short(value_a.text), b=_short(value_b.text), changes=(change,)
             )
             return
         for i, (x, y) in enumerate(zip(old, new, strict=True)):
             if float(x) != float(y):
                 index = f"[{i}]" if len(old) > 1 else ""
                 change = (*value_a.words[i], y.encode())
-                yield edit(label=label + index, old=x, new=y, changes=(change,))
+                yield edit(what=label + index, a=x, b=y, changes=(change,))
 
     def _at_a(self, line: int) -> SourceLine:
         return SourceLine(file=str(self.a), line=line)
@@ -189,12 +197,12 @@ def _python(a: Path, b: Path) -> Iterator[SourceEdit]:
         both = list(zip(shapes[0].text, shapes[1].text, strict=False))
         first = next((i for i, (x, y) in enumerate(both) if x != y), len(both) - 1)
         lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
-        yield SourceEdit(
-            label="code",
+        yield _edit(
+            what="code",
             where_a=SourceLine(file=str(a), line=lines[0]),
             where_b=SourceLine(file=str(b), line=lines[1]),
-            old="this",
-            new="other code than numbers",
+            a="this",
+            b="other code than numbers",
             changes=((0, len(data), b.read_bytes()),),
         )
         return
@@ -213,12 +221,12 @@ def _python(a: Path, b: Path) -> Iterator[SourceEdit]:
         first = starts[number_a.lineno - 1] + number_a.col_offset
         last = starts[(number_a.end_lineno or 1) - 1] + (number_a.end_col_offset or 0)
         name = names.get(id(number_a), "number")
-        yield SourceEdit(
-            label=name,
+        yield _edit(
+            what=name,
             where_a=SourceLine(file=str(a), line=number_a.lineno),
             where_b=SourceLine(file=str(b), line=number_b.lineno),
-            old=old,
-            new=new,
+            a=old,
+            b=new,
             changes=((first, last, new.encode()),),
         )
 
@@ -271,12 +279,12 @@ def _settings(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
     for key in dict.fromkeys([*stated_a, *stated_b]):
         old, new = stated_a.get(key), stated_b.get(key)
         if old != new:
-            yield SourceEdit(
-                label=f"sidecar:{key}",
+            yield _edit(
+                what=f"sidecar:{key}",
                 where_a=_toml_line(a, key),
                 where_b=_toml_line(b, key),
-                old="nothing" if old is None else str(old),
-                new="nothing" if new is None else str(new),
+                a="nothing" if old is None else str(old),
+                b="nothing" if new is None else str(new),
                 settings=((key, new),),
             )
 
@@ -318,12 +326,12 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
             for named, there in theirs.items():
                 if abs(place.value - there.value) > 1e-12 * abs(there.value):
                     change = (place.start, place.end, there.text.encode())
-                    yield SourceEdit(
-                        label=f"{address} and {named}, both {expression}",
+                    yield _edit(
+                        what=f"{address} and {named}, both {expression}",
                         where_a=_line(place),
                         where_b=_line(there),
-                        old=place.text,
-                        new=there.text,
+                        a=place.text,
+                        b=there.text,
                         changes=(change,),
                     )
 

@@ -10,7 +10,6 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.compare import CompareOptions, Findings
 from physics_crosscheck.harness.compare.judge import Judgement
 from physics_crosscheck.harness.compare.own_file import OwnFile
-from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.base import number, numbers
@@ -19,8 +18,6 @@ from physics_crosscheck.harness.records.comparison import (
     ComparedModel,
     ComparedRuns,
     Comparison,
-    FileDifference,
-    FileEdit,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 
@@ -62,7 +59,7 @@ def comparison_record(findings: Findings, created: datetime.datetime) -> Compari
             explained=None if findings.explained is None else number(findings.explained.share),
             off=_off(findings),
             terms=findings.differing_terms,
-            differences=tuple(_difference(trial) for trial in findings.trials),
+            differences=findings.trials,
             untried=findings.untried,
             untested=findings.untested,
             impossible=findings.impossible,
@@ -120,15 +117,3 @@ def _off(findings: Findings) -> tuple[float | None, ...] | None:
         return None
     off = findings.explained.off
     return tuple(numbers(off if findings.match.source == "A" else off[::-1]))
-
-
-def _difference(trial: Trial) -> FileDifference:
-    return FileDifference(
-        edits=tuple(
-            FileEdit(what=e.label, a=e.old, b=e.new, where_a=e.where_a, where_b=e.where_b)
-            for e in trial.edits
-        ),
-        moved=number(trial.moved),
-        explained=number(trial.explained),
-        not_tried=trial.not_tried,
-    )

@@ -113,15 +113,15 @@ class FileEdit(Record, frozen=True, kw_only=True):
         what: Number or setting.
         a: Text in A.
         b: Text in B.
-        where_a: Line in A; None without one.
-        where_b: Line in B; None without one.
+        where_a: Line in A, or the file.
+        where_b: Line in B, or the file.
     """
 
     what: str
     a: str
     b: str
-    where_a: SourceLine | None
-    where_b: SourceLine | None
+    where_a: SourceLine
+    where_b: SourceLine
 
 
 class FileDifference(Record, frozen=True, kw_only=True):

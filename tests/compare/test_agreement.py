@@ -96,7 +96,7 @@ def test_step_and_integrator_are_no_difference(tmp_path: Path) -> None:
         ('timestep="0.002" integrator="Euler"', 'timestep="0.0005" integrator="RK4"'),
     )
     found = agrees(compared(path, other))
-    assert {t.edits[0].label: t.moved for t in found.trials if len(t.edits) == 1} == {
+    assert {t.edits[0].what: t.moved for t in found.trials if len(t.edits) == 1} == {
         "option@timestep": 0.0,
         "option@integrator": 0.0,
     }
@@ -107,7 +107,7 @@ def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path: Path) -> Non
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
     found = agrees(compared(path, other, "mujoco", "mujoco"))
     moved = {
-        t.edits[0].label: (str(t.edits[0].where_a).rpartition("/")[2], t.moved)
+        t.edits[0].what: (str(t.edits[0].where_a).rpartition("/")[2], t.moved)
         for t in found.trials
         if len(t.edits) == 1
     }

@@ -41,7 +41,9 @@ def between(
         for f in files
     ]
     found = edits(*sides)
-    told = [(e.label, e.where_a.line, e.where_b.line, e.old, e.new) for e in found]
+    told = [
+        (e.what, e.where_a.line, e.where_b.line, e.a, e.b) for e in (one.record for one in found)
+    ]
     return told, applied(one.encode(), found).decode()
 
 

@@ -17,9 +17,9 @@ from physics_crosscheck.harness.compare.judge import TargetEnds, judge
 from physics_crosscheck.harness.compare.match import match
 from physics_crosscheck.harness.compare.prepared import prepare
 from physics_crosscheck.harness.compare.runs import Runs
-from physics_crosscheck.harness.compare.trials import Trial
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.numerics.ladder import Limit
+from physics_crosscheck.harness.records.comparison import FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import compared, written
@@ -287,7 +287,7 @@ def test_actuators_of_other_dynamics_and_those_of_one_file_alone_differ(
     found = compared(a, b)
     assert found.judgement.outcome is Outcome.DIFFERS
     assert moving(found) == [said]
-    assert max(trial.explained for trial in found.trials) == 1.0
+    assert max(trial.explained or 0 for trial in found.trials) == 1.0
     agrees(compared(a, a))
 
 
@@ -397,7 +397,7 @@ def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> N
     assert shipped.judgement.outcome is Outcome.DIFFERS
 
 
-def single(found: Findings) -> Trial:
+def single(found: Findings) -> FileDifference:
     (trial,) = (one for one in found.trials if len(one.edits) == 1)
     return trial
 
@@ -432,7 +432,7 @@ def test_a_literal_of_a_default_class_is_named(
     assert found.judgement.outcome is Outcome.DIFFERS
     assert len(moving(found)) == joints
     (edit,) = single(found).edits
-    assert edit.label.startswith("default/joint@")
+    assert edit.what.startswith("default/joint@")
     assert edit.where_a.line == text[: text.index(old)].count("\n") + 1
     assert single(found).explained == 1.0
 

@@ -166,7 +166,7 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
         )
         return f"{turned} {verb} the other way in B", f"{remedy} remains)"
     if (edit := _edit_that_explains(compared)) is not None:
-        return _edit_cause(edit.edits[0], names, _share(edit.explained or 0.0))
+        return _edit_cause(edit.edits[0], _share(edit.explained or 0.0))
     moving = [one for one in compared.properties if one.moves]
     if moving:
         return _property_cause(moving[0], len(moving), compared, names)
@@ -196,11 +196,8 @@ def _edit_that_explains(compared: Compared) -> FileDifference | None:
     return None
 
 
-def _edit_cause(edit: FileEdit, names: Sequence[str], share: str) -> tuple[str, str]:
-    a, b = (
-        line_name(where) if where else name
-        for where, name in zip((edit.where_a, edit.where_b), names, strict=True)
-    )
+def _edit_cause(edit: FileEdit, share: str) -> tuple[str, str]:
+    a, b = line_name(edit.where_a), line_name(edit.where_b)
     cause = f"{a} {edit.what}: {edit.a}, {b}: {edit.b} ({share} of the difference)"
     missing = "nothing" in (edit.a, edit.b)
     return cause, "" if missing else f"set {a} to {edit.b}, or {b} to {edit.a}"
@@ -324,8 +321,6 @@ def _cells(difference: FileDifference, agrees: bool) -> tuple[str, str, str]:
 
 def _lines(edit: FileEdit) -> str:
     """Return the line in A; B's line if the numbers differ or A has no such line."""
-    if edit.where_a is None or edit.where_b is None:
-        return ""
     a, b = (Path(str(where)).name for where in (edit.where_a, edit.where_b))
     if edit.a == "nothing" and edit.where_a.line is None:
         return b
