@@ -15,10 +15,13 @@ from typing import Any
 import msgspec
 
 from physics_crosscheck.harness.compare.candidate import CompareError, candidate
-from physics_crosscheck.harness.compare.compare import CompareOptions
+from physics_crosscheck.harness.compare.compare import (
+    CompareOptions,
+    comparison_record,
+    failed_record,
+)
 from physics_crosscheck.harness.compare.compare import compare as compared
 from physics_crosscheck.harness.compare.execute import FailureError, in_workers
-from physics_crosscheck.harness.compare.record import comparison_record, failed_record
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.extras.notebook.markup import (
     badge,

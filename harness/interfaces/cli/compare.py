@@ -12,10 +12,14 @@ from physics_crosscheck.harness.compare.candidate import (
     UnreadableModelError,
     candidate,
 )
-from physics_crosscheck.harness.compare.compare import CompareOptions, compare
+from physics_crosscheck.harness.compare.compare import (
+    CompareOptions,
+    compare,
+    comparison_record,
+    failed_record,
+)
 from physics_crosscheck.harness.compare.execute import FailureError, in_workers
 from physics_crosscheck.harness.compare.match import declared
-from physics_crosscheck.harness.compare.record import comparison_record, failed_record
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.jobs.workers import Workers
