@@ -57,15 +57,20 @@ def print_comparison(console: Console, comparison: Comparison) -> None:
         _print_outcome(console, comparison, compared)
         edit = _edit_that_explains(compared)
         print_properties(console, comparison, compared, is_named=edit is None)
-        _print_terms(console, comparison.outcome, compared)
+        _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
 
 
 def _print_own_files(console: Console, comparison: Comparison) -> None:
-    """Print each engine against the equations of its own file."""
-    models = [model for model in comparison.models if model.case is not None]
+    """Print each engine against the equations of its own file, unless the verdict names it."""
+    cause = _own_cause(comparison)
+    models = [
+        model
+        for model in comparison.models
+        if model.case is not None and own_file_sentence(model) != cause
+    ]
     if models:
         console.print("\neach engine against the equations of its own file")
     sentences = dict.fromkeys(
@@ -144,7 +149,7 @@ def _print_outcome(console: Console, comparison: Comparison, compared: Compared)
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
-    text = with_code(comparison.code, cause or comparison.reason)
+    text = with_code(comparison.code, _own_cause(comparison) or cause or comparison.reason)
     print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
     if outcome is not Outcome.DIFFERS:
         print_text(console, f"  difference {size}, on {compared.component}")
@@ -171,6 +176,17 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
     if moving:
         return _property_cause(moving[0], len(moving), compared, names)
     return (compared.terms[0].message, "") if _is_cause_a_term(compared) else ("", "")
+
+
+def _own_cause(comparison: Comparison) -> str:
+    """Return why an engine differs from its file, if the files are not the cause; "" if unknown."""
+    compared = comparison.found
+    if comparison.outcome is not Outcome.DIFFERS or compared is None:
+        return ""
+    if not _is_cause_a_term(compared):
+        return ""
+    explained = (m for m in comparison.models if m.diagnosis is not None and m.diagnosis.explained)
+    return next(map(own_file_sentence, explained), "")
 
 
 def _is_cause_a_term(compared: Compared) -> bool:
@@ -241,8 +257,10 @@ def _rounded(size: float) -> float:
     return float(f"{size:.5e}")
 
 
-def _print_terms(console: Console, outcome: Outcome, compared: Compared) -> None:
+def _print_terms(console: Console, comparison: Comparison, compared: Compared) -> None:
+    outcome = comparison.outcome
     is_named = outcome is Outcome.DIFFERS and _is_cause_a_term(compared)
+    is_named = is_named and not _own_cause(comparison)
     shown = compared.terms[1:] if is_named else compared.terms  # the verdict names the first
     if shown:
         title = f"{'other ' if is_named else ''}measured terms that differ, largest effect first"
