@@ -18,11 +18,11 @@ from physics_crosscheck.harness.compare.execute import Execute, FailureError, as
 from physics_crosscheck.harness.compare.judge import TargetEnds
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.runs import Runs, quick
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
 from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.records.base import number

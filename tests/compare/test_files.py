@@ -7,11 +7,11 @@ import pytest
 
 from physics_crosscheck.harness.compare.candidate import Candidate, candidate
 from physics_crosscheck.harness.compare.diff import applied, edits
-from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.compare.execute import at_once
 from physics_crosscheck.harness.compare.prepared import prepare
 from physics_crosscheck.harness.compare.properties import properties
 from physics_crosscheck.harness.compare.side import model_side, pairs_of
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import tree_system
