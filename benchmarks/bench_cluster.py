@@ -19,9 +19,9 @@ from typing import Any
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.chosen import executor
-from physics_crosscheck.harness.jobs.clock import processor_seconds
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.workers import processor_seconds
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.plan import Plan

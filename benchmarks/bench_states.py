@@ -23,8 +23,7 @@ from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.excitation import select_d_optimal
-from physics_crosscheck.reference.solving.samples import candidates
+from physics_crosscheck.reference.solving.samples import candidates, select_d_optimal
 
 TOLD_APART = 1e-6
 """Of the largest singular value: directions with less are those of numbers that are one."""

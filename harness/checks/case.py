@@ -8,7 +8,6 @@ from pathlib import Path
 
 from msgspec import structs
 
-from physics_crosscheck.harness.checks.accelerations import with_dynamics
 from physics_crosscheck.harness.checks.case_record import (
     dynamics_record,
     full_run_record,
@@ -16,11 +15,10 @@ from physics_crosscheck.harness.checks.case_record import (
     stepping_record,
     verdict_record,
 )
-from physics_crosscheck.harness.checks.full_run_check import with_full_runs
 from physics_crosscheck.harness.checks.poses import PoseCheck, check_bodies, with_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
-from physics_crosscheck.harness.checks.verdict import Verdict, judged
+from physics_crosscheck.harness.checks.verdict import Verdict, judged, with_dynamics, with_full_runs
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of

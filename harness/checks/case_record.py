@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.accelerations import component
 from physics_crosscheck.harness.checks.verdict import Verdict as Judgement
+from physics_crosscheck.harness.checks.verdict import component
 from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.numerics.discrete import StepLinearization as FoundStep
 from physics_crosscheck.harness.numerics.forward_dynamics import (

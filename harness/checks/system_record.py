@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, TypeAlias, cast
 
 import sympy as sp
 
-from physics_crosscheck.harness.checks.sketch import sketch_record
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.base import number, numbers, rows
 from physics_crosscheck.harness.render.terminal.typeset import Latex, SumTerms, latex_name
@@ -18,6 +17,7 @@ from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization,
 from physics_crosscheck.reference.dynamics.modes import modes, poles, s, transfer_functions
 from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.mechanism.declaration import Coordinate, Input
+from physics_crosscheck.reference.mechanism.sketch import Angle, Body, Link, Shape, expressions
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.linearity import linearity
 from physics_crosscheck.reference.solving.motion import Motion
@@ -301,3 +301,69 @@ def _scenarios(system: System, motions: Mapping[str, Motion]) -> tuple[records.S
         )
         for each in system.scenarios
     )
+
+
+Kind: TypeAlias = Literal[
+    "spring", "damper", "rod", "line", "wall", "measure", "block", "disc", "spiral"
+]
+"""Kinds of declared shapes, besides an angle."""
+
+
+def sketch_record(system: System) -> records.Sketch | None:
+    """Return the sketch of a system at the start of its first scenario; None if it has no
+    sketch.
+    """
+    if not system.sketch:
+        return None
+    start = system.scenarios[0].q
+    pose = [float(sp.sympify(start[c]).xreplace(system.values)) for c in system.coordinates]
+    return records.Sketch(
+        pose=numbers(pose), shapes=tuple(_shape(shape, system) for shape in system.sketch)
+    )
+
+
+def _shape(shape: Shape, system: System) -> records.Shape:
+    trees = {name: tree(e, system) for name, e in expressions(shape).items()}
+    match shape:
+        case Link():
+            return records.Shape(
+                kind=cast(Kind, shape.kind),
+                label=shape.label,
+                start=[trees["start x"], trees["start y"]],
+                end=[trees["end x"], trees["end y"]],
+            )
+        case Body():
+            return records.Shape(
+                kind=cast(Kind, shape.kind),
+                label=shape.label,
+                at=[trees["at x"], trees["at y"]],
+                width=trees["width"],
+                height=trees["height"],
+                angle=trees["angle"],
+            )
+        case Angle():
+            return records.Shape(
+                kind="angle",
+                label=shape.label,
+                at=[trees["at x"], trees["at y"]],
+                radius=trees["radius"],
+                start=trees["start"],
+                end=trees["end"],
+            )
+
+
+def tree(expression: sp.Expr, system: System) -> records.SketchTree:
+    """Convert an expression of positions and constants to a tree, with the constants
+    substituted.
+    """
+    places = {q: i for i, q in enumerate(system.q)}
+
+    def walk(e: sp.Expr) -> records.SketchTree:
+        if e in places:
+            return ["q", places[e]]
+        if e.is_number:
+            return float(f"{float(e):.9g}")
+        names = {sp.Add: "+", sp.Mul: "*", sp.Pow: "^", sp.sin: "sin", sp.cos: "cos", sp.tan: "tan"}
+        return [names[e.func], *map(walk, e.args)]
+
+    return walk(sp.sympify(expression).xreplace(system.values))

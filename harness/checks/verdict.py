@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from physics_crosscheck.harness.numerics import judgement
+from physics_crosscheck.harness.numerics.forward_dynamics import EQUALITIES, AccelerationComparison
+from physics_crosscheck.harness.numerics.full_run import SampledRun, follows
 from physics_crosscheck.harness.numerics.judgement import (
     LimitVerdict,
     UnresolvedReason,
@@ -21,8 +23,10 @@ from physics_crosscheck.harness.numerics.judgement import (
 from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.numerics.residual import Residual
 from physics_crosscheck.harness.numerics.segments import Extrapolated
+from physics_crosscheck.harness.numerics.step_study import StepStudy
 from physics_crosscheck.harness.records.case import CaseKind, starts_at
 from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
+from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.motion import Motion
 
@@ -338,3 +342,181 @@ def _why_coarse(limit: Limit, judged_limit: LimitVerdict, held: bool) -> str:
             "coarse for it"
         )
     return "the motion is not smooth there, or the time step is too coarse for it"
+
+
+BLOWN_UP = 1e6
+"""Global error, in amplitudes, above which a run counts as unstable."""
+
+
+def with_full_runs(
+    verdict: Verdict, study: StepStudy, motion: Motion, claimed: int
+) -> tuple[Outcome, str, CaseKind]:
+    """Return the outcome of a case, its reason and the kind of the reason.
+
+    Both are empty for plain agreement.
+    """
+    failed = failure(study.base_run, study.global_error, motion)
+    if failed:
+        return Outcome.FAILED, failed, _failure_kind(study)
+    if verdict.outcome is not Outcome.AGREES:
+        return verdict.outcome, verdict.reason, verdict.kind
+    check = study.full_run_check
+    if not check.converges:
+        message = (
+            "every segment agrees, but the full run does not converge to the "
+            f"motion: order {check.order:.2f} instead of {claimed}, error "
+            f"{study.global_error:.1e}; {check.residual:.1e} of it remains as dt "
+            "falls, so the model carries a state from step to step"
+        )
+        return Outcome.UNRESOLVED, message, "full run"
+    if not check.predicted:
+        message = (
+            f"every segment agrees, but the full run at dt = {study.base_run.h:g} s "
+            f"is off by {check.deviation:.1e} from the error that finer steps "
+            f"predict, {check.expected:.1e} ± {check.deviation_bound:.1e}; something in the "
+            "model depends on dt"
+        )
+        return Outcome.UNRESOLVED, message, "time step"
+    parts = (verdict.reason, _reservation(study, motion))
+    return verdict.outcome, "; ".join(part for part in parts if part), verdict.kind
+
+
+def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
+    """Return why a run at the file's own time step fails; "" if it succeeds."""
+    h = shipped.h
+    if not shipped.finite:
+        bad = shipped.t[~np.isfinite(shipped.states).all(axis=1)][0]
+        return (
+            f"at dt = {h:g} s the motion is no longer finite at t = {bad:.4g} s; choose "
+            "a smaller time step"
+        )
+    if global_error > BLOWN_UP:
+        return (
+            f"at dt = {h:g} s the motion blows up, to {global_error:.0e} of its "
+            "amplitude; choose a smaller time step"
+        )
+    if global_error > 1 and not follows(motion, h):
+        return (
+            f"dt = {h:g} s is too coarse: {shipped.steps} steps are fewer than two "
+            f"per period of the fastest rate, {motion.fastest:.3g} rad/s; the error "
+            f"is {global_error:.0%} of the amplitude, so choose a smaller time step"
+        )
+    return ""
+
+
+def _failure_kind(study: StepStudy) -> CaseKind:
+    """Return the kind of that failure."""
+    if not study.base_run.finite:
+        return "not finite"
+    return "blows up" if study.global_error > BLOWN_UP else "too coarse"
+
+
+def _reservation(study: StepStudy, motion: Motion) -> str:
+    """Describe how far full runs confirm an agreement, if the motion allows only part of it."""
+    check = study.full_run_check
+    if not check.partly_chaotic:
+        return ""
+    if check.until <= 0:
+        return (
+            "the segments alone decide; the steps tried are too coarse for a full "
+            f"run of this motion, which multiplies differences by {check.growth:.1g}"
+        )
+    return (
+        f"a full run confirms it until t = {check.until:.3g} s of "
+        f"{motion.duration:.3g} s; after that the motion is chaotic (differences "
+        f"grow {check.growth:.1g} times), and the segments alone decide"
+    )
+
+
+def with_dynamics(
+    verdict: Verdict,
+    comparison: AccelerationComparison | None,
+    names: tuple[str, ...],
+    resolution: float,
+) -> Verdict:
+    """Combine the verdict on motions with the one on accelerations: a difference in either counts.
+
+    Accelerations need no time step, so they decide where stiff motions are unresolved. They do not
+    decide where the step study has another fault, such as a convergence order that differs from the
+    claimed one. Such a fault does not come from the model.
+
+    Args:
+        verdict: the verdict on motions.
+        comparison: the comparison of accelerations; None if the engine exposes none.
+        names: names of the engine's coordinates, nz.
+        resolution: relative discrepancy to resolve.
+    """
+    if comparison is None or verdict.outcome is Outcome.DIFFERS:
+        return verdict
+    outcome = comparison.judgement.outcome
+    if outcome is Outcome.DIFFERS:
+        return _decided(
+            verdict, comparison, names, resolution, _apart(comparison, names, resolution, verdict)
+        )
+    stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
+    if not (stiff and outcome is Outcome.AGREES and comparison.complete):
+        return verdict
+    resolved = max(
+        comparison.judgement.largest_discrepancy, comparison.judgement.largest_uncertainty
+    )
+    held = " with soft equalities held exactly" if comparison.holds_equalities else ""
+    message = (
+        f"its accelerations{held}, at {counted(comparison.states, 'state')}, match the "
+        f"equations to {resolved:.1e} of the largest; its motions: {verdict.reason}"
+    )
+    return _decided(verdict, comparison, names, resolution, message)
+
+
+def _decided(
+    verdict: Verdict,
+    comparison: AccelerationComparison,
+    names: tuple[str, ...],
+    resolution: float,
+    reason: str,
+) -> Verdict:
+    judged = comparison.judgement
+    return replace(
+        verdict,
+        outcome=judged.outcome,
+        discrepancy=judged.discrepancy,
+        uncertainty=judged.uncertainty,
+        largest_discrepancy=judged.largest_discrepancy,
+        largest_uncertainty=judged.largest_uncertainty,
+        component=component(names, judged.component),
+        time=float("nan"),
+        reason=reason,
+        resolution=resolution,
+        kind="acceleration" if judged.outcome is Outcome.DIFFERS else "",
+    )
+
+
+def component(names: tuple[str, ...], index: int) -> str:
+    """Return the name of an acceleration, or of a constrained position for larger indices."""
+    return f"{names[index]}_ddot" if index < len(names) else names[index - len(names)]
+
+
+def _apart(
+    comparison: AccelerationComparison, names: tuple[str, ...], resolution: float, verdict: Verdict
+) -> str:
+    judged = comparison.judgement
+    other = ", ".join(
+        name
+        for name, size in comparison.force_errors.items()
+        if name != EQUALITIES and not size <= resolution
+    )
+    differing = f"; these of its forces differ: {other}" if other else ""
+    moved = (
+        f"every segment agrees within {verdict.largest_uncertainty:.1e}"
+        if verdict.outcome is Outcome.AGREES
+        else f"its motions: {verdict.reason}"
+    )
+    amount = f"off by {judged.discrepancy:.2e} of its largest value"
+    if judged.component >= len(names):
+        amount = (
+            f"off by {judged.discrepancy:.2e} of its range from the position that its "
+            "equality demands"
+        )
+    return (
+        f"{component(names, judged.component)} is {amount};"
+        f" the uncertainty is {judged.uncertainty:.1e}{differing}; {moved}"
+    )

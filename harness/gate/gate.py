@@ -11,13 +11,15 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import replace
 from pathlib import Path
 
+from physics_crosscheck.harness.baseline.audits import unaccepted
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change, classify
+from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, hashed_again
 from physics_crosscheck.harness.baseline.store import named_targets
-from physics_crosscheck.harness.gate.audits import with_audits
 from physics_crosscheck.harness.gate.file_diffs import file_diffs
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
@@ -32,8 +34,11 @@ from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.robot_targets import is_robot, robots_below
 from physics_crosscheck.harness.records.baseline import AcceptedCase
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.case import Case, ModelId
+from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 Progress = Callable[[int, int, Case | None], None]
@@ -179,3 +184,58 @@ def _of_the_rest(
 def _as_accepted(entry: AcceptedCase) -> Change:
     status = Status.SAME if entry.outcome is Outcome.AGREES else Status.KNOWN
     return Change(id=entry.id, status=status, entry=entry)
+
+
+MOST_TOLD = 5
+"""Maximum number of findings reported for a case."""
+
+
+def with_audits(
+    changes: Sequence[Change], results: Results, systems: Mapping[str, SystemBaseline]
+) -> list[Change]:
+    """Add new audit findings to the cases that were run.
+
+    A wrong number counts even if no motion depends on it. A model whose audit failed counts as not
+    run.
+
+    Args:
+        changes: the changes of the cases.
+        results: results of the run, with the audits.
+        systems: the accepted results, by name of the system.
+    """
+    moved = {change.id.of_model for change in changes if not change.status.passes}
+    return [_with_audit(change, results, systems, moved) for change in changes]
+
+
+def _with_audit(
+    change: Change, results: Results, systems: Mapping[str, SystemBaseline], moved: Set[ModelId]
+) -> Change:
+    of_model, system_baseline = change.id.of_model, systems.get(change.id.system)
+    model = None if change.case is None else results.model_of(change.case)
+    if model is None or change.status is Status.NOT_RUN:
+        return change
+    if model.audit is None:
+        failed = f"its audit failed: {model.audit_failure or 'it did not run'}"
+        return replace(change, status=Status.NOT_RUN, messages=(failed, *change.messages))
+    new = unaccepted(
+        model, None if system_baseline is None else system_baseline.audits.get(of_model)
+    )
+    if not new or (change.status.passes and of_model in moved):
+        return change
+    messages = (*change.messages, *_told(new))
+    if of_model in moved:  # a motion shows it too, in this case or another
+        return replace(change, messages=messages, findings=new)
+    kinds = tuple(kind for kind in change.kinds if kind != "text")
+    return replace(
+        change, status=Status.CHANGED, kinds=(*kinds, "audit"), messages=messages, findings=new
+    )
+
+
+def _told(findings: tuple[AuditFinding, ...]) -> list[str]:
+    messages = [
+        (f"the audit finds {finding.location}: " if finding.location else "the audit: ")
+        + finding.message
+        for finding in findings[:MOST_TOLD]
+    ]
+    more = len(findings) - MOST_TOLD
+    return messages + ([f"and {counted(more, 'finding')} more"] if more > 0 else [])

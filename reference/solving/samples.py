@@ -7,18 +7,17 @@ many random states are used (`reference.solving.excitation`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.collocation import Field, ReferenceError, collocate
-from physics_crosscheck.reference.solving.excitation import select_d_optimal
 from physics_crosscheck.reference.solving.integrate import by_runge_kutta
-from physics_crosscheck.reference.solving.switching import smooth_segments
 
 SEGMENTS_A_PERIOD = 30
 """Segments per period of the fastest motion at any state; an engine's step error falls with the
@@ -355,3 +354,122 @@ def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[floa
     full[:, n:] = lower
     settling = np.max(np.abs(np.einsum("kii->ki", lower[:, :, n:])), axis=0)
     return float(np.max(np.abs(np.linalg.eigvals(full)))), settling
+
+
+MIN_SINGULAR_VALUE = 1e-9
+"""Threshold of singular values, relative to the largest, with columns of the slopes normalized.
+Smaller ones belong to parameters that no motion can distinguish."""
+
+PRIOR_INFORMATION = 1e-6
+"""Initial information in each direction, relative to that of all states. It makes the determinant
+nonzero while there are fewer states than parameters."""
+
+
+def select_d_optimal(rows: Array, count: int) -> list[int]:
+    """Select the states that identify the parameters best, the most informative first.
+
+    Args:
+        rows: sensitivity of each of K states to p parameters, in units of its uncertainty, (K, m,
+            p).
+        count: number of states, at most K.
+    """
+    white = _whitened(rows)
+    states, m, r = white.shape
+    flat, eye = white.reshape(-1, r), np.eye(m)
+    covariance = np.eye(r) / PRIOR_INFORMATION
+    shown = eye + white @ np.swapaxes(white, 1, 2) / PRIOR_INFORMATION
+    available, chosen = np.ones(states, dtype=bool), list[int]()
+    for _ in range(count):
+        gain = np.where(available, np.linalg.slogdet(shown)[1], -np.inf)
+        best = int(np.argmax(gain))
+        available[best] = False
+        chosen.append(best)
+        # The inverse information decreases by the state's information (Woodbury).
+        by = np.linalg.solve(np.linalg.cholesky(shown[best]), white[best] @ covariance)
+        covariance = covariance - by.T @ by
+        both = (flat @ by.T).reshape(states, m, m)
+        shown = shown - both @ np.swapaxes(both, 1, 2)
+    return chosen
+
+
+def _whitened(rows: Array) -> Array:
+    """Return the sensitivities in identifiable directions, each of unit length, (K, m, r)."""
+    states, m, _ = rows.shape
+    flat = rows.reshape(states * m, -1)
+    length = np.sqrt((flat * flat).sum(axis=0))
+    flat = flat[:, length > 0] / length[length > 0]
+    across, triangle = np.linalg.qr(flat)
+    turn, sizes, _ = np.linalg.svd(triangle)
+    result: Array = across @ turn[:, : len(sizes)][:, sizes > MIN_SINGULAR_VALUE * sizes[0]]
+    return result.reshape(states, m, -1)
+
+
+CANDIDATES_PER_SEGMENT = 4
+"""One of so many sampled segments, at least, must cross no kink."""
+
+MAX_HALVINGS = 16
+"""Largest number of times that segments are halved to reach `CANDIDATES_PER_SEGMENT`."""
+
+STEPS_PER_SEGMENT = 4
+"""Runge-Kutta steps per segment; the sign of each switching function is checked after each."""
+
+ZERO_TOLERANCE = 1e-12
+"""A switching function that stays below this, relative to the largest, is zero and has no sign."""
+
+Draw = Callable[[int], tuple[Array, Array]]
+"""Sample so many states (K, 2n) and constant forces, (K, n)."""
+
+
+def smooth_segments(
+    equations: TreeEquations,
+    field_of: Callable[[Array], Field],
+    draw: Draw,
+    count: int,
+    length: float,
+) -> tuple[Array, Array, float]:
+    """Return states, forces, and the length of segments that cross no kink.
+
+    Args:
+        equations: of the tree.
+        field_of: dy/dt under constant forces.
+        draw: samples more states and forces.
+        count: number of segments.
+        length: largest length of segments, seconds.
+
+    Raises:
+        ReferenceError: if all segments cross a kink.
+    """
+    start, forces = draw(CANDIDATES_PER_SEGMENT * count)
+    for _ in range(MAX_HALVINGS):
+        free = np.flatnonzero(_free(equations, field_of(forces), start, length))
+        if len(free) >= count:
+            return start[free[:count]], forces[free[:count]], length
+        length /= 2
+    raise ReferenceError("every segment crosses a kink of the forces, however short it is")
+
+
+def _free(equations: TreeEquations, field: Field, start: Array, length: float) -> NDArray[np.bool_]:
+    """Return the mask of segments that cross no kink, (K,)."""
+    n, h = start.shape[1] // 2, length / STEPS_PER_SEGMENT
+    times, states = np.zeros(len(start)), [start]
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS_PER_SEGMENT):
+            states.append(_stepped(field, times, states[-1], h))
+        values = np.stack([equations.switching_functions(at[:, :n], at[:, n:]) for at in states])
+    sizes = np.max(np.abs(values), axis=(0, 1), initial=0.0)
+    turned = np.any((values > 0) != (values[0] > 0), axis=0) & (
+        sizes > ZERO_TOLERANCE * np.max(sizes, initial=0.0)
+    )
+    finite = np.isfinite(states[-1]).all(axis=1)
+    result: NDArray[np.bool_] = finite & np.logical_not(turned.any(axis=1))
+    return result
+
+
+def _stepped(field: Field, times: Array, states: Array, h: float) -> Array:
+    """Take one step of the classical Runge-Kutta method of order 4."""
+    k1 = field(times, states)
+    k2 = field(times, states + h / 2 * k1)
+    k3 = field(times, states + h / 2 * k2)
+    k4 = field(times, states + h * k3)
+    result: Array = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return result

@@ -9,10 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.audit import audit_declared
+from physics_crosscheck.harness.checks.audit import audit_declared, declared_bindings
 from physics_crosscheck.harness.checks.audit_finding import source_line
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
-from physics_crosscheck.harness.checks.literals import declared_bindings
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
 from physics_crosscheck.harness.engines.registry import absent_extras

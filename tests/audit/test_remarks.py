@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.remarks import where
+from physics_crosscheck.harness.checks.audit import where
 from physics_crosscheck.harness.engines.mujoco import MujocoModel
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.engines.remark import Remark

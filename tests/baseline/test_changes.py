@@ -8,9 +8,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Difference, Status, compare
+from physics_crosscheck.harness.baseline.changes import GLOBAL, Difference, Status, compare
 from physics_crosscheck.harness.baseline.classify import Change, classify
-from physics_crosscheck.harness.baseline.costs import GLOBAL
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
 from physics_crosscheck.harness.baseline.movement import of_model

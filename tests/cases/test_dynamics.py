@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.accelerations import with_dynamics
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.checks.verdict import Verdict
+from physics_crosscheck.harness.checks.verdict import Verdict, with_dynamics
 from physics_crosscheck.harness.numerics.forward_dynamics import FORCE_KINDS, AccelerationComparison
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
+from physics_crosscheck.harness.render.terminal.table import dynamics_lines
 from tests.cases.test_robot import SERVO
 
 MOTION = Verdict(

@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import System
-from physics_crosscheck.harness.checks.sketch import sketch_record, tree
+from physics_crosscheck.harness.checks.system_record import sketch_record, tree
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.render.html.drawing import drawing, evaluate
 from physics_crosscheck.reference.load import load_system

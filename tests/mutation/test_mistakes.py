@@ -16,14 +16,16 @@ from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.mutation.faults import FAULTS
 from physics_crosscheck.harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
-from physics_crosscheck.harness.mutation.mistakes.axes import axes
-from physics_crosscheck.harness.mutation.mistakes.degrees import degrees
-from physics_crosscheck.harness.mutation.mistakes.exchanges import exchanges
-from physics_crosscheck.harness.mutation.mistakes.gravity import gravity
-from physics_crosscheck.harness.mutation.mistakes.left_in import left_in
-from physics_crosscheck.harness.mutation.mistakes.left_out import left_out
+from physics_crosscheck.harness.mutation.mistakes.registry import (
+    axes,
+    degrees,
+    exchanges,
+    gravity,
+    left_in,
+    left_out,
+    steps,
+)
 from physics_crosscheck.harness.mutation.mistakes.rests import rests
-from physics_crosscheck.harness.mutation.mistakes.steps import steps
 from physics_crosscheck.harness.mutation.mutate import mutate
 from physics_crosscheck.harness.mutation.survey import MutationError, survey
 from physics_crosscheck.harness.records.cause import CauseId

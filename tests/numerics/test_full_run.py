@@ -13,9 +13,13 @@ from physics_crosscheck import t
 from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics import step_study
 from physics_crosscheck.harness.numerics.convergence import Sensitivity, check_full_runs
-from physics_crosscheck.harness.numerics.decomposition import OscillationError, decompose
 from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run
-from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
+from physics_crosscheck.harness.numerics.step_study import (
+    OscillationError,
+    StepStudy,
+    decompose,
+    study_step,
+)
 from physics_crosscheck.reference.solving.motion import Motion
 from tests.numerics.conftest import (
     DAMPING,

@@ -11,7 +11,7 @@ from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeCoupling, TreeLink
-from physics_crosscheck.reference.solving.excitation import select_d_optimal
+from physics_crosscheck.reference.solving.samples import select_d_optimal
 from tests.reference.multibody.trees import state, tree
 
 KINDS: tuple[tuple[Kind, ...], ...] = (

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html import write_report
-from physics_crosscheck.harness.render.html.patches import lines_of, unified
+from physics_crosscheck.harness.render.html.overview import lines_of, unified
 from physics_crosscheck.harness.results.next_steps import ProposedChange
 from tests.records.made import case, finding, model, results
 

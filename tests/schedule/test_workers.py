@@ -15,10 +15,15 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.jobs.clock import is_waiting, processor_seconds
 from physics_crosscheck.harness.jobs.failure import LONGEST
 from physics_crosscheck.harness.jobs.stop import SIGNALS
-from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
+from physics_crosscheck.harness.jobs.workers import (
+    Failure,
+    Limits,
+    Workers,
+    is_waiting,
+    processor_seconds,
+)
 
 
 def square(x: int) -> int:
@@ -406,7 +411,7 @@ def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:
 
 ORPHANS = """
 import os, signal
-from physics_crosscheck.harness.jobs.clock import is_waiting, processor_seconds
+from physics_crosscheck.harness.jobs.workers import is_waiting, processor_seconds
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.schedule.test_workers import sleep
 workers = Workers(1)

@@ -12,7 +12,6 @@ import numpy as np
 
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses.candidate import Perturbation, TrialHypothesis
-from physics_crosscheck.harness.diagnosis.hypotheses.reoriented import ReorientedModel
 from physics_crosscheck.harness.diagnosis.samples import (
     RUNGS_OF_SLOPES,
     RUNGS_USED,
@@ -21,7 +20,13 @@ from physics_crosscheck.harness.diagnosis.samples import (
     reference_ends,
     variant_ends,
 )
-from physics_crosscheck.harness.engines.protocol import Engine, EngineError, Model
+from physics_crosscheck.harness.engines.protocol import (
+    Engine,
+    EngineError,
+    Force,
+    Model,
+    StateForce,
+)
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -285,3 +290,34 @@ def scratch() -> Iterator[Path]:
     """Yield a folder for copies of a model, and remove it afterwards."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         yield Path(folder)
+
+
+class ReorientedModel(Model):
+    """A model whose coordinates are sign * (the inner model's - offset), (nz,) each."""
+
+    def __init__(self, model: Model, sign: Array, offset: Array) -> None:
+        self.model, self.sign, self.offset = model, sign, offset
+        self.coordinates, self.step = model.coordinates, model.step
+        self.integrator, self.gravity, self.epsilon = model.integrator, model.gravity, model.epsilon
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Return the inner model's exponents."""
+        return self.model.exponents(varying_input)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Run the inner model, with reoriented states and forces."""
+        sign, offset = self.sign, self.offset
+        if isinstance(force, StateForce):
+            inner = force
+
+            def reversed_at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+                read = [(a - o) * s for a, s, o in zip(z, sign, offset, strict=True)]
+                return [f * s for f, s in zip(inner.evaluate(read, u), sign, strict=True)]
+
+            force = StateForce(inner.inputs, reversed_at)
+        elif force is not None:
+            force = force * sign
+        z, w = self.model.rollout(q * sign + offset, v * sign, h, n, force, every)
+        return (z - offset) * sign, w * sign

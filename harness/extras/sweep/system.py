@@ -12,8 +12,13 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.checks.full_run_check import failure
-from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, filled, judged
+from physics_crosscheck.harness.checks.verdict import (
+    Verdict,
+    component_scale,
+    failure,
+    filled,
+    judged,
+)
 from physics_crosscheck.harness.engines.protocol import EngineError, Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed

@@ -8,7 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.listed import listed
+from physics_crosscheck.harness.checks.declared import listed
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, USAGE
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.modelfiles.choice import matching

@@ -7,17 +7,18 @@ Modules that parsing does not need are imported after it.
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
+import io
 import os
 import signal
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TextIO, cast
 
 from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
 from physics_crosscheck.harness.interfaces.cli.help import CommandParser, suggestion
-from physics_crosscheck.harness.interfaces.cli.streams import output_error, protect_streams
 from physics_crosscheck.harness.jobs.environment import claim_defaults
 from physics_crosscheck.harness.jobs.stop import Stopped, raising
 
@@ -236,3 +237,67 @@ def _module(name: str) -> Any:
 
 if __name__ == "__main__":
     sys.exit(program())
+
+
+def protect_streams() -> None:
+    """Make the standard streams writable, however the shell left them.
+
+    A closed stream becomes the null device. Otherwise the next opened file would get its number,
+    and the output of libraries.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
+            os.set_inheritable(number, True)  # our own processes would find it closed again
+    sys.stdout, sys.stderr = _tolerant(sys.stdout, 1), _tolerant(sys.stderr, 2)
+
+
+def output_error() -> str:
+    """Return why standard output is incomplete; empty if its reader just stopped reading."""
+    stream = sys.stdout
+    if not isinstance(stream, io.TextIOWrapper):
+        return ""
+    stream.flush()
+    raw = getattr(stream.buffer, "raw", None)
+    return raw.error if isinstance(raw, _DiscardingFile) else ""
+
+
+def _tolerant(stream: TextIO | None, number: int) -> TextIO:
+    """Return a stream like another that raises no error after its reader has closed."""
+    wrapper = stream if isinstance(stream, io.TextIOWrapper) else None
+    return cast(
+        TextIO,
+        io.TextIOWrapper(
+            io.BufferedWriter(_DiscardingFile(number, "w", closefd=False)),
+            encoding=wrapper.encoding if wrapper else "utf-8",
+            errors="backslashreplace",
+            line_buffering=wrapper.line_buffering if wrapper else number == 2,
+        ),
+    )
+
+
+class _DiscardingFile(io.FileIO):
+    """A file that discards data after it becomes unwritable."""
+
+    _is_broken = False
+    error = ""
+
+    def write(self, data: object) -> int:
+        """Write data until the reader is gone or the disk is full; discard it from then on."""
+        view = memoryview(data)  # type: ignore[arg-type]  # any object with a buffer
+        if self._is_broken:
+            return view.nbytes
+        try:
+            return super().write(view)
+        except OSError as error:
+            if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EIO, errno.ESHUTDOWN):
+                raise
+            self._is_broken = True
+            if error.errno != errno.EPIPE:
+                self.error = error.strerror or str(error)
+            return view.nbytes

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections import Counter
+from collections.abc import Generator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from physics_crosscheck.harness.baseline.store import BaselineError
-from physics_crosscheck.harness.interfaces.pytest_plugin.accepting import Accepting
+from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.text import accepted_lines
 from physics_crosscheck.harness.interfaces.pytest_plugin.collect import RobotFile, SystemFile
 from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
 from physics_crosscheck.harness.interfaces.pytest_plugin.paths import DECLARATION, meant, to_collect
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
-from physics_crosscheck.harness.interfaces.pytest_plugin.summary import summarize, untested
-from physics_crosscheck.harness.interfaces.pytest_plugin.terms import run_settings
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import RunSettings, run_settings
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.render.terminal.console import terminal
+from physics_crosscheck.harness.render.terminal.styles import WORDS
+from physics_crosscheck.harness.results.github import in_ci
+from physics_crosscheck.harness.results.messages import explain_hint
+from physics_crosscheck.harness.results.status import counted
 
 ABOUT = (
     "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
@@ -71,3 +81,130 @@ class CrosscheckSession:
             terminalreporter.write_line(line)
         for line in absent_engine_lines(sorted(self._folders)):
             terminalreporter.write_line(f"crosscheck: {line}")
+
+
+class Accepting:
+    """Writes the baseline after all tests.
+
+    Args:
+        config: configuration of the session.
+        folders: tested folders.
+        asked: settings for running cases.
+
+    Attributes:
+        lines: lines for the end of the run.
+
+    Raises:
+        pytest.UsageError: in CI, or without a reason.
+    """
+
+    def __init__(
+        self, config: pytest.Config, folders: Sequence[Path], settings: RunSettings
+    ) -> None:
+        given = config.getoption("crosscheck_accept")
+        self._reason = None if given is None else " ".join(given.split())
+        self._folders, self._settings = folders, settings
+        self.lines: tuple[str, ...] = ()
+        if self._reason is not None and in_ci():
+            raise pytest.UsageError("--crosscheck-accept needs a person and is refused in CI")
+        if self._reason == "":
+            raise pytest.UsageError(
+                "--crosscheck-accept is empty. State why the results are right."
+            )
+        if self._reason is not None and not folders:
+            raise pytest.UsageError(
+                "--crosscheck-accept: the baseline has no robot files. Create a system folder with"
+                " `crosscheck new NAME --from FILE`."
+            )
+
+    def accept(self, config: pytest.Config) -> bool | None:
+        """Write passed cases into the baseline; return None if there is nothing to accept.
+
+        Changed cases run once more, so that only results of these tests are accepted, judged by the
+        gate.
+        """
+        if not self._reason or hasattr(config, "workerinput"):  # xdist's workers have no reports
+            return None
+        passed = set(_passed(config))
+        result = gate(
+            list(self._folders),
+            GateOptions(
+                baseline=self._settings.baseline,
+                resolution=self._settings.resolution,
+                limits=self._settings.limits,
+                parents=(),
+            ),
+            lambda *_: None,
+        )
+        chosen = [change.id for change in result.changes if str(change.id) in passed]
+        try:
+            done = accept_each(
+                result, dict.fromkeys(chosen, self._reason), (), self._settings.baseline
+            )
+        except AcceptError as error:
+            self.lines = (f"crosscheck: {error}",)
+            return False
+        self.lines = tuple(
+            accepted_lines(done.cases, done.files, terminal().width, with_cases=True)
+        )
+        return True
+
+
+def _passed(config: pytest.Config) -> list[str]:
+    """Return the names of the cases whose tests passed."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = [] if reporter is None else reporter.stats.get("passed", ())
+    properties = [dict(r.user_properties) for r in reports if r.when == "call"]
+    return [facts["case"] for facts in properties if "case" in facts]
+
+
+def summarize(reporter: pytest.TerminalReporter) -> None:
+    """Write counts of outcomes, accepted differences and skipped tests, from pytest's reports."""
+    reports = _reports(reporter)
+    if not reports:
+        return
+    reporter.ensure_newline()
+    reporter.section("crosscheck")
+    report_properties = [(report, dict(report.user_properties)) for report in reports]
+    counts = Counter(facts["outcome"] for _, facts in report_properties if "outcome" in facts)
+    parts = [f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one]]
+    agreeing = [facts for _, facts in report_properties if facts.get("outcome") == Outcome.AGREES]
+    worst = max((float(facts["largest"]) for facts in agreeing if "largest" in facts), default=None)
+    size = "" if worst is None else f"; largest difference of the ok cases: {worst:.1e}"
+    reporter.write_line(", ".join(parts) + size)
+    for report, facts in report_properties:
+        if report.passed and "accepted" in facts:
+            outcome = facts.get("outcome", "audit")
+            reporter.write_line(f"accepted: {outcome} {report.nodeid}: {facts['accepted']}")
+    skipped = Counter(report.longrepr[2] for report, _ in report_properties if report.skipped)
+    for reason, number in skipped.items():
+        reporter.write_line(
+            f"skipped: {counted(number, 'test')}: {reason.removeprefix('Skipped: ')}"
+        )
+    if untested(reporter.config):
+        reporter.write_line(
+            "nothing was tested: no engine of these models is installed."
+            " Run pip install 'physics-crosscheck[engines]'."
+        )
+    codes = [
+        facts["code"] for report, facts in report_properties if report.failed and "code" in facts
+    ]
+    if hint := explain_hint(codes):
+        reporter.write_line(hint, light=True)
+
+
+def untested(config: pytest.Config) -> bool:
+    """Return whether there were cases, and all of them were skipped."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = [] if reporter is None else _reports(reporter)
+    return bool(reports) and all(report.skipped for report in reports)
+
+
+def _reports(reporter: pytest.TerminalReporter) -> list[Any]:
+    """Return the reports of cases and audits, in any order."""
+    return [
+        report
+        for kind in ("passed", "failed", "skipped")
+        for report in reporter.stats.get(kind, ())
+        if report.when == "call" and "crosscheck" in report.keywords
+    ]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.case import Case, ModelKey
@@ -13,7 +14,6 @@ from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView
 from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
 from physics_crosscheck.harness.render.html.matrix import Pair
-from physics_crosscheck.harness.render.html.patches import lines_of, unified
 from physics_crosscheck.harness.render.html.text import shown
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
@@ -23,6 +23,7 @@ from physics_crosscheck.harness.results.issues import (
     untold_failures,
 )
 from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of, stated_changes
+from physics_crosscheck.harness.results.places import is_spelled
 from physics_crosscheck.harness.results.status import counted
 
 Link = tuple[str, str]
@@ -351,3 +352,58 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Outlier, ...]:
 
 def _name(view: CaseView) -> str:
     return f"{view.system}/{view.model}/{view.scenario} [{view.engine}]"
+
+
+def unified(edits: Sequence[ProposedChange], texts: Iterable[tuple[str, str]]) -> str:
+    """Return a unified diff that makes edits; empty if an edit is uncertain.
+
+    An edit is certain if the file still has the old text in the span of each location.
+
+    Args:
+        edits: edits of one cause.
+        texts: (name, text) of the files that may be edited.
+    """
+    parts, edit_count = [], 0
+    for name, text in texts:
+        data = text.encode(errors="surrogatepass")
+        here = [
+            (where.span, edit.new, where.file)
+            for edit in edits
+            for where in edit.locations
+            if where.span is not None and is_spelled(where, name, data)
+        ]
+        edit_count += len(here)
+        changed = data
+        for (start, end), new, _ in sorted(here, reverse=True):
+            changed = changed[:start] + new.encode() + changed[end:]
+        if changed != data:
+            parts.append(
+                _diff(here[0][2], _lines(text), _lines(changed.decode(errors="surrogatepass")))
+            )
+    certain = edit_count == sum(len(edit.locations) for edit in edits)
+    return "".join(parts) if certain else ""
+
+
+def lines_of(patch: str) -> tuple[str, ...]:
+    """Return the removed and added lines of a diff with their signs, with less indentation."""
+    rows = (row for row in _lines(patch) if not row.startswith(("--- ", "+++ ")))
+    changed_rows = [(row[0], row[1:].rstrip("\r\n")) for row in rows if row.startswith(("-", "+"))]
+    margin = min((len(text) - len(text.lstrip()) for _, text in changed_rows), default=0)
+    return tuple(f"{sign} {text[margin:]}" for sign, text in changed_rows)
+
+
+def _lines(text: str) -> list[str]:
+    """Split text into lines as `git` and `patch` do: `str.splitlines` splits at more characters."""
+    *whole, last = text.split("\n")
+    return [*(f"{line}\n" for line in whole), *([last] if last else [])]
+
+
+def _diff(path: str, before: Sequence[str], after: Sequence[str]) -> str:
+    """Return a diff with three lines of context for `git apply` and `patch -p1`."""
+    # Both reject an absolute path.
+    name = path if not path.startswith("/") and ":" not in path else path.rsplit("/", 1)[-1]
+    end = "\t" if " " in name else ""  # a tab ends a name with blanks
+    rows = []
+    for row in difflib.unified_diff(before, after, f"a/{name}{end}", f"b/{name}{end}"):
+        rows.append(row if row.endswith("\n") else f"{row}\n\\ No newline at end of file\n")
+    return "".join(rows)

@@ -10,13 +10,12 @@ from rich.console import Console
 from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.case import Case, Stepping
 from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
 from physics_crosscheck.harness.render.terminal.console import print_hint, print_wrapped
-from physics_crosscheck.harness.render.terminal.dynamics import dynamics_lines
 from physics_crosscheck.harness.render.terminal.models_table import (
     finite_values,
     is_chaotic,
@@ -27,7 +26,6 @@ from physics_crosscheck.harness.render.terminal.problems import (
     is_single_file,
     print_problems,
 )
-from physics_crosscheck.harness.render.terminal.stepping import stepping_lines
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
@@ -355,3 +353,62 @@ def _print_last(console: Console, line: str, report: Path | None) -> None:
     print_wrapped(console, line)
     if where:
         console.print(Text(visible(where)), soft_wrap=True)
+
+
+def dynamics_lines(cases: Iterable[Case]) -> list[str]:
+    """Return one line for all that agree; a case that differs reports it as its reason."""
+    alike = [
+        (one.forward_dynamics, one)
+        for one in cases
+        if one.forward_dynamics is not None and one.forward_dynamics.outcome is Outcome.AGREES
+    ]
+    if not alike:
+        return []
+    largest, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
+    states = sum(one.states for one, _ in alike)
+    return [
+        f"accelerations of {counted(len(alike), 'case')} at {counted(states, 'state')} agree to"
+        f" {largest.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})"
+    ]
+
+
+def stepping_lines(cases: Iterable[Case]) -> list[str]:
+    """Return one line for all steps that follow their rule, then one per model that does not.
+
+    A case that differs in the limit of small steps is omitted: its single step differs too.
+    """
+    steppings = [(case, case.stepping) for case in cases if case.stepping is not None]
+    alike = [(case, stepping) for case, stepping in steppings if stepping.outcome is Outcome.AGREES]
+    lines = [_alike(alike)] if alike else []
+    seen = set()
+    for case, stepping in steppings:
+        model = case.id.of_model
+        if stepping.outcome is Outcome.AGREES or case.outcome is Outcome.DIFFERS or model in seen:
+            continue
+        seen.add(model)
+        lines.append(f"single step of {model} {_apart(stepping)}")
+    return lines
+
+
+def _alike(cases: list[tuple[Case, Stepping]]) -> str:
+    worst, stepping = max(cases, key=lambda entry: entry[1].discrepancy or 0.0)
+    verb = "follows" if len(cases) == 1 else "follow"
+    return (
+        f"single step of {counted(len(cases), 'case')} {verb} the engine's own rule to"
+        f" {stepping.discrepancy or 0.0:.1e} of how far it moves (worst: {worst.id})"
+    )
+
+
+def _apart(stepping: Stepping) -> str:
+    if stepping.outcome is Outcome.UNRESOLVED:
+        return (
+            f"is too uncertain to compare with {stepping.rule} ({stepping.uncertainty or 0.0:.1e})"
+        )
+    why = f"; also acting: {stepping.besides}" if stepping.besides else (
+        "; the integrator differs, or something acts at this step only"
+    )  # fmt: skip
+    off = "without bound" if stepping.discrepancy is None else f"by {stepping.discrepancy:.1e}"
+    return (
+        f"deviates from {stepping.rule} at {stepping.step:g} s: {stepping.component} {off}"
+        f" of how far it moves (uncertainty {stepping.uncertainty or 0.0:.1e}){why}"
+    )

@@ -17,8 +17,7 @@ from physics_crosscheck.reference.mechanism.multibody import tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
-from physics_crosscheck.reference.solving.samples import samples
-from physics_crosscheck.reference.solving.switching import smooth_segments
+from physics_crosscheck.reference.solving.samples import samples, smooth_segments
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 
