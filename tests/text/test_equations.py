@@ -15,6 +15,8 @@ import sympy as sp
 from physics_crosscheck import DeclarationError, Equilibrium, System
 from physics_crosscheck.harness.checks.derivation import derivation
 from physics_crosscheck.harness.checks.tree_derivation import tree_derivation
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
 from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.terminal.equations import DerivedSystem, describe
 from physics_crosscheck.harness.render.terminal.typeset import Latex
@@ -378,3 +380,30 @@ def test_seven_are_told_in_numbers_and_that_is_said(tmp_path: Path, style: Style
     assert len(rows) == 3  # what it weighs, what it carries, and its joint
     assert "e-15" not in text
     assert r"\times 10^{-15}" not in text  # what turned axes leave of zeros
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_text_fits_the_terminal_without_a_word_cut(
+    width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seven columns of a mass matrix are wider than sixty characters, and printed in parts."""
+    links = "".join(
+        f'<link name="l{i}"><inertial><origin xyz="0.01 0.02 -0.1"/><mass value="1.3"/><inertia '
+        'ixx="0.021" iyy="0.018" izz="0.006" ixy="0.001" ixz="0" iyz="0"/></inertial></link>'
+        for i in range(8)
+    )
+    joints = "".join(
+        f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="0 0.1 -0.2"/><axis xyz="0 {i % 2} 0.3"/></joint>'
+        for i in range(7)
+    )
+    monkeypatch.chdir(tmp_path)
+    file = Path("arm.urdf")
+    file.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    found = tree_derivation(robot_bodies(read_robot(file)))
+    lines = describe(found, "text", width).splitlines()
+    assert max(map(len, lines)) <= width
+    wide = describe(found, "text", 400)
+    words = {word for word in wide.split() if set(word) - {"-", "="}}
+    assert words - set(" ".join(lines).split()) <= {"M"}
+    assert ("M, columns 1 to" in " ".join(lines)) is (width < 120)

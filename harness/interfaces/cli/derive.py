@@ -21,6 +21,7 @@ from physics_crosscheck.harness.interfaces.cli.targets import (
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
+from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.equations import describe
 from physics_crosscheck.reference.load import load_declaration, with_location
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
@@ -31,15 +32,20 @@ Form = Literal["latex", "text"]
 def main(options: argparse.Namespace) -> int:
     """Print the equations of each system folder and each robot file."""
     form: Form = "latex" if options.latex else "text"
+    width = terminal().width
     targets = resolve_targets(options.folders, standalone=options.standalone)
     warn_unknown(targets.named)
     describe_robot = partial(
-        describe_file, form=form, floating=options.floating, model=options.chosen_model
+        describe_file,
+        form=form,
+        width=width,
+        floating=options.floating,
+        model=options.chosen_model,
     )
     with Workers(1, arguments.limits_of(options)) as workers:
         for path in targets.paths:
             is_file = path in targets.robots
-            task = describe_robot if is_file else partial(describe_folder, form=form)
+            task = describe_robot if is_file else partial(describe_folder, form=form, width=width)
             text = workers.outcome(workers.submit(task, path))
             if isinstance(text, Failure):
                 file = path if is_file else path / "system.py"
@@ -49,7 +55,7 @@ def main(options: argparse.Namespace) -> int:
     return with_unknown(AGREE, targets.named)
 
 
-def describe_file(file: Path, *, form: Form, floating: bool, model: str) -> str:
+def describe_file(file: Path, *, form: Form, width: int, floating: bool, model: str) -> str:
     """Return the text about a robot's equations; the other arguments are those of `read_robot`.
 
     Raises:
@@ -57,10 +63,10 @@ def describe_file(file: Path, *, form: Form, floating: bool, model: str) -> str:
     """
     robot = read_robot(file, floating=floating, model=model)
     omitted = [format_omission(one) for one in robot.left_out]
-    return describe(tree_derivation(robot_bodies(robot), omitted), form)
+    return describe(tree_derivation(robot_bodies(robot), omitted), form, width)
 
 
-def describe_folder(folder: Path, *, form: Form) -> str:
+def describe_folder(folder: Path, *, form: Form, width: int) -> str:
     """Return the text about a folder's equations; runs in a worker, since system.py is code.
 
     Raises:
@@ -68,6 +74,6 @@ def describe_folder(folder: Path, *, form: Form) -> str:
     """
     system = load_declaration(folder)
     if isinstance(system, MultibodySystem):
-        return describe(tree_derivation(system), form)
+        return describe(tree_derivation(system), form, width)
     with with_location(folder):
-        return describe(derivation(system), form)
+        return describe(derivation(system), form, width)

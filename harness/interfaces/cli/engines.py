@@ -10,6 +10,7 @@ from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import engines, missing
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, USAGE
 from physics_crosscheck.harness.interfaces.cli.help import suggestion
+from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 
 
 def main(options: argparse.Namespace) -> int:
@@ -26,13 +27,13 @@ def main(options: argparse.Namespace) -> int:
             print(f"crosscheck: {message} Installed: {', '.join(installed)}.", file=sys.stderr)
             return USAGE
         return _conformance(engine)
+    width = terminal().width
     for name, engine in sorted(all_engines.items()):
         version = engine.version()
         print(f"{name:<10} {version or 'not installed':<14} reads {', '.join(engine.formats)}")
-        if version is None:
-            print(f"{'':<11}{missing(engine).partition('; ')[2]}")
-        for capability in engine.capabilities:
-            print(f"{'':<11}- {capability}")
+        about = [] if version else [missing(engine).partition("; ")[2]]
+        for text in (*about, *(f"- {one}" for one in engine.capabilities)):
+            print("\n".join(wrapped(f"{'':<11}{text}", width)))
     return AGREE
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
+from itertools import chain
 from typing import Any, Literal
 
 import jinja2
@@ -15,6 +16,7 @@ import sympy as sp
 
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.render.terminal.console import LOG_COLUMNS, wrapped
 from physics_crosscheck.harness.render.terminal.layout import (
     LatexFormulas,
     LatexTable,
@@ -181,8 +183,12 @@ class DerivedTree:
     force: Matrix
 
 
-def describe(derived: DerivedSystem | DerivedTree, style: Literal["text", "latex"] = "text") -> str:
-    """Return everything derived from a system, as a page of text or LaTeX."""
+def describe(
+    derived: DerivedSystem | DerivedTree,
+    style: Literal["text", "latex"] = "text",
+    width: int = LOG_COLUMNS,
+) -> str:
+    """Return everything derived from a system, as a page of text of some width, or of LaTeX."""
     symbols = derived.q, derived.v, derived.a
     page = "derive" if isinstance(derived, DerivedSystem) else "bodies"
     if style == "latex":
@@ -194,12 +200,22 @@ def describe(derived: DerivedSystem | DerivedTree, style: Literal["text", "latex
             "equation": latex.equation,
             "matrix": latex.matrix,
         }
-        environment.globals |= {"table": LatexTable, "formulas": LatexFormulas}
+        environment.globals |= {
+            "table": partial(LatexTable, width=width),
+            "formulas": partial(LatexFormulas, width),
+        }
         return _page(environment, latex, f"{page}.tex", derived)
     environment = jinja2.Environment(**_SETTINGS)
-    environment.filters |= {"heading": heading}
-    environment.globals |= {"table": TextTable, "formulas": TextFormulas, "matrix": text_matrix}
-    return _page(environment, Text(*symbols), f"{page}.txt", derived)
+    environment.filters |= {"heading": partial(heading, width=width)}
+    environment.globals |= {
+        "table": partial(TextTable, width=width),
+        "formulas": partial(TextFormulas, width),
+        "matrix": partial(text_matrix, width=width),
+    }
+    lines = _page(environment, Text(*symbols), f"{page}.txt", derived).split("\n")
+    # Formulas and tables, which are indented, are laid out already.
+    broken = ([line] if line.startswith(" ") else wrapped(line, width) for line in lines)
+    return "\n".join(chain.from_iterable(broken))
 
 
 def _page(

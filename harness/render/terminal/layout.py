@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-
-WIDTH = 100
-"""Width of a terminal in columns."""
+from collections.abc import Iterator, Sequence
 
 
 class Table(ABC):
-    """A table that a template fills row by row; its text omits empty columns."""
+    """A table that a template fills row by row; its text omits empty columns.
 
-    def __init__(self, *header: str) -> None:
-        self.header = header
+    Args:
+        header: names of the columns.
+        width: of a terminal, in columns.
+    """
+
+    def __init__(self, *header: str, width: int) -> None:
+        self.header, self.width = header, width
         self.rows: list[tuple[str, ...]] = []
 
     def row(self, *cells: str) -> None:
@@ -23,7 +25,7 @@ class Table(ABC):
 
     def __str__(self) -> str:
         columns = zip(*(self.header, *self.rows), strict=True)
-        used = [column for column in columns if any(column)]
+        used = [column for column in columns if any(column[1:])]
         return self._text([list(row) for row in zip(*used, strict=True)])
 
     @abstractmethod
@@ -34,20 +36,26 @@ class TextTable(Table):
     """A table that fits the terminal's width."""
 
     def _text(self, rows: list[list[str]]) -> str:
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        while sum(widths) + 2 * len(widths) > WIDTH:
-            widths[widths.index(max(widths))] -= 1
+        columns = list(zip(*rows, strict=True))
+        widths = [max(map(len, column)) for column in columns]
+        words = [max(len(word) for cell in c for word in cell.split() or [""]) for c in columns]
+        spare = [w - least for w, least in zip(widths, words, strict=True)]
+        while sum(widths) + 2 * len(widths) > self.width and any(spare):
+            i = max((i for i, left in enumerate(spare) if left), key=widths.__getitem__)
+            widths[i], spare[i] = widths[i] - 1, spare[i] - 1
+        # No word is cut: where even words are too wide, the gaps shrink.
+        gap = "  " if sum(widths) + 2 * len(widths) <= self.width else " "
         lines = []
         for row in rows:
             # Cells wider than their column continue below.
             parts = [textwrap.wrap(c, w) or [""] for c, w in zip(row, widths, strict=True)]
             for i in range(max(map(len, parts))):
-                line = "  ".join(
+                line = gap.join(
                     (part[i] if i < len(part) else "").ljust(width)
                     for part, width in zip(parts, widths, strict=True)
                 )
                 lines.append(f"  {line}".rstrip())
-        lines.insert(1, "  " + "  ".join("-" * width for width in widths))
+        lines.insert(1, "  " + gap.join("-" * width for width in widths))
         return "\n".join(lines)
 
 
@@ -67,10 +75,15 @@ class LatexTable(Table):
 
 
 class Formulas(ABC):
-    """Formulas that a template adds one by one, each `left = right`, or `left` alone."""
+    """Formulas that a template adds one by one, each `left = right`, or `left` alone.
 
-    def __init__(self) -> None:
+    Args:
+        width: of a terminal, in columns.
+    """
+
+    def __init__(self, width: int) -> None:
         self.rows: list[tuple[str, str]] = []
+        self.width = width
 
     def row(self, lhs: str, right: str = "") -> None:
         """Add a formula."""
@@ -89,7 +102,7 @@ class TextFormulas(Formulas):
             for left, right in self.rows
             for line in textwrap.wrap(
                 f"{left} = {right}" if right else left,
-                WIDTH,
+                self.width,
                 initial_indent="  ",
                 subsequent_indent="      ",
                 break_long_words=False,
@@ -106,17 +119,20 @@ class LatexFormulas(Formulas):
         return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 
 
-def heading(text: str, line: str) -> str:
-    """Return an underlined heading."""
-    return f"{text}\n{line * len(text)}"
+def heading(text: str, line: str, width: int) -> str:
+    """Return an underlined heading; the line has at most `width` columns."""
+    return f"{text}\n{line * min(len(text), width)}"
 
 
-def text_matrix(name: str, forms: Sequence[Sequence[Sequence[str]]]) -> str:
+def text_matrix(name: str, forms: Sequence[Sequence[Sequence[str]]], width: int) -> str:
     """Return `name = matrix = matrix`; forms that are too wide are omitted except the last.
+
+    The last is printed in parts of its columns if it is too wide.
 
     Args:
         name: name of the matrix.
         forms: each is rows of formulas, all of the same size.
+        width: of a terminal, in columns.
     """
     blocks = [_block(form) for form in forms]
     lines = []
@@ -124,9 +140,25 @@ def text_matrix(name: str, forms: Sequence[Sequence[Sequence[str]]]) -> str:
         joint = " = " if i == 0 else "   "
         lead = f"  {name if i == 0 else ' ' * len(name)}"
         lines.append(lead + "".join(joint + block[i] for block in blocks))
-    if max(map(len, lines)) > WIDTH and len(forms) > 1:
-        return text_matrix(name, forms[1:])
-    return "\n".join(lines)
+    if max(map(len, lines)) <= width:
+        return "\n".join(lines)
+    if len(forms) > 1:
+        return text_matrix(name, forms[1:], width)
+    return "\n".join(_in_parts(name, forms[0], width))
+
+
+def _in_parts(name: str, form: Sequence[Sequence[str]], width: int) -> Iterator[str]:
+    """Yield the lines of a matrix in as many of its columns as fit at a time."""
+    sizes = [max(map(len, column)) + 2 for column in zip(*form, strict=True)]
+    first = 0
+    while first < len(sizes):
+        last = first + 1
+        while last < len(sizes) and sum(sizes[first : last + 1]) + 6 <= width:
+            last += 1
+        columns = f"column {last}" if last == first + 1 else f"columns {first + 1} to {last}"
+        yield f"  {name}, {columns} of {len(sizes)}:"
+        yield from (f"    {line}" for line in _block([row[first:last] for row in form]))
+        first = last
 
 
 def _block(form: Sequence[Sequence[str]]) -> list[str]:
