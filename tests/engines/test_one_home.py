@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 SEARCHED = ("harness", "reference", "physics_crosscheck")
 HOME = ROOT / "harness" / "engines"
 EXAMPLES = (
-    "harness/records/codes.py",
+    "harness/records/codes.toml",
     "harness/interfaces/cli/parsers",
     "harness/interfaces/cli/reference.py",
 )
