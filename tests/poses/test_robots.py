@@ -45,6 +45,9 @@ def test_every_body_of_a_robot_is_where_the_file_puts_it(
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
     case = run_case(model_task(prepare_tree(DATA / name, floating=floating), engine))
+    if engine == "drake" and "panda" in name:
+        assert case.outcome is Outcome.REFUSED  # an inertia without a mass
+        return
     assert case.poses is not None
     assert len(case.poses.frames) == bodies
     assert not case.poses.wrong
