@@ -286,7 +286,7 @@ def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
     done = crosscheck(tmp_path, "panda.urdf", "--engine", "mujoco")
     assert done.returncode == 1
     top = "\n".join(done.stdout.splitlines()[:8])
-    assert "cause: XC205 mujoco drops the inertia of massless links" in top
+    assert "cause: XC205 MuJoCo drops the inertia of massless links" in top
     assert "panda.urdf:218 panda_link8, :325 panda_grasptarget" in top
     assert "fix:   give each link a mass, or remove their inertia" in top
     assert "the audit finds" not in done.stdout, "the cause says so already"

@@ -185,7 +185,7 @@ def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
     assert printed(results(agreeing, differs, models=models)).splitlines()[:7] == [
         "arm.urdf",
         "  FAIL  mujoco  x off by up to 210 %",
-        "        cause: XC205 mujoco drops the inertia of massless links",
+        "        cause: XC205 MuJoCo drops the inertia of massless links",
         "        arm.urdf:18 tool",
         "        fix:   give the link a mass, or remove its inertia",
         "  ok    pybullet  11.3 digits",

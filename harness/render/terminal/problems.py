@@ -282,15 +282,21 @@ def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
     massless = _massless(cause, model)
     if massless:
         places = _places([(one.location, one.subject[0]) for one in massless], model.folder)
-        text = f"{model.engine} drops the inertia of massless links"
+        text = f"{_title(model.engine)} drops the inertia of massless links"
         return [(f"cause{engines}", with_code(cause.code, text)), ("", places)]
     text = brief_cause(cause)
     if cause.kind == "dropped":
-        text = f"{model.engine} drops {cause}"
+        text = f"{_title(model.engine)} drops {cause}"
     notes = [(f"cause{engines}", with_code(cause.code, text))]
     if cause.locations and not cause.replacement:  # a fix uses other names
         notes.append(("", _places([(one, "") for one in cause.locations], "")))
     return notes
+
+
+def _title(engine: str) -> str:
+    """Return an engine's own name with its capitals; of an unknown one the name as it is."""
+    adapter = engines().get(engine)
+    return engine if adapter is None else adapter.title
 
 
 def _massless(cause: Cause, model: Model) -> list[AuditFinding]:
