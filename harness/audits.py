@@ -116,12 +116,12 @@ class _TargetAudits:
             record = self._found.models.get((str(self._target), audit.id.model, audit.id.engine))
             if record is None:
                 yield audit
-            elif record.audit is not None and not record.audit_failure:
-                left_out = () if record.coverage is None else record.coverage.left_out
-                yield replace(audit, findings=record.audit, left_out=left_out)
             elif record.audit_failure:
                 failure = Failure(record.audit_failure, "")
                 yield replace(audit, failure=failure.about(self._target / audit.id.model))
+            elif record.audit is not None:
+                left_out = () if record.coverage is None else record.coverage.left_out
+                yield replace(audit, findings=record.audit, left_out=left_out)
 
     def _models(self, target: TargetPlan) -> Iterator[Job[Any]]:
         system, adapters = target.facts.record.name, registered()

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, 
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
 from physics_crosscheck.harness.checks.verdict import Verdict, judged, with_dynamics, with_full_runs
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.jobs.failure import Failure, failure_of
+from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.forward_dynamics import (
@@ -86,7 +86,7 @@ def follow(
         else:
             limits = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
-        raise BlownUpError(_told(str(error), task, model)) from None
+        raise BlownUpError(_with_warnings(str(error), task, model)) from None
     claimed = model.exponents(batch.varying)[0]
     return Followed(model=model, map=coordinates, limits=limits, claimed=claimed)
 
@@ -104,7 +104,13 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     try:
         model, coordinates = task.load()
     except RefusedError as error:
-        return _case(task, Outcome.REFUSED, failure_of(error), began)
+        refusal = failure_of(error)
+        return structs.replace(
+            _case(task, Outcome.REFUSED, refusal.about(task.file)),
+            locations=refusal.locations,
+            kind=refusal.kind,
+            seconds=time.perf_counter() - began,
+        )
     motion, why = _motion(task, model)
     if why and isinstance(task.target, PreparedSystem):
         raise StepError(f"{_place_of_step(task)}: {why}")
@@ -132,7 +138,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         )
         outcome, reason, kind = with_full_runs(verdict, study, motion, shipped.claimed)
         if outcome is Outcome.FAILED:
-            reason = _told(reason, task, model)
+            reason = _with_warnings(reason, task, model)
         full_run = full_run_record(study, model.step, model.integrator)
         if isinstance(task.target, PreparedSystem):
             series = series_record(
@@ -143,10 +149,9 @@ def run_case(task: ModelTask[Prepared]) -> Case:
                 amplitude=amplitude,
                 components=task.target.components,
             )
-    failure = Failure("; ".join(filter(None, (reason, *followed.model.reservations))), "")
-    case = _case(task, outcome, failure, began)
+    reason = "; ".join(filter(None, (reason, *followed.model.reservations)))
     return structs.replace(
-        case,
+        _case(task, outcome, reason),
         kind=kind,
         locations=_lines(task, poses) if kind == "pose" and poses is not None else (),
         poses=None if poses is None else poses.record,
@@ -155,6 +160,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         series=series,
         stepping=stepping,
         forward_dynamics=dynamics_record(dynamics, tuple(followed.model.coordinates)),
+        seconds=time.perf_counter() - began,
     )
 
 
@@ -174,7 +180,8 @@ def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None 
     return _decided(task, *_judged(task))[1]
 
 
-def _case(task: ModelTask[Prepared], outcome: Outcome, why: Failure, began: float) -> Case:
+def _case(task: ModelTask[Prepared], outcome: Outcome, reason: str) -> Case:
+    """Return the record of a case without its numbers."""
     return Case(
         system=task.target.record.name,
         model=task.file.name,
@@ -182,10 +189,7 @@ def _case(task: ModelTask[Prepared], outcome: Outcome, why: Failure, began: floa
         engine=task.engine,
         folder=str(task.target.place),
         outcome=outcome,
-        reason=why.about(task.file) if outcome is Outcome.REFUSED else why.reason,
-        locations=why.locations,
-        kind=why.kind,
-        seconds=time.perf_counter() - began,
+        reason=reason,
     )
 
 
@@ -263,13 +267,13 @@ def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str
 
 def _stepping(task: ModelTask[Prepared], followed: Followed) -> Stepping | None:
     """Compare single steps of the engine."""
-    target = task.target
-    if target.stepped is None:
+    target, stepped = task.target, task.target.stepped
+    if stepped is None:
         return None
     stepping = step_engine(
         followed.model,
         followed.map,
-        target.stepped,
+        stepped,
         *target.states(task.scenario),
         task.resolution,
         fastest=target.reference(task.scenario).fastest,
@@ -289,7 +293,7 @@ def _dynamics(task: ModelTask[Prepared], followed: Followed) -> AccelerationComp
     return forward_dynamics(followed.model, followed.map, stepped, states, inputs, task.resolution)
 
 
-def _told(reason: str, task: ModelTask[Prepared], model: Model) -> str:
+def _with_warnings(reason: str, task: ModelTask[Prepared], model: Model) -> str:
     """Add the file's name and the engine's warnings, which may explain the failure, to a reason."""
     return "; the engine warns: ".join((f"{task.file}: {reason}", *model.warnings))
 

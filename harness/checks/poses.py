@@ -10,16 +10,15 @@ import numpy as np
 from physics_crosscheck.harness.checks.placed_frames import Frames
 from physics_crosscheck.harness.checks.pose_mistakes import Miss, kind_of
 from physics_crosscheck.harness.checks.prepare import PreparedTree
-from physics_crosscheck.harness.checks.verdict import Verdict
+from physics_crosscheck.harness.checks.verdict import Verdict, motions_in_words
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import FramePose, Poses
-from physics_crosscheck.reference.dynamics.tree_frames import TreeFrames
+from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.declaration import Coordinate
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
@@ -130,23 +129,19 @@ def with_poses(verdict: Verdict, check: PoseCheck) -> Verdict:
     """Combine the verdict on a motion with the one on poses: a difference in either counts."""
     if not check.findings or verdict.outcome is Outcome.DIFFERS:
         return verdict
-    worst, near = min(check.findings, key=lambda one: one.share), max(RESOLUTION, EPSILON)
-    moved = (
-        f"every segment agrees within {verdict.largest_uncertainty:.1e}"
-        if verdict.outcome is Outcome.AGREES
-        else f"its motions: {verdict.reason}"
-    )
+    worst = min(check.findings, key=lambda one: one.share)
+    differs_by = RESOLUTION / worst.share
     return replace(
         verdict,
         outcome=Outcome.DIFFERS,
-        discrepancy=near / worst.share,
-        uncertainty=near,
-        largest_discrepancy=near / worst.share,
-        largest_uncertainty=near,
+        discrepancy=differs_by,
+        uncertainty=RESOLUTION,
+        largest_discrepancy=differs_by,
+        largest_uncertainty=RESOLUTION,
         component=worst.frames[0],
         time=float("nan"),
-        reason="; ".join([*(one.message for one in check.findings), moved]),
-        resolution=near,
+        reason="; ".join([*(one.message for one in check.findings), motions_in_words(verdict)]),
+        resolution=RESOLUTION,
         kind="pose",
     )
 

@@ -33,10 +33,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
-from physics_crosscheck.harness.modelfiles.robot_system import (
-    RobotError,
-    robot_system,
-)
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.batch import Batch, even_indices, held, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
@@ -83,7 +80,6 @@ SEED = 1
 
 STEPPED = 100
 """Maximum number of states of a motion at which accelerations and single steps are compared."""
-
 
 VISITED = 200
 """Number of states of all motions at which compiled terms and poses are compared."""
@@ -297,7 +293,7 @@ class PreparedTree(Prepared):
         samples: the states, and the states that the equations reach from them.
         followers: map to the joints of an engine.
         rest: the motion from rest, or why it can't be solved; None if none was requested.
-        equilibria: the middle of the joints' ranges, held by forces on the joints.
+        home: the middle of the joints' ranges, (n,).
         settings: settings of the engines; those of a folder's models are in sidecars.
         left_out: statements of the file that the equations omit.
         findings: what is wrong with the file by reading it.
@@ -308,8 +304,8 @@ class PreparedTree(Prepared):
     scenario: str
     samples: Samples
     followers: Followers
+    home: Array
     rest: Motion | str | None = None
-    equilibria: tuple[Equilibrium, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     findings: tuple[AuditFinding, ...] = ()
@@ -337,6 +333,11 @@ class PreparedTree(Prepared):
     ) -> CoordinateMap:
         """Match joints by name."""
         return self.followers.map(joints_of(self.followers, there, file, engine), self.names)
+
+    @cached_property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """The home position, held by forces on the joints."""
+        return (_held(self.system, self.home, self.samples),)
 
     @property
     def amplitude(self) -> Array:
@@ -552,8 +553,8 @@ def _solved(
         scenario=scenario,
         samples=drawn,
         followers=Followers.of(system.tree),
+        home=home,
         rest=_motion_from_rest(system, drawn, motion) if motion else None,
-        equilibria=(_held(system, home, drawn),),
     )
 
 

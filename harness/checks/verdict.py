@@ -428,6 +428,13 @@ def _reservation(study: StepStudy, motion: Motion) -> str:
     )
 
 
+def motions_in_words(verdict: Verdict) -> str:
+    """Describe the verdict on motions beside another check that differs."""
+    if verdict.outcome is Outcome.AGREES:
+        return f"every segment agrees within {verdict.largest_uncertainty:.1e}"
+    return f"its motions: {verdict.reason}"
+
+
 def with_dynamics(
     verdict: Verdict,
     comparison: AccelerationComparison | None,
@@ -505,11 +512,7 @@ def _apart(
         if name != EQUALITIES and not size <= resolution
     )
     differing = f"; these of its forces differ: {other}" if other else ""
-    moved = (
-        f"every segment agrees within {verdict.largest_uncertainty:.1e}"
-        if verdict.outcome is Outcome.AGREES
-        else f"its motions: {verdict.reason}"
-    )
+    moved = motions_in_words(verdict)
     amount = f"off by {judged.discrepancy:.2e} of its largest value"
     if judged.component >= len(names):
         amount = (

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.reference.dynamics.tree_frames import TreeFrames
+from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
 _INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")

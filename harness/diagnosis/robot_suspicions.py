@@ -61,7 +61,7 @@ def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
         units = {i: -2.0 * value for i, value in values.items() if value}
         if relevant.isdisjoint(values) or not units:  # the length of an axis has no effect
             continue
-        yield _switch(numbers, CauseId(kind="axis", subject=(joint,)), units)
+        yield _switch(numbers, CauseId(kind="axis", subject=(joint,)), units, rank("axis"))
 
 
 def joint_of(element: XmlElement | None) -> str:
@@ -83,15 +83,15 @@ def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
             change = second.value - first.value
             if change:
                 cause = CauseId(kind="exchange", subject=(first.address, second.address))
-                yield _switch(numbers, cause, {i: change, j: -change})
+                yield _switch(numbers, cause, {i: change, j: -change}, rank("exchange"))
 
 
-def _switch(numbers: Numbers, cause: CauseId, units: Mapping[int, float]) -> FileHypothesis:
+def _switch(
+    numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int
+) -> FileHypothesis:
     """Return a hypothesis whose fault is 0 or 1."""
     places = tuple(dict.fromkeys(_line(numbers.numerals[i]) for i in units))
-    hypothesis = Hypothesis(
-        id=cause, value=0.0, size=1.0, rank=rank(cause.kind), where=places, switch=True
-    )
+    hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True)
     return FileHypothesis(hypothesis=hypothesis, units=units)
 
 
@@ -106,18 +106,10 @@ def _dropped(numbers: Numbers) -> Iterator[FileHypothesis]:
     for chosen, name in groups.items():
         elements = tuple(dict.fromkeys(numerals[i].address.split("@")[0] for i in chosen))
         several = (f"{name} of {len(elements)} elements",)
-        hypothesis = Hypothesis(
-            id=CauseId(
-                kind="dropped",
-                subject=_named(elements, name) if len(elements) <= MAX_NAMED_ELEMENTS else several,
-            ),
-            value=0.0,
-            size=1.0,
-            rank=rank("default"),
-            where=tuple(dict.fromkeys(_line(numerals[i]) for i in chosen)),
-            switch=True,
-        )
-        yield FileHypothesis(hypothesis=hypothesis, units={i: -numerals[i].value for i in chosen})
+        subject = _named(elements, name) if len(elements) <= MAX_NAMED_ELEMENTS else several
+        cause = CauseId(kind="dropped", subject=subject)
+        units = {i: -numerals[i].value for i in chosen}
+        yield _switch(numbers, cause, units, rank("default"))
 
 
 def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:

@@ -46,17 +46,7 @@ def tree_mistakes(task: TreeTask, numbers: Numbers) -> Iterator[TreeMistake]:
     for pattern, name, change in _FAMILIES:
         for place, group in groups.items():
             if re.fullmatch(pattern, next(iter(group.values())).path):
-                values = change(group)
-                moved = {i: value for i, value in values.items() if value != group[i].value}
-                if moved:
-                    addresses = [group[i].address for i in moved]
-                    causes = {CauseId(kind="literal", subject=(one,)) for one in addresses}
-                    causes.add(CauseId(kind="exchange", subject=tuple(addresses)))
-                    if joint := joint_of(group[next(iter(moved))].element):
-                        causes.add(CauseId(kind="axis", subject=(joint,)))
-                    yield TreeMistake(
-                        name=name, location=place, values=moved, causes=frozenset(causes)
-                    )
+                yield from _changed(name, place, group, change(group))
     for usual in engines()[task.engine].usual_mistakes:
         if (
             isinstance(usual, DefaultLeftOn)
@@ -68,6 +58,21 @@ def tree_mistakes(task: TreeTask, numbers: Numbers) -> Iterator[TreeMistake]:
                 settings={usual.setting: usual.value},
                 causes=frozenset({CauseId(kind="default", subject=(usual.cause,))}),
             )
+
+
+def _changed(
+    name: str, place: str, group: Group, values: Mapping[int, float]
+) -> Iterator[TreeMistake]:
+    """Yield the mistake that gives these values to a list, unless they are the present ones."""
+    values = {i: value for i, value in values.items() if value != group[i].value}
+    if not values:
+        return
+    addresses = [group[i].address for i in values]
+    causes = {CauseId(kind="literal", subject=(address,)) for address in addresses}
+    causes.add(CauseId(kind="exchange", subject=tuple(addresses)))
+    if joint := joint_of(group[next(iter(values))].element):
+        causes.add(CauseId(kind="axis", subject=(joint,)))
+    yield TreeMistake(name=name, location=place, values=values, causes=frozenset(causes))
 
 
 def _groups(numbers: Numbers) -> dict[str, dict[int, Number]]:

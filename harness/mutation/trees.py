@@ -162,9 +162,7 @@ def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
         return _row(fault, verdict, f"{case.outcome} {case.reason}".strip(), size)
     if case.kind == "pose":
         return _row(fault, FaultVerdict.CAUGHT, case.reason, size)
-    # A setting is a mistake of the engine, which takes a right file otherwise.
-    by_engine = bool(fault.mistake.settings)
-    if by_engine:
+    if fault.mistake.settings:  # the engine reads a right file otherwise
         diagnosis = diagnose_robot(wrong, is_reference=True)
         causes = diagnosis.explanations[0].causes if diagnosis.explanations else ()
         right = diagnosis.explained and fault.mistake.causes.issuperset(one.id for one in causes)

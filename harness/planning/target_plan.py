@@ -90,7 +90,7 @@ class TargetPlan:
 
     @property
     def facts(self) -> TargetFacts:
-        """TargetFacts about the target, once it is prepared or known."""
+        """Facts about the target, once it is prepared or known."""
         assert self._facts is not None
         return self._facts
 

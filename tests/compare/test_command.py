@@ -125,12 +125,12 @@ def test_alike_differences_and_rounding_are_one_line_each(tmp_path: Path) -> Non
     written(tmp_path, "a.xml", MJCF)
     written(tmp_path, "b.xml", MJCF, *armature, *other, ('mass="0.35"', 'mass="0.36"'))
     lines = crosscheck("a.xml", "b.xml", cwd=tmp_path).stdout.splitlines()
-    told = [line.strip() for line in lines]
-    assert "armature of 3 joints: 0 in A, 0.01 in B" in told
-    mass = next(i for i, line in enumerate(told) if "link hand: mass 0.35 in A" in line)
+    printed = [line.strip() for line in lines]
+    assert "armature of 3 joints: 0 in A, 0.01 in B" in printed
+    mass = next(i for i, line in enumerate(printed) if "link hand: mass 0.35 in A" in line)
     # The verdict names an armature, with 55 % of the difference.
-    assert told.index("armature of 3 joints: 0 in A, 0.01 in B") < mass
-    assert any(line.endswith("(below 1e-5), see --json") for line in told)
+    assert printed.index("armature of 3 joints: 0 in A, 0.01 in B") < mass
+    assert any(line.endswith("(below 1e-5), see --json") for line in printed)
 
 
 def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_path: Path) -> None:

@@ -41,10 +41,10 @@ def between(
         for f in files
     ]
     found = edits(*sides)
-    told = [
+    rows = [
         (e.what, e.where_a.line, e.where_b.line, e.a, e.b) for e in (one.record for one in found)
     ]
-    return told, applied(one.encode(), found).decode()
+    return rows, applied(one.encode(), found).decode()
 
 
 def test_a_number_of_a_vector_is_one_difference(tmp_path: Path) -> None:
