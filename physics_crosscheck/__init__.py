@@ -18,10 +18,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from physics_crosscheck.harness.compare.candidate import CompareError
-    from physics_crosscheck.harness.extras.notebook.ask import simulate, solve
-    from physics_crosscheck.harness.extras.notebook.comparison import Comparison, compare
-    from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
     from physics_crosscheck.harness.interfaces.api import Results, check
+    from physics_crosscheck.harness.interfaces.notebook.ask import simulate, solve
+    from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison, compare
+    from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
     from physics_crosscheck.reference.mechanism.bodies import (
         Coupling,
         ForceElement,
@@ -51,9 +51,9 @@ if TYPE_CHECKING:
 _FROM = {
     "physics_crosscheck.harness.interfaces.api": ("Results", "check"),
     "physics_crosscheck.harness.compare.candidate": ("CompareError",),
-    "physics_crosscheck.harness.extras.notebook.ask": ("simulate", "solve"),
-    "physics_crosscheck.harness.extras.notebook.comparison": ("Comparison", "compare"),
-    "physics_crosscheck.harness.extras.notebook.trajectory": ("MotionError", "Trajectory"),
+    "physics_crosscheck.harness.interfaces.notebook.ask": ("simulate", "solve"),
+    "physics_crosscheck.harness.interfaces.notebook.comparison": ("Comparison", "compare"),
+    "physics_crosscheck.harness.interfaces.notebook.trajectory": ("MotionError", "Trajectory"),
     "physics_crosscheck.reference.mechanism.bodies": (
         "Coupling", "ForceElement", "Joint", "RigidBody", "Site",
     ),

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import physics_crosscheck
+import physics_crosscheck.command
 import physics_crosscheck.engine
 import physics_crosscheck.records
 import physics_crosscheck.sketch
@@ -29,6 +30,9 @@ RECORDS = {
     "Outcome", "Record", "Results", "ResultsError", "Series", "SourceLine", "System", "Verdict",
     "read_results",
 }  # fmt: skip
+COMMAND = {
+    "AGREE", "DIFFER", "FAIL", "USAGE", "AppendAction", "Command", "group", "option",
+}  # fmt: skip
 ENGINE = {
     "Array", "Check", "CompiledTree", "DefaultLeftOn", "Engine", "EngineError", "Force",
     "LeftOut",
@@ -38,7 +42,10 @@ ENGINE = {
 
 
 def test_the_public_names_are_these() -> None:
-    for name, names in (("", TOP), (".sketch", SKETCH), (".records", RECORDS), (".engine", ENGINE)):
+    for name, names in (
+        ("", TOP), (".sketch", SKETCH), (".records", RECORDS), (".engine", ENGINE),
+        (".command", COMMAND),
+    ):  # fmt: skip
         module = importlib.import_module(f"physics_crosscheck{name}")
         assert set(module.__all__) == names
         assert all(getattr(module, name) is not None for name in names)

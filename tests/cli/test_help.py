@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.help import GROUPS, CommandParser, group
-from physics_crosscheck.harness.interfaces.cli.main import COMMANDS, build_parser, subparsers
+from physics_crosscheck.harness.interfaces.cli.main import build_parser, subparsers
 from physics_crosscheck.harness.interfaces.cli.reference import main as write_pages
+from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
 from physics_crosscheck.harness.interfaces.cli.settings import SETTINGS
 
-PARSER = build_parser(COMMANDS)
+COMMANDS = built_in_commands()
+PARSER = build_parser(COMMANDS, COMMANDS)
 PARSERS = subparsers(PARSER)
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
 
@@ -59,7 +61,7 @@ def test_help_has_description_groups_examples_and_exit_codes(
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_help_has_more_than_12_words(name: str) -> None:
-    assert len(COMMANDS[name].split()) <= 10
+    assert len(COMMANDS[name].purpose.split()) <= 10
     for one in options(PARSERS[name]):
         assert one.help, one.dest
         assert len(one.help.split()) <= 12, one.help
@@ -112,9 +114,11 @@ def test_defaults_in_brackets_are_those_of_the_parsers() -> None:
 
 
 def test_every_setting_is_an_argument_of_its_commands() -> None:
-    for key, setting in SETTINGS.items():
-        for name in setting.commands:
-            assert setting.argument in {one.dest for one in options(PARSERS[name])}, (key, name)
+    for name, command in COMMANDS.items():
+        for key in command.settings:
+            dests = {one.dest for one in options(PARSERS[name])}
+            assert SETTINGS[key].argument in dests, (key, name)
+    assert {key for command in COMMANDS.values() for key in command.settings} == set(SETTINGS)
 
 
 def test_the_committed_pages_are_those_of_the_parsers(

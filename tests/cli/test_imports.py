@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.extras.sweep.command import DESIGNS
 from physics_crosscheck.harness.extras.sweep.draws import Design
-from physics_crosscheck.harness.interfaces.cli.main import COMMANDS
-from physics_crosscheck.harness.interfaces.cli.parsers.sweep import DESIGNS
+from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
+from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.write import encoded
@@ -56,8 +57,16 @@ def imported(
 
 @pytest.mark.parametrize("words", ["{} --help", "{} --nonsense"])
 def test_no_arguments_import_what_only_the_work_needs(words: str, tmp_path: Path) -> None:
-    commands = ["--help", "--nonsense", "rnu", *(words.format(name) for name in COMMANDS)]
+    commands = ["--help", "--nonsense", "rnu", *map(words.format, built_in_commands())]
     assert imported(tmp_path, *commands) == [f"imported after {given}" for given in commands]
+
+
+def test_a_command_of_this_program_looks_for_no_others(tmp_path: Path) -> None:
+    commands = [f"{name} --help" for name in COMMANDS]
+    registry = "physics_crosscheck.harness.interfaces.cli.registry"
+    there = imported(tmp_path, *commands, "--help", among=("importlib.metadata", registry))
+    assert there[:-1] == [f"imported after {given}" for given in commands]
+    assert registry in there[-1]
 
 
 def test_a_resolution_is_read_without_sympy(tmp_path: Path) -> None:

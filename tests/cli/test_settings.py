@@ -8,15 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.gate import meant
-from physics_crosscheck.harness.interfaces.cli.parsers import accept, gate, run
-from physics_crosscheck.harness.interfaces.cli.parsers import list as listing
+from physics_crosscheck.harness.interfaces.cli.help import CommandParser
 from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
 
 __all__ = ["place"]
-
-COMMANDS = {"run": run, "list": listing, "gate": gate, "accept": accept}
 
 
 def settings(folder: Path, text: str) -> None:
@@ -24,9 +22,9 @@ def settings(folder: Path, text: str) -> None:
 
 
 def parsed(name: str, *given: str) -> argparse.Namespace:
-    command = argparse.ArgumentParser()
-    COMMANDS[name].add(command)
-    apply(command, name)
+    command = CommandParser()
+    command.declare(COMMANDS[name])
+    apply(command, COMMANDS[name].settings)
     return command.parse_args(given)
 
 

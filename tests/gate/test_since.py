@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 from typing import NamedTuple
@@ -13,7 +12,8 @@ from rich.console import Console
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.accept import main
-from physics_crosscheck.harness.interfaces.cli.parsers.accept import add
+from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
+from physics_crosscheck.harness.interfaces.cli.help import CommandParser
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.records.schema import schema
@@ -52,8 +52,8 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Told:
     brief(folder)
     (folder / "space.py").unlink()
     (folder / "space.py.toml").unlink()
-    parser = argparse.ArgumentParser()
-    add(parser)
+    parser = CommandParser()
+    parser.declare(COMMANDS["accept"])
     place = home / "baseline"
     given = ["--reason", "first", "--folder", str(folder), "--engine", "mujoco"]
     assert main(parser.parse_args([*given, "--baseline", str(place)])) == 0

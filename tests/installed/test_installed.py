@@ -33,6 +33,13 @@ def test_the_checkout_is_not_what_is_installed(installed: Installed, place: Path
     assert done.stdout.count(str(installed.bin.parent)) == 2
 
 
+def test_the_wheel_registers_the_commands_of_extras(installed: Installed, place: Path) -> None:
+    done = installed.shell("crosscheck --help", place)
+    assert "\n  sweep " in done.stdout
+    assert "\n  versions " in done.stdout
+    assert installed.shell("crosscheck versions --help", place).returncode == 0
+
+
 @pytest.mark.slow
 def test_new_and_run_work_beside_packages_called_like_ours(
     installed: Installed, place: Path

@@ -11,7 +11,7 @@ import pytest
 
 from physics_crosscheck import compare
 from physics_crosscheck.harness.compare.candidate import CompareError
-from physics_crosscheck.harness.extras.notebook.comparison import Comparison
+from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import comparison
 from physics_crosscheck.harness.records.outcome import Outcome

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck import MotionError, Trajectory, simulate, solve
-from physics_crosscheck.harness.extras.notebook import ask
+from physics_crosscheck.harness.interfaces.notebook import ask
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
 from tests.standing import standing_only
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck import MotionError, Results
-from physics_crosscheck.harness.extras.notebook.markup import GROUNDS
+from physics_crosscheck.harness.interfaces.notebook.markup import GROUNDS
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.report import samples
 
@@ -115,7 +115,7 @@ def test_white_can_be_read_on_every_badge_and_a_curve_on_white_and_black() -> No
 
 
 def _curve() -> str:
-    from physics_crosscheck.harness.extras.notebook.markup import curve
+    from physics_crosscheck.harness.interfaces.notebook.markup import curve
 
     return curve(np.arange(3.0), np.arange(3.0), "a line")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.interfaces.cli.versions import code
+from physics_crosscheck.harness.extras.versions.main import code
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, VersionRun, Versions

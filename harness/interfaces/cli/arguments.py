@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.place import DEFAULT
@@ -170,16 +171,6 @@ def chosen_model(command: argparse.ArgumentParser, default: str = "the only mova
     )
 
 
-def environments(command: argparse.ArgumentParser) -> None:
-    """Add --environments DIR."""
-    group(command, "Caching").add_argument(
-        "--environments",
-        type=Path,
-        metavar="DIR",
-        help="Folder for Python environments [physics-crosscheck/environments in the user cache]",
-    )
-
-
 def baseline(command: argparse.ArgumentParser) -> None:
     """Add --baseline DIR."""
     group(command, "Baseline").add_argument(
@@ -202,7 +193,7 @@ def out(command: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def output_format(command: argparse.ArgumentParser, *formats: str) -> None:
+def output_format(command: argparse.ArgumentParser, formats: Sequence[str]) -> None:
     """Add --format; the first format is the default."""
     group(command, "Output").add_argument(
         "--format", choices=formats, default=formats[0], help=f"Printed format [{formats[0]}]"

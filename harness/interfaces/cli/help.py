@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import re
 import textwrap
-from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, NoReturn
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 USAGE_ERROR = 2
 """Exit code of wrong usage, the same as argparse's."""
@@ -35,26 +36,45 @@ _HANGING = re.compile(r" *(?:\S+(?: \+ \S+)? {2,})?")
 """Pattern of a line's indentation and the term before two spaces that it explains."""
 
 
-class CommandHelp(NamedTuple):
-    """The help of a command besides its options.
+Option = Callable[[argparse.ArgumentParser], object]
+"""Declares an argument, an option, or several that belong together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """A command, apart from its name.
+
+    Its function is named as `module:function`, and the module is imported when the command runs.
+    So help and completion load neither sympy nor an engine.
 
     Attributes:
+        group: title of its group in `crosscheck --help`.
+        purpose: its line there.
         description: two lines: the command's purpose, and its output or requirements.
         examples: command lines, by purpose.
         exit_codes: meanings, by code.
+        options: its arguments and options.
+        function: takes the parsed options, and returns the exit code.
+        settings: keys of `[tool.crosscheck]` that set defaults of its options.
     """
 
+    group: str
+    purpose: str
     description: str
     examples: Mapping[str, str]
     exit_codes: Mapping[str, str]
+    options: tuple[Option, ...]
+    function: str
+    settings: tuple[str, ...] = ()
 
 
 class CommandParser(argparse.ArgumentParser):
     """A parser whose options are in groups, and whose errors name the remedy."""
 
+    about: Command
+
     def __init__(self, *, usage: str | None = None, **more: Any) -> None:
         super().__init__(usage=usage, formatter_class=_Formatter, add_help=False, **more)
-        self.about = CommandHelp("", {}, {})
         self._positionals.title, self._optionals.title = ARGUMENTS, OTHERS
         self._action_groups.remove(self._optionals)
         for title in GROUPS[1:-1]:
@@ -62,8 +82,10 @@ class CommandParser(argparse.ArgumentParser):
         self._action_groups.append(self._optionals)
         self.add_argument("-h", "--help", action="help", help="Print this help and exit")
 
-    def explain(self, about: CommandHelp) -> None:
-        """Add description, usage, examples and exit codes; call it after declaring all options."""
+    def declare(self, about: Command) -> None:
+        """Add a command's options, description, usage, examples and exit codes."""
+        for add in about.options:
+            add(self)
         self.about, self.description = about, about.description
         self.usage = usage(self)
         examples = [f"  # {what}\n  {line}" for what, line in about.examples.items()]
@@ -137,6 +159,11 @@ def group(command: argparse.ArgumentParser, title: str) -> argparse._ArgumentGro
     """Return the option group of a title; create it if it is missing."""
     groups = (one for one in command._action_groups if one.title == title)
     return next(groups, None) or command.add_argument_group(title)
+
+
+def option(title: str, *names: str, **settings: Any) -> Option:
+    """Return an option in the group of a title; `settings` are those of `add_argument`."""
+    return lambda command: group(command, title).add_argument(*names, **settings)
 
 
 def usage(command: argparse.ArgumentParser) -> str:

@@ -1,7 +1,7 @@
-"""The command line, `crosscheck COMMAND`; each command is a module of `harness.interfaces.cli`.
+"""The command line, `crosscheck COMMAND`.
 
-The module of that name in `harness.interfaces.cli.parsers` declares its arguments and its help.
-Modules that parsing does not need are imported after it.
+`commands.COMMANDS` declares the commands, and entry points add those of extras and other packages.
+The module with a command's function is imported after parsing.
 """
 
 from __future__ import annotations
@@ -13,47 +13,16 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, TextIO, cast
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TextIO, cast
 
+from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
-from physics_crosscheck.harness.interfaces.cli.help import CommandParser, suggestion
+from physics_crosscheck.harness.interfaces.cli.help import Command, CommandParser, suggestion
 from physics_crosscheck.harness.jobs.environment import claim_defaults
 from physics_crosscheck.harness.jobs.stop import Stopped, raising
-
-COMMAND_GROUPS: Mapping[str, Mapping[str, str]] = {
-    "Check models": {
-        "run": "Check model files against their equations of motion",
-        "demo": "Check the built-in example systems",
-        "list": "List the cases that run would check",
-        "audit": "Check the numbers of model files without running motions",
-        "sweep": "Check variants: parameters, time steps, integrators, engines",
-        "mutate": "Plant known faults and report which ones the checks detect",
-    },
-    "Compare": {
-        "compare": "Compare two model files without declared equations",
-        "versions": "Compare several versions of an engine",
-    },
-    "Keep a baseline": {
-        "gate": "Run changed models and compare them with the baseline",
-        "review": "Accept or reject changes one by one",
-        "accept": "Accept the current results as the baseline",
-    },
-    "Create models and reports": {
-        "new": "Create a system folder, optionally from a model file",
-        "derive": "Print equations of motion, linearization and modes",
-        "report": "Create the HTML report, or compare two runs",
-    },
-    "Set up": {
-        "explain": "Explain a message code, and what to do",
-        "engines": "List engines, their versions and capabilities",
-        "completion": "Print a shell completion script",
-    },
-}
-"""Purpose of each command by its name, in the groups that help shows."""
-
-COMMANDS = {name: text for group in COMMAND_GROUPS.values() for name, text in group.items()}
 
 DESCRIPTION = """\
 Check whether physics model files are right, to nine digits.
@@ -100,10 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parse_and_run(given: Sequence[str]) -> int:
-    parser = build_parser(given[:1])
+    commands = _commands_for(given)
+    parser = build_parser(commands, given[:1])
     for name in given[:1]:
-        if name in COMMANDS:
-            _apply_settings(subparsers(parser)[name], name)
+        if name in commands:
+            _apply_settings(subparsers(parser)[name], commands[name])
     if COMPLETING in os.environ:
         complete(parser)
     _check_first(parser, given)
@@ -115,7 +85,17 @@ def _parse_and_run(given: Sequence[str]) -> int:
         return AGREE
     for note in getattr(options, "settings_notes", ()):
         print(f"crosscheck: {note}", file=sys.stderr)
-    return _guarded(options)
+    return _guarded(commands[options.command], options)
+
+
+def _commands_for(given: Sequence[str]) -> Mapping[str, Command]:
+    """Return the commands that a command line needs: registered ones for help and other names."""
+    if given and (given[0] in COMMANDS or given[0] == "--version"):
+        return COMMANDS
+    # Imported here: a command of this program does not need to look for others.
+    from physics_crosscheck.harness.interfaces.cli.registry import all_commands
+
+    return all_commands()
 
 
 def _check_first(parser: CommandParser, given: Sequence[str]) -> None:
@@ -139,18 +119,18 @@ def _file_error(error: OSError) -> str:
     return f"{error.filename}: cannot be read or written: {error.strerror}. {remedy}"
 
 
-def _guarded(options: argparse.Namespace) -> int:
+def _guarded(command: Command, options: argparse.Namespace) -> int:
     """Run a command; on GitHub, keep names in its output from acting as workflow commands."""
     is_github = getattr(options, "format", "") == "github"
     if not is_github and os.environ.get("GITHUB_ACTIONS", "").lower() != "true":
-        return _run(options)
+        return _run(command, options)
     from physics_crosscheck.harness.results.github import plain_logs
 
     with plain_logs():
-        return _run(options)
+        return _run(command, options)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(command: Command, options: argparse.Namespace) -> int:
     # Imported here: help alone needs no records, and they take longest to import.
     from physics_crosscheck.harness.baseline.store import BaselineError
     from physics_crosscheck.harness.jobs.executor import ClusterError
@@ -158,8 +138,7 @@ def _run(options: argparse.Namespace) -> int:
     from physics_crosscheck.harness.records.read import ResultsError
 
     try:
-        code: int = _module(options.command).main(options)
-        return code
+        return _function(command)(options)
     except (FolderError, ResultsError, ClusterError) as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return USAGE
@@ -178,30 +157,29 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def build_parser(commands: Collection[str]) -> CommandParser:
+def build_parser(commands: Mapping[str, Command], declared: Collection[str]) -> CommandParser:
     """Build the parser of the command line.
 
     Args:
-        commands: commands whose arguments are declared, which imports the possible values.
+        commands: all commands by name.
+        declared: commands whose options are declared, which imports the possible values.
     """
     parser = CommandParser(
         prog="crosscheck",
         usage="crosscheck COMMAND [options]",
-        description="\n".join([DESCRIPTION, *_command_lines()]),
+        description="\n".join([DESCRIPTION, *_command_lines(commands)]),
         epilog=EPILOG,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="Print the version and exit")
     commands_parser = parser.add_subparsers(
         dest="command", metavar="COMMAND", help=argparse.SUPPRESS
     )
-    for name, text in COMMANDS.items():
-        command = commands_parser.add_parser(name, prog=f"crosscheck {name}", help=text)
-        if name in commands:
-            declared = importlib.import_module(
-                f"physics_crosscheck.harness.interfaces.cli.parsers.{name}"
-            )
-            declared.add(command)
-            command.explain(declared.ABOUT)
+    for name, command in commands.items():
+        subparser = commands_parser.add_parser(
+            name, prog=f"crosscheck {name}", help=command.purpose
+        )
+        if name in declared:
+            subparser.declare(command)
     return parser
 
 
@@ -213,26 +191,28 @@ def subparsers(parser: CommandParser) -> Mapping[str, CommandParser]:
     return {}
 
 
-def _command_lines() -> Iterator[str]:
-    width = max(map(len, COMMANDS)) + 2
-    for title, group in COMMAND_GROUPS.items():
+def _command_lines(commands: Mapping[str, Command]) -> Iterator[str]:
+    width = max(map(len, commands)) + 2
+    for title, group in groupby(commands.items(), lambda item: item[1].group):
         yield from ("", f"{title}:")
-        for name, text in group.items():
-            yield f"  {name:<{width}}{text}"
+        for name, command in group:
+            yield f"  {name:<{width}}{command.purpose}"
 
 
-def _apply_settings(command: CommandParser, name: str) -> None:
+def _apply_settings(parser: CommandParser, command: Command) -> None:
     """Make a project's settings the defaults of a command."""
     from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 
     try:
-        apply(command, name)
+        apply(parser, command.settings)
     except SettingsError as error:
-        command.exit(USAGE, f"crosscheck: {error}\n")
+        parser.exit(USAGE, f"crosscheck: {error}\n")
 
 
-def _module(name: str) -> Any:
-    return importlib.import_module(f"physics_crosscheck.harness.interfaces.cli.{name}")
+def _function(command: Command) -> Callable[[argparse.Namespace], int]:
+    module, _, name = command.function.partition(":")
+    function: Callable[[argparse.Namespace], int] = getattr(importlib.import_module(module), name)
+    return function
 
 
 if __name__ == "__main__":

@@ -9,16 +9,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Mapping
+from itertools import groupby
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli.arguments import SCHEDULER
 from physics_crosscheck.harness.interfaces.cli.help import CommandParser, metavar
-from physics_crosscheck.harness.interfaces.cli.main import (
-    COMMAND_GROUPS,
-    COMMANDS,
-    build_parser,
-    subparsers,
-)
+from physics_crosscheck.harness.interfaces.cli.main import build_parser, subparsers
+from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
 from physics_crosscheck.harness.interfaces.cli.settings import SETTINGS
 from physics_crosscheck.harness.records.write import write_whole
 
@@ -66,7 +63,8 @@ _VARIABLES = f"""
 
 def command_line_page() -> str:
     """Return the page of all commands."""
-    with_options = subparsers(build_parser(COMMANDS))
+    commands = built_in_commands()
+    parsers = subparsers(build_parser(commands, commands))
     lines = [
         "# Command line",
         "",
@@ -76,26 +74,29 @@ def command_line_page() -> str:
         "",
         "Values in brackets are defaults. [Settings](configuration.md) can change them.",
     ]
-    for title, commands in COMMAND_GROUPS.items():
+    for title, items in groupby(commands.items(), lambda item: item[1].group):
+        group = dict(items)
         lines += ["", f"## {title}", "", "| Command | Purpose |", "|---|---|"]
-        lines += [f"| [`{name}`](#crosscheck-{name}) | {commands[name]} |" for name in commands]
-        for name in commands:
-            lines += ["", *_command_lines(name, with_options[name])]
+        lines += [f"| [`{name}`](#crosscheck-{name}) | {group[name].purpose} |" for name in group]
+        for name in group:
+            lines += ["", *_command_lines(name, parsers[name])]
     return "\n".join(lines) + "\n"
 
 
 def configuration_page() -> str:
     """Return the page of all settings."""
-    parsers = subparsers(build_parser(COMMANDS))
+    commands = built_in_commands()
+    parsers = subparsers(build_parser(commands, commands))
     lines = ["| Setting | Type | Default | Meaning | Commands |", "|---|---|---|---|---|"]
     for key, setting in SETTINGS.items():
         by_default: dict[str, list[str]] = {}
         meaning = ""
-        for name in sorted(setting.commands):
+        users = sorted(name for name, command in commands.items() if key in command.settings)
+        for name in users:
             meaning, default = _meaning_and_default(_action(parsers[name], setting.argument))
             by_default.setdefault(default, []).append(name)
-        commands = ", ".join(f"`{name}`" for name in sorted(setting.commands))
-        row = [f"`{key}`", setting.kind, _defaults(by_default), meaning, commands]
+        names = ", ".join(f"`{name}`" for name in users)
+        row = [f"`{key}`", setting.kind, _defaults(by_default), meaning, names]
         lines.append(f"| {' | '.join(row)} |")
     return f"{_CONFIGURATION}\n" + "\n".join(lines) + "\n" + _VARIABLES
 

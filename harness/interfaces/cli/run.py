@@ -20,7 +20,12 @@ from physics_crosscheck.harness.interfaces.cli.targets import (
 )
 from physics_crosscheck.harness.interfaces.cli.watch import Ran, watch
 from physics_crosscheck.harness.jobs.stop import asking
-from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.modelfiles.folders import (
+    FolderError,
+    builtin,
+    check_engines,
+    system_folders,
+)
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
@@ -57,6 +62,12 @@ def main(options: argparse.Namespace) -> int:
     if options.format != "text":
         raise FolderError(f"--watch prints text, not {options.format}; leave one of both out")
     return watch(wanted, partial(_run, options))
+
+
+def demo(options: argparse.Namespace) -> int:
+    """Run all built-in systems."""
+    options.folders = [str(folder) for folder in system_folders([str(builtin())])]
+    return main(options)
 
 
 def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results], Results]) -> Ran:

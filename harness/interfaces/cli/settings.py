@@ -14,7 +14,7 @@ import argparse
 import json
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -41,13 +41,11 @@ class Setting:
         argument: argparse's name of the argument whose default it sets.
         kind: type of its value, as the documentation names it.
         read: converts its value.
-        commands: commands that use it.
     """
 
     argument: str
     kind: str
     read: Read
-    commands: frozenset[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +80,12 @@ class _SettingsFile:
         return SettingsError(f"{self.path}{line}: {TABLE} {message}")
 
 
-def apply(command: argparse.ArgumentParser, name: str) -> None:
+def apply(parser: argparse.ArgumentParser, settings: Collection[str]) -> None:
     """Make a project's settings the defaults of a command, and mention the file in its help.
+
+    Args:
+        parser: the command's parser.
+        settings: keys of the settings that the command uses.
 
     Raises:
         SettingsError: for a file that can't be read, an unknown setting, or an invalid value.
@@ -93,15 +95,13 @@ def apply(command: argparse.ArgumentParser, name: str) -> None:
     if file is not None:
         read = {key: _read(file, key, value) for key, value in file.table.items()}
         defaults = {
-            SETTINGS[key].argument: default
-            for key, default in read.items()
-            if name in SETTINGS[key].commands
+            SETTINGS[key].argument: default for key, default in read.items() if key in settings
         }
     if file is not None and defaults:
-        keys = ", ".join(key for key in file.table if name in SETTINGS[key].commands)
-        command.epilog = f"Defaults from {file.path}: {keys}.\n\n{command.epilog or ''}"
+        keys = ", ".join(key for key in file.table if key in settings)
+        parser.epilog = f"Defaults from {file.path}: {keys}.\n\n{parser.epilog or ''}"
         notes = (*notes, f"settings from {file.path}")
-    command.set_defaults(**defaults, settings_notes=notes)
+    parser.set_defaults(**defaults, settings_notes=notes)
 
 
 def _read(file: _SettingsFile, key: str, value: object) -> object:
@@ -220,53 +220,25 @@ def _switch(value: object, _: Path) -> bool:
     return value
 
 
-_RUN = frozenset({"run"})
-_RUNNING = _RUN | frozenset({"gate", "accept", "review"})
-_TIMED = _RUNNING | {"audit", "derive", "compare", "versions", "mutate"}
-
 SETTINGS: Mapping[str, Setting] = MappingProxyType(
     {
-        "folders": Setting(
-            argument="folders",
-            kind="list of paths or names",
-            read=_folders,
-            commands=_RUNNING | {"list"},
-        ),
-        "engines": Setting(
-            argument="engine",
-            kind="list of names",
-            read=_names,
-            commands=_RUNNING | {"list", "audit", "mutate"},
-        ),
+        "folders": Setting(argument="folders", kind="list of paths or names", read=_folders),
+        "engines": Setting(argument="engine", kind="list of names", read=_names),
         "resolution": Setting(
-            argument="resolution",
-            kind="number",
-            read=_of_text(arguments.resolution),
-            commands=_RUNNING | {"compare", "versions"},
+            argument="resolution", kind="number", read=_of_text(arguments.resolution)
         ),
-        "limit": Setting(
-            argument="limit", kind="number", read=_of_text(arguments.seconds), commands=_TIMED
-        ),
-        "memory": Setting(
-            argument="memory", kind="number", read=_of_text(arguments.memory), commands=_TIMED
-        ),
-        "jobs": Setting(
-            argument="jobs",
-            kind="whole number",
-            read=_of_text(arguments.positive),
-            commands=_RUNNING | {"audit", "versions", "mutate"},
-        ),
-        "cache": Setting(argument="cache", kind="path", read=_path, commands=_RUN | {"audit"}),
-        "baseline": Setting(argument="baseline", kind="path", read=_path, commands=_RUNNING),
-        "out": Setting(argument="out", kind="path", read=_path, commands=_RUN),
-        "strict": Setting(argument="strict", kind="boolean", read=_switch, commands=_RUN),
-        "history": Setting(argument="history", kind="boolean", read=_switch, commands=_RUN),
-        "require-engines": Setting(
-            argument="require_engines", kind="boolean", read=_switch, commands=_RUN
-        ),
+        "limit": Setting(argument="limit", kind="number", read=_of_text(arguments.seconds)),
+        "memory": Setting(argument="memory", kind="number", read=_of_text(arguments.memory)),
+        "jobs": Setting(argument="jobs", kind="whole number", read=_of_text(arguments.positive)),
+        "cache": Setting(argument="cache", kind="path", read=_path),
+        "baseline": Setting(argument="baseline", kind="path", read=_path),
+        "out": Setting(argument="out", kind="path", read=_path),
+        "strict": Setting(argument="strict", kind="boolean", read=_switch),
+        "history": Setting(argument="history", kind="boolean", read=_switch),
+        "require-engines": Setting(argument="require_engines", kind="boolean", read=_switch),
     }
 )
-"""All settings, by their names in the file."""
+"""All settings, by their names in the file. The table of commands names those of each."""
 
 _REFUSED: Mapping[str, str] = MappingProxyType(
     {

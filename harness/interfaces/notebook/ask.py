@@ -11,23 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.extras.notebook import motions
-from physics_crosscheck.harness.extras.notebook.columns import Columns
-from physics_crosscheck.harness.extras.notebook.motions import (
+from physics_crosscheck.harness.interfaces.notebook import motions
+from physics_crosscheck.harness.interfaces.notebook.columns import Columns
+from physics_crosscheck.harness.interfaces.notebook.motions import (
     MotionRequest,
     Simulated,
     Solved,
     is_number,
     start_from,
 )
-from physics_crosscheck.harness.extras.notebook.subject import (
+from physics_crosscheck.harness.interfaces.notebook.subject import (
     Name,
     NotebookSubject,
     engine_for,
     model_named,
     system_named,
 )
-from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Workers

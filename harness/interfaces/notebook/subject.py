@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
-from physics_crosscheck.harness.extras.notebook.trajectory import MotionError
+from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import FORMATS, check_engines, system_folders
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, model_files

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physics_crosscheck.harness.extras.notebook.markup import (
+from physics_crosscheck.harness.interfaces.notebook.markup import (
     Indices,
     block,
     curve,
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.extras.notebook.markup import (
     shown,
     table,
 )
-from physics_crosscheck.harness.extras.notebook.optional import frame, new_axes
+from physics_crosscheck.harness.interfaces.notebook.optional import frame, new_axes
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.numeric import Array
 

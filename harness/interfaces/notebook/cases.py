@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from physics_crosscheck.harness.extras.notebook.markup import (
+from physics_crosscheck.harness.interfaces.notebook.markup import (
     badge,
     block,
     line,
@@ -19,8 +19,8 @@ from physics_crosscheck.harness.extras.notebook.markup import (
     shown,
     table,
 )
-from physics_crosscheck.harness.extras.notebook.optional import new_axes
-from physics_crosscheck.harness.extras.notebook.trajectory import (
+from physics_crosscheck.harness.interfaces.notebook.optional import new_axes
+from physics_crosscheck.harness.interfaces.notebook.trajectory import (
     MotionError,
     Trajectory,
     units_of_rates,

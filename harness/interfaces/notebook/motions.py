@@ -15,9 +15,9 @@ from physics_crosscheck.harness.checks.robot_record import settings_of
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.notebook.columns import Columns
-from physics_crosscheck.harness.extras.notebook.subject import NotebookSubject, sidecar_of
-from physics_crosscheck.harness.extras.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.harness.interfaces.notebook.columns import Columns
+from physics_crosscheck.harness.interfaces.notebook.subject import NotebookSubject, sidecar_of
+from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.readers import read_robot

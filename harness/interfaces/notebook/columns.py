@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.extras.notebook.trajectory import units_of_rates
+from physics_crosscheck.harness.interfaces.notebook.trajectory import units_of_rates
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.dynamics.tree_equations import ROUNDING_MARGIN, TreeEquations

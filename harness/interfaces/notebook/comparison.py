@@ -23,7 +23,7 @@ from physics_crosscheck.harness.compare.compare import (
 from physics_crosscheck.harness.compare.compare import compare as compared
 from physics_crosscheck.harness.compare.execute import FailureError, in_workers
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.extras.notebook.markup import (
+from physics_crosscheck.harness.interfaces.notebook.markup import (
     badge,
     block,
     line,
@@ -31,9 +31,9 @@ from physics_crosscheck.harness.extras.notebook.markup import (
     shown,
     table,
 )
-from physics_crosscheck.harness.extras.notebook.motions import is_number
-from physics_crosscheck.harness.extras.notebook.optional import frame
-from physics_crosscheck.harness.extras.notebook.subject import Name
+from physics_crosscheck.harness.interfaces.notebook.motions import is_number
+from physics_crosscheck.harness.interfaces.notebook.optional import frame
+from physics_crosscheck.harness.interfaces.notebook.subject import Name
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Workers

@@ -18,6 +18,7 @@ from physics_crosscheck.harness.extras.sweep.run import (
 )
 from physics_crosscheck.harness.extras.sweep.store import RowsError, plan_of, read_rows
 from physics_crosscheck.harness.extras.sweep.summary import summary
+from physics_crosscheck.harness.extras.sweep.under_versions import under_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     AGREE,
@@ -27,7 +28,6 @@ from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     USAGE,
 )
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page
-from physics_crosscheck.harness.interfaces.cli.sweep_versions import under_versions
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.jobs.stop import Stop, asking
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines

@@ -1,0 +1,136 @@
+"""The command `crosscheck sweep`."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+
+from physics_crosscheck.harness.extras.versions.command import ENVIRONMENTS
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.help import INTERRUPTED, Command, group, option
+
+DESIGNS = ("latin", "sobol", "random")
+"""Designs of `harness.extras.sweep.draws` with a number of draws; importing them needs sympy."""
+
+
+def _steps(text: str) -> tuple[float, ...]:
+    """Return time steps above zero, each once."""
+    steps = tuple(arguments.seconds(part) for part in text.split(","))
+    if len(set(steps)) < len(steps):
+        raise argparse.ArgumentTypeError(f"must name each time step once, not {text}")
+    return steps
+
+
+def _single_case_or_summary(command: argparse.ArgumentParser) -> None:
+    either = group(command, "Output").add_mutually_exclusive_group()
+    either.add_argument(
+        "--only", type=int, default=None, metavar="INDEX", help="Run and print only this case"
+    )
+    either.add_argument(
+        "--summary",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="Summarize the rows in DIR without running anything",
+    )
+
+
+_VARIANTS = (
+    option(
+        "Variants",
+        "--vary",
+        action=arguments.AppendAction,
+        default=[],
+        metavar="NAME=VALUES",
+        help="Vary a number: LOW:HIGH[:log], x0.8:x1.25 (factors) or V1,V2; repeatable",
+    ),
+    option(
+        "Variants",
+        "--draws",
+        type=arguments.positive,
+        default=None,
+        metavar="N",
+        help="Number of draws [all combinations of listed values]",
+    ),
+    option(
+        "Variants",
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="Random seed of the draws [0]",
+    ),
+    option(
+        "Variants",
+        "--design",
+        choices=DESIGNS,
+        default=DESIGNS[0],
+        help=f"Sampling design of the draws [{DESIGNS[0]}]",
+    ),
+    option(
+        "Variants",
+        "--step",
+        type=_steps,
+        default=(),
+        metavar="SECONDS,...",
+        help="Time steps to try, in seconds [each model's own]",
+    ),
+    option(
+        "Variants",
+        "--integrator",
+        action=arguments.AppendAction,
+        default=[],
+        metavar="NAME",
+        help="Integrator to try; repeatable [each model's own]",
+    ),
+    option(
+        "Variants",
+        "--versions",
+        nargs="+",
+        default=[],
+        metavar=("NAME", "VERSION"),
+        help="Engine and versions to try, as VERSION or VERSION=ENVIRONMENT",
+    ),
+    option("Variants", "--under", nargs=2, default=[], help=argparse.SUPPRESS),
+)
+
+COMMAND = Command(
+    group="Check models",
+    purpose="Check variants: parameters, time steps, integrators, engines",
+    description="Check many variants of models: parameters, time steps, integrators, engines.\n"
+    "Write a row for each case, a summary and index.html; rerun to resume.",
+    examples={
+        "Draw a stiffness 100 times": "crosscheck sweep my_arm --vary k=20:200 --draws 100",
+        "Try two time steps of a folder": "crosscheck sweep my_arm --step 0.001,0.002",
+    },
+    exit_codes={
+        "0": "Every case agrees.",
+        "1": "A case differs or is unresolved; with --versions, a case changed.",
+        "2": "Wrong usage, an unknown target, or a name that nothing matches.",
+        "3": "A case failed, or rows are damaged.",
+        **INTERRUPTED,
+    },
+    options=(
+        partial(arguments.targets, required=False),
+        arguments.standalone,
+        *_VARIANTS,
+        arguments.engine,
+        option(
+            "Selection",
+            "--scenario",
+            action=arguments.AppendAction,
+            default=[],
+            metavar="NAME",
+            help="Scenario to run; repeatable [all]",
+        ),
+        ENVIRONMENTS,
+        arguments.resolution_of,
+        arguments.limits,
+        partial(arguments.jobs, default="2"),
+        arguments.scheduler,
+        partial(arguments.out, default="reports/sweep"),
+        _single_case_or_summary,
+    ),
+    function="physics_crosscheck.harness.extras.sweep.main:main",
+)

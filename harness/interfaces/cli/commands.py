@@ -1,0 +1,607 @@
+"""The table of commands. Each one's function is in a module of the same name.
+
+This module imports only what parsing needs, so help and completion load no sympy and no engine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.interfaces.cli.completion import SHELLS, completed_by
+from physics_crosscheck.harness.interfaces.cli.help import (
+    ARGUMENTS,
+    INTERRUPTED,
+    Command,
+    group,
+    option,
+)
+from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS
+
+_CLI = "physics_crosscheck.harness.interfaces.cli"
+
+_BASELINE_SETTINGS = ("folders", "engines", "resolution", "limit", "memory", "jobs", "baseline")
+"""Settings of commands that run models and compare them with the baseline."""
+
+
+def _verbosity(command: argparse.ArgumentParser) -> None:
+    verbosity = group(command, "Output").add_mutually_exclusive_group()
+    verbosity.add_argument(
+        "-q", "--quiet", action="store_true", help="Print only problems and the summary"
+    )
+    verbosity.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="Print a line for each finished case, and missing engines",
+    )
+
+
+_RUN_OPTIONS = (
+    arguments.engine,
+    arguments.words,
+    arguments.resolution_of,
+    option(
+        "Checks",
+        "--require-engines",
+        action="store_true",
+        help="Fail if a default engine is not installed",
+    ),
+    partial(arguments.out, default="reports"),
+    partial(arguments.output_format, formats=("text", "json", "github", "sarif")),
+    option(
+        "Output",
+        "--details",
+        action="store_true",
+        help="Print errors, coverage, linearizations and single steps too",
+    ),
+    _verbosity,
+    arguments.cache,
+    arguments.baseline,
+    arguments.limits,
+    arguments.jobs,
+    arguments.scheduler,
+)
+"""Options that `run` and `demo` share."""
+
+_RUN_CODES = {
+    "0": "Every case agrees, or its difference is accepted.",
+    "1": "A case differs or is unresolved, or a number in a file is wrong.",
+    "2": "Wrong usage, an unknown target, or a folder that is in use.",
+    "3": "A check could not run, nothing was tested, or --strict or --require-engines fails.",
+    **INTERRUPTED,
+}
+
+_SELECTION = (
+    partial(
+        arguments.folders,
+        required=False,
+        kinds="Folders and robot files",
+        default="those of the baseline",
+    ),
+    arguments.engine,
+    arguments.resolution_of,
+    arguments.limits,
+    arguments.jobs,
+    arguments.baseline,
+    arguments.diagnose,
+)
+"""Options that select cases, of `gate` and `review`."""
+
+
+def _demo_defaults(command: argparse.ArgumentParser) -> None:
+    """Set the options of `run` that make no sense for the built-in systems."""
+    command.set_defaults(
+        folders=[],
+        last_failed=False,
+        standalone=False,
+        resume=False,
+        watch=False,
+        history=False,
+        strict=False,
+        floating=False,
+        motion=0.0,
+        chosen_model="",
+    )
+
+
+def _start(text: str) -> dict[str, float]:
+    """Return the values of a start state, by coordinate."""
+    state = {}
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise argparse.ArgumentTypeError(f"must look like theta=1.5, not {part!r}")
+        state[name.strip()] = number
+    return state
+
+
+def _message_codes(command: argparse.ArgumentParser) -> None:
+    codes = command.add_argument(
+        "codes", nargs="*", metavar="CODE", help="Message codes or names [list all]"
+    )
+    completed_by(codes, _all_codes)
+
+
+def _all_codes(**_: object) -> Iterable[str]:
+    from physics_crosscheck.harness.records.codes import codes
+
+    return codes()
+
+
+COMMANDS: Mapping[str, Command] = {
+    "run": Command(
+        group="Check models",
+        purpose="Check model files against their equations of motion",
+        description="Check model files against their equations of motion, in every engine.\n"
+        "Write results.json and the report index.html.",
+        examples={
+            "Check one robot file": "crosscheck run robot.urdf",
+            "Check a folder in MuJoCo, and reuse results": "crosscheck run my_arm --engine mujoco"
+            " --cache .cache",
+        },
+        exit_codes=_RUN_CODES,
+        options=(
+            partial(arguments.targets, required=False, default=arguments.BELOW),
+            *_RUN_OPTIONS,
+            arguments.robot_options,
+            arguments.motion,
+            arguments.strict,
+            option(
+                "Selection",
+                "--last-failed",
+                action="store_true",
+                help="Run only cases that did not pass in the last run",
+            ),
+            option(
+                "Output",
+                "--history",
+                action="store_true",
+                help="Record each run in DIR/history for the report's plots",
+            ),
+            option(
+                "Output",
+                "--watch",
+                action="store_true",
+                help="Rerun affected models when a file is saved; Ctrl-C ends",
+            ),
+            option(
+                "Caching",
+                "--resume",
+                action="store_true",
+                help="Resume an interrupted run; cases whose files changed run again",
+            ),
+        ),
+        function=f"{_CLI}.run:main",
+        settings=(*_BASELINE_SETTINGS, "cache", "out", "strict", "history", "require-engines"),
+    ),
+    "demo": Command(
+        group="Check models",
+        purpose="Check the built-in example systems",
+        description="Check the six built-in example systems in every engine.\n"
+        "Write results.json and the report index.html.",
+        examples={
+            "Check all of them": "crosscheck demo",
+            "Check the driven cases in MuJoCo": "crosscheck demo -k driven --engine mujoco",
+        },
+        exit_codes=_RUN_CODES,
+        options=(*_RUN_OPTIONS, _demo_defaults),
+        function=f"{_CLI}.run:demo",
+    ),
+    "list": Command(
+        group="Check models",
+        purpose="List the cases that run would check",
+        description="List the cases that `crosscheck run` would check.\n"
+        "Each case has a name: SYSTEM/MODEL/SCENARIO [ENGINE]. Nothing runs.",
+        examples={
+            "List the cases of a folder and of a robot file": "crosscheck list my_arm robot.urdf",
+            "List the driven cases in MuJoCo": "crosscheck list -k driven --engine mujoco",
+        },
+        exit_codes={
+            "0": "The cases were listed.",
+            "2": "Wrong usage, an unknown target, or no such case.",
+            **INTERRUPTED,
+        },
+        options=(
+            partial(arguments.targets, required=False, default=arguments.BELOW),
+            arguments.engine,
+            arguments.words,
+            arguments.robot_options,
+            partial(arguments.output_format, formats=("text", "json")),
+        ),
+        function=f"{_CLI}.list:main",
+        settings=("folders", "engines"),
+    ),
+    "audit": Command(
+        group="Check models",
+        purpose="Check the numbers of model files without running motions",
+        description="Check the numbers of model files and engines without running motions.\n"
+        "Print each wrong number with its file and line.",
+        examples={
+            "Audit every model of a folder, and a robot file": "crosscheck audit my_arm robot.urdf",
+            "Audit one model in one engine": "crosscheck audit my_arm/arm.xml --engine mujoco",
+        },
+        exit_codes={
+            "0": "No number is wrong.",
+            "1": "A number is wrong.",
+            "2": "Wrong usage, or an unknown target.",
+            "3": "An audit failed, or no engine of the models is installed.",
+            **INTERRUPTED,
+        },
+        options=(
+            partial(arguments.targets, required=True),
+            arguments.engine,
+            arguments.robot_options,
+            arguments.limits,
+            arguments.jobs,
+            arguments.cache,
+        ),
+        function=f"{_CLI}.audit:main",
+        settings=("engines", "limit", "memory", "jobs", "cache"),
+    ),
+    "mutate": Command(
+        group="Check models",
+        purpose="Plant known faults and report which ones the checks detect",
+        description="Plant known faults in models and report which ones the checks detect.\n"
+        "Your files stay as they are: every fault goes into a copy.",
+        examples={
+            "Plant faults in a robot file": "crosscheck mutate robot.urdf --engine mujoco",
+            "Keep every result for a program": "crosscheck mutate my_arm --json faults.json",
+        },
+        exit_codes={
+            "0": "Every fault that motions can show was detected.",
+            "1": "A fault was missed, or a correct model was reported as wrong.",
+            "2": "Wrong usage, or an unknown target.",
+            "3": "A model was wrong before any fault, or no fault could be planted.",
+            **INTERRUPTED,
+        },
+        options=(
+            partial(arguments.targets, required=True),
+            arguments.engine,
+            arguments.robot_options,
+            partial(arguments.limits, seconds_each=FAULT_SECONDS),
+            partial(arguments.jobs, default="2"),
+            arguments.json_file,
+        ),
+        function=f"{_CLI}.mutate:main",
+        settings=("engines", "limit", "memory", "jobs"),
+    ),
+    "compare": Command(
+        group="Compare",
+        purpose="Compare two model files without declared equations",
+        description="Compare two model files of one mechanism, without declared equations.\n"
+        "Print whether they move alike, and the numbers that differ.",
+        examples={
+            "Compare two files": "crosscheck compare robot.urdf robot.xml",
+            "Compare one file in two engines": "crosscheck compare a.urdf a.urdf"
+            " --engine-b pybullet",
+        },
+        exit_codes={
+            "0": "The models agree.",
+            "1": "They differ, the result is unresolved, or --strict was not met.",
+            "2": "Wrong usage, or joints that cannot be paired.",
+            "3": "A model could not be read or run, or an engine is not installed.",
+            **INTERRUPTED,
+        },
+        options=(
+            option(ARGUMENTS, "a", type=Path, metavar="A", help="First model file"),
+            option(ARGUMENTS, "b", type=Path, metavar="B", help="Second model file"),
+            option("Selection", "--engine", metavar="NAME", help="Engine of both models"),
+            option("Selection", "--engine-a", metavar="NAME", help="Engine of A"),
+            option("Selection", "--engine-b", metavar="NAME", help="Engine of B"),
+            option(
+                "Comparison",
+                "--joints",
+                default="",
+                metavar="A=B,...",
+                help="Pair joints of A and B, e.g. hip=j1,knee=-j2 [by name]",
+            ),
+            option(
+                "Comparison",
+                "--map",
+                type=Path,
+                metavar="FILE",
+                help="TOML file: [joints] gives joints of B as expressions of A's",
+            ),
+            option(
+                "Comparison",
+                "--start",
+                action="append",
+                default=[],
+                type=_start,
+                metavar="JOINT=VALUE,...",
+                help="Start state, e.g. j=1,j_dot=0; repeatable [drawn within joint limits]",
+            ),
+            option(
+                "Comparison",
+                "--include-constraints",
+                action="store_true",
+                help="Include contacts, joint limits, dry friction and couplings",
+            ),
+            arguments.floating,
+            arguments.resolution_of,
+            arguments.strict,
+            arguments.json_file,
+            arguments.limits,
+        ),
+        function=f"{_CLI}.compare:main",
+        settings=("resolution", "limit", "memory"),
+    ),
+    "gate": Command(
+        group="Keep a baseline",
+        purpose="Run changed models and compare them with the baseline",
+        description="Run the models that changed and compare them with the accepted baseline.\n"
+        "Write gate.json and summary.md. Made for CI.",
+        examples={
+            "Check what changed since the baseline": "crosscheck gate",
+            "Run every case of one folder": "crosscheck gate my_arm --all",
+        },
+        exit_codes={
+            "0": "Every case is as accepted.",
+            "1": "A case changed, is new, or is missing.",
+            "2": "Wrong usage, or an unknown folder.",
+            "3": "A case could not run, nothing ran, or the baseline is unreadable.",
+            **INTERRUPTED,
+        },
+        options=(
+            *_SELECTION,
+            option(
+                "Selection",
+                "--all",
+                action="store_true",
+                dest="every",
+                help="Run every case, changed or not",
+            ),
+            partial(arguments.out, default="reports/gate"),
+        ),
+        function=f"{_CLI}.gate:main",
+        settings=_BASELINE_SETTINGS,
+    ),
+    "review": Command(
+        group="Keep a baseline",
+        purpose="Accept or reject changes one by one",
+        description="Show each change since the baseline and ask you to accept or reject it.\n"
+        "Accepted results go into the baseline. Needs a terminal.",
+        examples={
+            "Review all changes": "crosscheck review",
+            "Review one folder, with causes": "crosscheck review my_arm --diagnose",
+        },
+        exit_codes={
+            "0": "Every change was accepted, or nothing had changed.",
+            "1": "A change was rejected or left undecided.",
+            "2": "Wrong usage, an unknown folder, or no terminal.",
+            "3": "A case could not run, or the baseline could not be read or written.",
+            **INTERRUPTED,
+        },
+        options=_SELECTION,
+        function=f"{_CLI}.review:main",
+        settings=_BASELINE_SETTINGS,
+    ),
+    "accept": Command(
+        group="Keep a baseline",
+        purpose="Accept the current results as the baseline",
+        description="Accept the current results as the baseline, with a reason.\n"
+        "Models that changed run first; the baseline folder gets the results.",
+        examples={
+            "Accept a robot file": "crosscheck accept robot.urdf --reason 'First baseline'",
+            "Accept the cases of one model": "crosscheck accept --reason 'Mass fixed'"
+            " 'arm/arm.urdf/*'",
+        },
+        exit_codes={
+            "0": "The results were accepted, or nothing had changed.",
+            "2": "Wrong usage, an unknown folder or case, or a run in CI.",
+            "3": "A case could not run, or the baseline could not be read or written.",
+            **INTERRUPTED,
+        },
+        options=(
+            option(
+                ARGUMENTS,
+                "cases",
+                nargs="*",
+                metavar="TARGET",
+                help="Folders, robot files or cases, e.g. 'arm/arm.urdf/*' [all]",
+            ),
+            option(
+                "Baseline",
+                "--reason",
+                required=True,
+                metavar="TEXT",
+                help="Reason, stored in the baseline (required)",
+            ),
+            option(
+                "Selection",
+                "--folder",
+                action=arguments.AppendAction,
+                default=[],
+                dest="folders",
+                metavar="FOLDER",
+                help="Folder or robot file; repeatable [those of the baseline]",
+            ),
+            arguments.engine,
+            partial(arguments.floating, default="as accepted"),
+            partial(arguments.chosen_model, default="as accepted"),
+            arguments.resolution_of,
+            arguments.limits,
+            arguments.jobs,
+            arguments.baseline,
+            option(
+                "Output",
+                "-v",
+                "--verbose",
+                action="store_true",
+                help="Print a line for each accepted case",
+            ),
+        ),
+        function=f"{_CLI}.accept:main",
+        settings=_BASELINE_SETTINGS,
+    ),
+    "new": Command(
+        group="Create models and reports",
+        purpose="Create a system folder, optionally from a model file",
+        description="Create a system folder with comments that explain every part.\n"
+        "It runs as it is; with --from, it declares the bodies of your model.",
+        examples={
+            "Create an example to edit": "crosscheck new my_arm",
+            "Create a folder from a model file": "crosscheck new my_arm --from arm.urdf",
+        },
+        exit_codes={
+            "0": "The folder was written.",
+            "2": "Wrong usage, or an unusable folder name.",
+            "3": "The model could not be read, or the folder could not be written.",
+        },
+        options=(
+            option(
+                ARGUMENTS,
+                "name",
+                metavar="NAME",
+                help="Folder to create; its name becomes the system's name",
+            ),
+            option(
+                "Robot files",
+                "--from",
+                dest="model",
+                type=Path,
+                default=None,
+                metavar="FILE",
+                help="Model file to start from: URDF, SDFormat or MJCF",
+            ),
+            arguments.floating,
+            arguments.chosen_model,
+        ),
+        function=f"{_CLI}.new:main",
+    ),
+    "derive": Command(
+        group="Create models and reports",
+        purpose="Print equations of motion, linearization and modes",
+        description="Print the equations of motion of system folders and robot files.\n"
+        "Folders that declare energies have linearizations, modes and errata, too.",
+        examples={
+            "Print the equations of a robot file": "crosscheck derive robot.urdf",
+            "Print those of a system folder as LaTeX": "crosscheck derive my_arm --latex",
+        },
+        exit_codes={
+            "0": "All equations were printed.",
+            "2": "Wrong usage, or an unknown target.",
+            "3": "The equations of a target could not be derived.",
+            **INTERRUPTED,
+        },
+        options=(
+            partial(arguments.targets, required=True),
+            arguments.robot_options,
+            arguments.limits,
+            option("Output", "--latex", action="store_true", help="Print LaTeX instead of text"),
+        ),
+        function=f"{_CLI}.derive:main",
+        settings=("limit", "memory"),
+    ),
+    "report": Command(
+        group="Create models and reports",
+        purpose="Create the HTML report, or compare two runs",
+        description="Create the HTML report of a finished run, or compare two runs.\n"
+        "Write index.html for one run, changes.html for two. Nothing runs.",
+        examples={
+            "Create the report of the last run": "crosscheck report",
+            "Compare two runs, the earlier one first": "crosscheck report old/ new/",
+        },
+        exit_codes={
+            "0": "The page was written; of two runs, nothing changed.",
+            "1": "The two runs differ.",
+            "2": "Wrong usage, unreadable results, or a page by another program.",
+            "3": "The page could not be written.",
+        },
+        options=(
+            option(
+                ARGUMENTS,
+                "results",
+                nargs="*",
+                type=Path,
+                metavar="RESULTS",
+                help="One or two results.json files, or their folders [reports]",
+            ),
+            option(
+                "Output",
+                "--out",
+                type=Path,
+                default=None,
+                metavar="DIR",
+                help="Folder for output files [RESULTS]",
+            ),
+            option(
+                "Output",
+                "--badge",
+                type=Path,
+                default=None,
+                metavar="FILE",
+                help="Also write a badge: .svg image or .json for shields.io",
+            ),
+        ),
+        function=f"{_CLI}.report:main",
+    ),
+    "explain": Command(
+        group="Set up",
+        purpose="Explain a message code, and what to do",
+        description="Explain a message code: cause, example and remedy.\n"
+        "Without a code, list all codes.",
+        examples={
+            "Explain one code": "crosscheck explain XC101",
+            "List all codes": "crosscheck explain",
+        },
+        exit_codes={"0": "The page was printed.", "2": "Wrong usage, or an unknown code."},
+        options=(_message_codes,),
+        function=f"{_CLI}.explain:main",
+    ),
+    "engines": Command(
+        group="Set up",
+        purpose="List engines, their versions and capabilities",
+        description="List the physics engines: version, file formats and capabilities.\n"
+        "For an engine that is missing, print the command that installs it.",
+        examples={
+            "List all engines": "crosscheck engines",
+            "Test the adapter of your own engine": "crosscheck engines --conformance my_engine",
+        },
+        exit_codes={
+            "0": "The engines were listed, or the adapter passed every test.",
+            "1": "The adapter failed a conformance test.",
+            "2": "Wrong usage, or an engine that is not installed.",
+        },
+        options=(
+            option(
+                "Checks",
+                "--conformance",
+                metavar="NAME",
+                help="Test this engine's adapter against the protocol, on its own samples",
+            ),
+        ),
+        function=f"{_CLI}.engines:main",
+    ),
+    "completion": Command(
+        group="Set up",
+        purpose="Print a shell completion script",
+        description="Print a shell script that completes crosscheck commands with Tab.\n"
+        "Add the matching example to the start-up file of your shell.",
+        examples={
+            "In ~/.bashrc": 'eval "$(crosscheck completion bash)"',
+            "In ~/.config/fish/config.fish": "crosscheck completion fish | source",
+        },
+        exit_codes={"0": "The script was printed.", "2": "Wrong usage."},
+        options=(
+            option(
+                ARGUMENTS,
+                "shell",
+                choices=SHELLS,
+                metavar="SHELL",
+                help=f"Shell: {', '.join(SHELLS)}",
+            ),
+        ),
+        function=f"{_CLI}.completion:main",
+    ),
+}
+"""The commands of this program by name, in the groups and the order that help shows."""
