@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +20,46 @@ from physics_crosscheck.harness.extras.versions.environments import (
 )
 
 WANTED = Requirement(engine="e", distribution="the-engine", version="1.2")
+
+UV = """#!{python}
+import json, os, pathlib, sys
+words = sys.argv[1:]
+if words[:1] == ["--directory"]:
+    os.chdir(words[1])
+    words = words[2:]
+with open({log!r}, "a") as log:
+    print(json.dumps(words), file=log)
+if words[0] == "venv":
+    python = pathlib.Path(words[-1], "bin", "python")
+    python.parent.mkdir(parents=True)
+    python.touch()
+elif words[1] == "compile":
+    pins = pathlib.Path(words[-1])
+    wanted = pathlib.Path(words[-3]).read_text()
+    if "2.0" in wanted:
+        sys.exit("error: No solution found when resolving dependencies:\\n  because of that")
+    preferred = [line for line in pins.read_text().splitlines() if line.startswith("numpy==")]
+    pins.write_text("\\n".join([*preferred, "a-dependency==3", wanted]))
+    print("Resolved 3 packages")
+"""
+"""An executable in place of uv, which logs its arguments."""
+
+
+@pytest.fixture(autouse=True)
+def programs(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The only folder of programs, which is empty."""
+    folder = tmp_path_factory.mktemp("programs")
+    monkeypatch.setenv("PATH", str(folder))
+    return folder
+
+
+@pytest.fixture
+def uv_log(programs: Path) -> Path:
+    """The log of an installed uv."""
+    log = programs / "log"
+    (programs / "uv").write_text(UV.format(python=sys.executable, log=str(log)))
+    (programs / "uv").chmod(0o755)
+    return log
 
 
 class Installer:
@@ -113,3 +155,31 @@ def test_beside_other_packages_it_is_another(monkeypatch: pytest.MonkeyPatch) ->
     assert folder_name(WANTED) == name
     monkeypatch.setattr("importlib.metadata.distributions", list)
     assert folder_name(WANTED) != name
+
+
+def test_uv_installs_what_the_shared_packages_do_not_satisfy(tmp_path: Path, uv_log: Path) -> None:
+    lines: list[str] = []
+    place = environment(WANTED, tmp_path, lines.append)
+    venv, resolve, install = map(json.loads, uv_log.read_text().splitlines())
+    assert venv == ["venv", "--python", sys.executable, str(place)]
+    assert resolve[:2] == ["pip", "compile"]
+    python = str(interpreter(place))
+    missing = ["a-dependency==3", "the-engine==1.2"]  # and not numpy, which is here
+    assert install == ["pip", "install", "--no-deps", "--python", python, *missing]
+    assert f"numpy=={importlib.metadata.version('numpy')}" in (place / "pins.txt").read_text()
+    (beside,) = place.rglob("*.pth")
+    assert "site.addsitedir(" in beside.read_text()
+    environment(WANTED, tmp_path, lines.append)
+    assert len(uv_log.read_text().splitlines()) == 3
+    assert sum(line.startswith(f"  {uv_log.parent / 'uv'} ") for line in lines) == 3
+
+
+@pytest.mark.usefixtures("uv_log")
+def test_an_error_of_uv_is_reported_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(EnvironmentError_, match=r"e 2\.0 can't be installed: error: No solution"):
+        environment(
+            Requirement(engine="e", distribution="the-engine", version="2.0"),
+            tmp_path,
+            lambda _: None,
+        )
+    assert [path for path in tmp_path.iterdir() if path.is_dir()] == []

@@ -1,4 +1,4 @@
-"""Environments, one per version of an engine, created once by `venv` and `pip` and reused.
+"""Environments, one per version of an engine, created once by uv or pip and reused.
 
 An environment holds the engine and those dependencies that are missing here or have an unsuitable
 version. A `.pth` file adds all other packages of this program. Two versions therefore run with the
@@ -12,6 +12,7 @@ import hashlib
 import importlib.metadata
 import json
 import os
+import re
 import shlex
 import shutil
 import site
@@ -86,13 +87,17 @@ def folder_name(wanted: Requirement) -> str:
     The name depends on the interpreter and on every package that the environment shares. It does
     not depend on this package's code.
     """
-    packages = sorted(
-        f"{one.metadata['Name']}=={one.version}" for one in importlib.metadata.distributions()
-    )
-    text = "\n".join([sys.version, sys.prefix, *site_folders(), *packages])
+    text = "\n".join([sys.version, sys.prefix, *site_folders(), *_packages_here()])
     key = hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest()[:8]
     python = f"py{sys.version_info.major}.{sys.version_info.minor}"
     return f"{wanted.distribution}-{wanted.version}-{python}-{key}"
+
+
+def _packages_here() -> list[str]:
+    """Return the packages that every environment shares, pinned."""
+    return sorted(
+        f"{one.metadata['Name']}=={one.version}" for one in importlib.metadata.distributions()
+    )
 
 
 def interpreter(place: Path) -> Path:
@@ -131,9 +136,15 @@ def environment(
 
 
 def _make(wanted: Requirement, place: Path, show_line: ShowLine, run: Execute) -> None:
+    def command(*words: str) -> None:
+        _command(words, wanted, show_line, run)
+
     show_line(f"{wanted}: its environment is made, once:")
-    python = str(interpreter(place))
-    _command([sys.executable, "-m", "venv", str(place)], wanted, show_line, run)
+    uv = shutil.which("uv")
+    if uv:
+        command(uv, "venv", "--python", sys.executable, str(place))
+    else:
+        command(sys.executable, "-m", "venv", str(place))
     lib = Path(sysconfig.get_path("purelib", "venv", {"base": str(place)}))
     lib.mkdir(parents=True, exist_ok=True)
     line = "; ".join(
@@ -141,9 +152,41 @@ def _make(wanted: Requirement, place: Path, show_line: ShowLine, run: Execute) -
     )
     show_line(f"  echo {shlex.quote(line)} > {shlex.quote(str(lib / _PATH_FILE))}")
     (lib / _PATH_FILE).write_text(f"{line}\n", encoding="utf-8")
-    pip = [python, "-m", "pip", "install", "--disable-pip-version-check", wanted.pinned]
-    _command(pip, wanted, show_line, run)
+    if uv:
+        _install_by_uv(uv, wanted, place, command)
+    else:
+        python = str(interpreter(place))
+        command(python, "-m", "pip", "install", "--disable-pip-version-check", wanted.pinned)
     write_whole(place / READY, f"{wanted.pinned}\n")
+
+
+def _install_by_uv(uv: str, wanted: Requirement, place: Path, command: Callable[..., None]) -> None:
+    """Install a version and the dependencies that the shared packages do not satisfy.
+
+    uv does not count packages that a `.pth` file adds, so it resolves first and prefers them. It
+    runs in the environment's folder, since the working folder may configure another index.
+    """
+    requirements, pins = place / "wanted.txt", place / "pins.txt"
+    here = [pin for pin in _packages_here() if _PIN.fullmatch(pin)]
+    requirements.write_text(f"{wanted.pinned}\n", encoding="utf-8")
+    pins.write_text("".join(f"{pin}\n" for pin in here), encoding="utf-8")
+    within = uv, "--directory", str(place)
+    resolve = "pip", "compile", "--no-header", "--no-annotate", "--python", sys.executable
+    command(*within, *resolve, requirements.name, "--output-file", pins.name)
+    shared = {_normalized(pin) for pin in here}
+    resolved = filter(_PIN.fullmatch, pins.read_text(encoding="utf-8").splitlines())
+    missing = [pin for pin in resolved if _normalized(pin) not in shared]
+    python = str(interpreter(place))
+    command(*within, "pip", "install", "--no-deps", "--python", python, *missing)
+
+
+_PIN = re.compile(r"[\w.-]+==\d[\w.!+-]*")
+
+
+def _normalized(pin: str) -> str:
+    """Return a pin with the name as PEP 503 compares it."""
+    name, _, version = pin.partition("==")
+    return f"{re.sub('[-_.]+', '-', name).lower()}=={version}"
 
 
 def _command(
@@ -160,8 +203,9 @@ def _command(
     if code == 0:
         return
     lines = [line.strip() for line in output.splitlines() if line.strip()]
-    errors = [line for line in lines if line.startswith("ERROR:")]
-    last = visible((errors or lines or [f"exit code {code}"])[-1])
+    errors = [line for line in lines if line.startswith("ERROR:")]  # pip's
+    causes = [line for line in lines if line.startswith(("╰─▶", "error:"))]  # uv's
+    last = visible((errors or causes or lines or [f"exit code {code}"])[-1])
     raise EnvironmentError_(
         f"{wanted} can't be installed: {last}; `{sys.executable} -m pip index versions"
         f" {wanted.distribution}` lists what there is for this Python; or name an environment that"
