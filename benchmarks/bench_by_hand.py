@@ -18,7 +18,6 @@ from benchmarks.bench_segments import sidecar_of
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 
 TARGETS = (1e-6, 1e-9)
@@ -59,11 +58,11 @@ def ours(resolution: float) -> float:
     """Seconds that the harness takes: equations derived, solved, and the model's limits taken."""
     began = time.perf_counter()
     prepared = prepare_system(builtin() / "mass_spring_damper", described=False)
-    motion, scale = prepared.motions["free"], prepared.scales["free"]
+    motion = prepared.motions["free"]
     sidecar = sidecar_of(prepared.place, "mujoco.xml")
     model, coordinates = load(prepared.system, sidecar, "mujoco")
-    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
-    assert float(np.max((found.limit.uncertainty + motion.bound) / scale)) < resolution
+    found = extrapolate(model, coordinates, motion, resolution=resolution)
+    assert float(np.max((found.limit.uncertainty + motion.bound) / motion.unit)) < resolution
     return time.perf_counter() - began
 
 

@@ -21,13 +21,12 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin, system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import CompleteRun, full_run
 from physics_crosscheck.harness.numerics.ladder import weights
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion, Segments
 
 REPEATS = 5
 Rollout = tuple[float, int, list[list[float]], list[list[float]], Array | None]
@@ -43,15 +42,15 @@ def sidecar_of(folder: Path, name: str) -> Sidecar:
 
 
 def segments(
-    batch: Batch, coordinates: CoordinateMap, rungs: Iterable[int], epsilon: float
+    batch: Segments, coordinates: CoordinateMap, rungs: Iterable[int], epsilon: float
 ) -> Iterator[Rollout]:
     """(h, n, states z and w, forces or None) of every rollout of a ladder, companions' as well."""
-    starts = with_companions(*coordinates.to_engine(batch.states), epsilon)
+    starts = with_companions(*coordinates.to_engine(batch.start), epsilon)
     lengths = batch.lengths[starts.rows]
     for rung in rungs:
         for length in np.unique(lengths):
             chosen = lengths == length
-            u = batch.inputs(starts.rows[chosen], rung) * starts.gain[chosen, None, None]
+            u = batch.step_inputs(starts.rows[chosen], rung) * starts.gain[chosen, None, None]
             push = coordinates.push_matrix if u.any() else None
             force = None if push is None else u @ push.T
             h = float(length) / rung
@@ -137,7 +136,7 @@ def paired(ours: Callable[[], object], theirs: Callable[[], object]) -> tuple[fl
 
 
 def loaded_ladder(
-    sidecar: Sidecar, engine: str, coordinates: CoordinateMap, batch: Batch
+    sidecar: Sidecar, engine: str, coordinates: CoordinateMap, batch: Segments
 ) -> Extrapolated:
     """A ladder with the loading of its model, which the bare loop has as well."""
     model = engines()[engine].load(sidecar.spec(engine))
@@ -151,13 +150,12 @@ def overhead(console: Console) -> dict[str, float]:
     cases += [("drum_pendulum", "free")]
     for name, scenario in cases:
         prepared = prepare_system(builtin() / name)
-        motion, scale = prepared.motions[scenario], prepared.scales[scenario]
+        batch = prepared.motions[scenario]
         for engine, file in MODELS.items():
             if engine == "pybullet" and name == "drum_pendulum":
                 file = "robot_folded.urdf"
             sidecar = sidecar_of(prepared.place, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            batch = Batch.of_motion(motion, scale)
             found = extrapolate(model, coordinates, batch, resolution=1e-9)
             work = list(segments(batch, coordinates, found.rungs, model.epsilon))
             assert sum(n * len(z) for _, n, z, _, _ in work) == found.steps
@@ -191,7 +189,7 @@ def largest_error(outcome: CompleteRun, size: Array) -> float:
     return float(np.max(np.abs(outcome.error[:, :1]) / size))
 
 
-def least(found: Extrapolated, motion: Motion, scale: Array, exponents: tuple[int, int]) -> int:
+def least(found: Extrapolated, motion: Motion, exponents: tuple[int, int]) -> int:
     """The steps of as many rungs as a limit takes that is right to the target, without companions.
 
     That is known to somebody alone who has the solution, and needs no uncertainty.
@@ -199,7 +197,7 @@ def least(found: Extrapolated, motion: Motion, scale: Array, exponents: tuple[in
     for count in range(1, len(found.rungs) + 1):
         rungs = found.rungs[:count]
         limit = np.tensordot(weights(rungs, exponents), found.raw[:count], axes=1)
-        if np.max(np.abs(limit - motion.end) / scale) <= TARGET:
+        if np.max(np.abs(limit - motion.end) / motion.unit) <= TARGET:
             break
     return len(motion.t) * sum(rungs)
 
@@ -242,15 +240,13 @@ def certification(console: Console) -> dict[str, float]:
     )
     for folder in system_folders([]):
         prepared = prepare_system(folder)
-        motion, scale = prepared.motions["free"], prepared.scales["free"]
+        motion = prepared.motions["free"]
         for engine, file in MODELS.items():
             sidecar = sidecar_of(folder, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            found = extrapolate(
-                model, coordinates, Batch.of_motion(motion, scale), resolution=TARGET
-            )
-            certified = float(np.max((found.limit.uncertainty + motion.bound) / scale))
-            fewest = least(found, motion, scale, model.exponents(motion.varying))
+            found = extrapolate(model, coordinates, motion, resolution=TARGET)
+            certified = float(np.max((found.limit.uncertainty + motion.bound) / motion.unit))
+            fewest = least(found, motion, model.exponents(motion.varying))
             run_at = partial(full_run, model, coordinates, motion, prepared.numeric_power)
             needed, order = refined(motion, run_at, model.step)
             table.add_row(

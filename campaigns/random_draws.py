@@ -31,7 +31,6 @@ from physics_crosscheck.harness.modelfiles.bindings import at_constants, with_co
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
@@ -39,7 +38,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 
 Pairing = tuple[Path, Sidecar, str]
@@ -102,19 +101,19 @@ def judge_at(pairing: Pairing, constants: Mapping[str, float], scenario: str, in
     motion = solve(equations, replace(drawn.scenario(scenario), duration=DURATION))
     copy = with_constants(system, sidecar, constants, into)
     model, coordinates = load(drawn, copy, engine)
-    scale = component_scale(motion, [])
-    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=RESOLUTION)
+    motion = replace(motion, scale=component_scale(motion, []))
+    found = extrapolate(model, coordinates, motion, resolution=RESOLUTION)
     names = tuple(c.name for c in drawn.coordinates) * 2
     claimed = model.exponents(motion.varying)[0]
     error = np.abs(found.limit.value - motion.end)
     return Judged(
-        verdict=judge(found.limit, motion, scale, names, claimed, RESOLUTION),
+        verdict=judge(found.limit, motion, names, claimed, RESOLUTION),
         found=found,
         motion=motion,
         ratios={
             "verdict": _ratios(error, found.limit.uncertainty + motion.bound),
-            "diagnosis": _of_samples(model, coordinates, motion, scale, scenario),
-            "snapshot": _of_snapshot(model, coordinates, equations, motion, scale, scenario),
+            "diagnosis": _of_samples(model, coordinates, motion, scenario),
+            "snapshot": _of_snapshot(model, coordinates, equations, motion, scenario),
             "linearization": np.concatenate(
                 [*_of_linearizations(model, coordinates, equations, motion)]
             ),
@@ -127,12 +126,10 @@ def _ratios(error: Array, uncertainty: Array) -> Array:
     return np.where(known, error / np.where(known, uncertainty, 1.0), 0.0).ravel()
 
 
-def _of_samples(
-    model: Model, coordinates: CoordinateMap, motion: Motion, scale: Array, scenario: str
-) -> Array:
-    samples = sample_segments({scenario: motion}, {scenario: scale})
+def _of_samples(model: Model, coordinates: CoordinateMap, motion: Motion, scenario: str) -> Array:
+    samples = sample_segments({scenario: motion})
     value, uncertainty = engine_ends(model, coordinates, samples)
-    bound = np.tile(motion.bound / scale, len(value) // len(scale))
+    bound = np.tile(motion.bound / motion.unit, len(value) // len(motion.unit))
     return _ratios(np.abs(value - reference_ends(samples)), uncertainty + bound)
 
 
@@ -141,12 +138,11 @@ def _of_snapshot(
     coordinates: CoordinateMap,
     equations: Equations,
     motion: Motion,
-    scale: Array,
     scenario: str,
 ) -> Array:
     names = tuple(c.name for c in equations.system.coordinates)
     components = (*names, *(f"{name}_dot" for name in names))
-    one = segments_of(snapshot_of(equations.system, scenario, motion, scale, components))
+    one = segments_of(snapshot_of(motion, scenario, components, ()))
     value, uncertainty = ends(model, coordinates, one)
     return _ratios(np.abs(value - one.end), uncertainty + motion.bound)
 

@@ -56,7 +56,7 @@ def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Plan
     # What both solutions' own errors may be is no effect.
     change = np.where(change > 4 * (wrong.error + right.error), change, 0.0).astype(float)
     found = examine(posed, faulty, RESOLUTION, settings)
-    effect = float(np.max(change / posed.scale))
+    effect = float(np.max(change / posed.motion.unit))
     excess = float(np.max(change / found.uncertainty))
     pose, seen = _moved(posed, faulty, settings)
     error = np.abs(found.found.limit.value - wrong.states).astype(float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from time import process_time
@@ -21,10 +21,10 @@ from campaigns.mechanisms.written import joint_name, sidecar
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.numerics.batch import Batch, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.ladder import movement
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
-from physics_crosscheck.reference.solving.motion import Motion, Span
+from physics_crosscheck.reference.solving.segments import Segments
 
 SEGMENTS_A_PERIOD = 20
 """As `reference.solving.solve` cuts its motions."""
@@ -48,9 +48,8 @@ class Posed:
     """
 
     mechanism: Mechanism
-    motion: Motion
+    motion: Segments
     truth: Ends
-    scale: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,23 +88,19 @@ def pose(mechanism: Mechanism, segments: int) -> Posed:
     # The ends are rounded to doubles.
     bound = truth.error.astype(float) + EPSILON / 2 * np.max(np.abs(end), axis=0)
     still = not any(drive.varies for drive in mechanism.drives)
-    motion = Motion(
-        t=t,
+    motion = Segments(
         start=starts,
+        lengths=np.full(segments, length),
+        inputs=inputs(mechanism.drives, length * segments),
         end=end,
         bound=bound,
-        # Segments are all that is asked for: of the motion from its start nothing is known.
-        global_bound=np.full((segments + 1, len(bound)), np.inf),
-        # Nobody asks here for states in between.
-        nodes=np.stack([starts, end], axis=1),
-        spans=(Span(start=0.0, length=length, count=segments, constant_input=still),),
-        inputs=inputs(mechanism.drives, length * segments),
+        t=t,
+        varying=not still,
         fastest=fastest,
-        method="Gauss collocation of Newton's and Euler's equations, in longdouble",
     )
     # There is no other scenario that could say how far a component moves that hardly does here.
     scale = np.maximum(component_scale(motion, []), movement(end, starts))
-    return Posed(mechanism=mechanism, motion=motion, truth=truth, scale=scale)
+    return Posed(mechanism=mechanism, motion=replace(motion, scale=scale), truth=truth)
 
 
 def examine(
@@ -119,14 +114,13 @@ def examine(
         EngineError, BlownUpError: where it can't be run.
     """
     began = process_time()
-    motion, scale = posed.motion, posed.scale
+    motion = posed.motion
     with loaded(mechanism, settings) as (model, coordinates):
-        batch = Batch.of_motion(motion, scale)
-        found = extrapolate(model, coordinates, batch, resolution=resolution)
+        found = extrapolate(model, coordinates, motion, resolution=resolution)
         claimed = model.exponents(motion.varying)[0]
     names = tuple(joint_name(i) for i in range(len(mechanism.links)))
     components = (*names, *(f"{name}_dot" for name in names))
-    verdict = judge(found.limit, motion, scale, components, claimed, resolution)
+    verdict = judge(found.limit, motion, components, claimed, resolution)
     uncertainty = found.limit.uncertainty + motion.bound
     known = np.isfinite(uncertainty)
     error = np.abs(found.limit.value - posed.truth.states).astype(float)

@@ -125,9 +125,7 @@ class Ground:
         """
         prepared = prepare_tree(file, floating=floating)
         drawn = prepared.samples
-        some = replace(
-            drawn, start=drawn.start[:STATES], forces=drawn.forces[:STATES], end=drawn.end[:STATES]
-        )
+        some = drawn.pick(slice(STATES))
         numbers = robot_numbers(file, prepared.settings)
         tree = numbers.tree({})
         assert tree is not None  # it was prepared
@@ -139,7 +137,7 @@ class Ground:
         return Ground(
             prepared=prepared,
             numbers=numbers,
-            flow=Flow(tree, some.start, some.forces, some.length),
+            flow=Flow(tree, some.start, some.start_inputs, some.length),
             engine=engine,
             known=problem,
         )

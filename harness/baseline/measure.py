@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import msgspec
 import numpy as np
+import sympy as sp
 
 from physics_crosscheck.harness.baseline.movement import of_equations
 from physics_crosscheck.harness.baseline.snapshot import (
-    PICKED,
-    PickedSegments,
     ends,
-    inputs_of,
     same_motion,
     segments_of,
     snapshot_of,
@@ -35,6 +33,7 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.samples import ends_of
+from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.variants import Variants
 
 TIED = 1e-6
@@ -93,46 +92,23 @@ def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measureme
 
 
 def _snapshot(task: ModelTask[Prepared]) -> Snapshot:
-    target, scenario = task.target, task.scenario
+    target = task.target
+    inputs = tuple(f"a force on {name}, held" for name in target.names)
     if isinstance(target, PreparedSystem):
-        motion, scale = target.motions[scenario], target.scales[scenario]
-        return snapshot_of(target.system, scenario, motion, scale, target.components)
-    assert isinstance(target, PreparedTree)
-    return snapshot_of_states(target)
+        given = target.system.scenario(task.scenario).inputs
+        inputs = tuple(f"{i.name} = {sp.sstr(sp.sympify(given[i]))}" for i in target.system.inputs)
+    segments = target.segments(task.scenario)
+    return snapshot_of(segments, task.scenario, target.components, inputs)
 
 
-def _by_equations(target: Prepared, segments: PickedSegments) -> Array:
+def _by_equations(target: Prepared, segments: Segments) -> Array:
     """Return the ends of segments by the present equations, (K, 2n)."""
     if isinstance(target, PreparedSystem):
-        ends: Array = _flow(target.variants, target.variants.nominal[None], segments)[0]
+        ends: Array = target.variants.flows(target.variants.nominal[None], segments)[0]
         return ends
     assert isinstance(target, PreparedTree)
-    forces, length = np.concatenate(segments.inputs), float(segments.length[0])
-    return ends_of(TreeEquations(target.system), segments.start, forces, length)
-
-
-def snapshot_of_states(target: PreparedTree) -> Snapshot:
-    """Build a snapshot of the first sampled states, each with its own forces."""
-    drawn, names = target.samples, target.names
-    count = min(PICKED, len(drawn.start))
-
-    def table(values: Array) -> tuple[tuple[float, ...], ...]:
-        return tuple(tuple(row) for row in values[:count].tolist())
-
-    return Snapshot(
-        scenario=target.scenario,
-        components=target.components,
-        duration=drawn.length,
-        inputs=tuple(f"a force on {name}, held" for name in names),
-        fastest=drawn.fastest,
-        varying=False,
-        t=(None,) * count,
-        length=(drawn.length,) * count,
-        start=table(drawn.start),
-        input_nodes=tuple((row,) for row in table(drawn.forces)),
-        end=table(drawn.end),
-        scale=tuple(target.scale.tolist()),
-    )
+    equations = TreeEquations(target.system)
+    return ends_of(equations, segments.start, segments.start_inputs, segments.length)
 
 
 def is_accepted(present: Snapshot, accepted: Snapshot, now: OnAccepted) -> bool:
@@ -154,7 +130,7 @@ def comparable(present: Snapshot, accepted: Snapshot) -> bool:
 
 
 def identify(
-    variants: Variants, segments: PickedSegments, end: Array, uncertainty: Array
+    variants: Variants, segments: Segments, end: Array, uncertainty: Array
 ) -> dict[str, Identified]:
     """Return the constants of the equations that explain the ends of the segments, by name.
 
@@ -166,14 +142,14 @@ def identify(
     if not chosen or not is_known.any():
         return {}
     sizes = variants.sizes[chosen]
-    target = (end / segments.scale)[is_known]
-    weight = np.maximum((uncertainty / segments.scale)[is_known], 1e-16)
+    target = (end / segments.unit)[is_known]
+    weight = np.maximum((uncertainty / segments.unit)[is_known], 1e-16)
     shift = np.zeros(len(chosen))
 
     def ends_at(shifts: Array) -> Array:
         points = np.tile(variants.nominal, (len(shifts), 1))
         points[:, chosen] += shifts * sizes
-        return (_flow(variants, points, segments) / segments.scale)[:, is_known]
+        return (variants.flows(points, segments) / segments.unit)[:, is_known]
 
     try:
         slopes = (ends_at(NUDGE * np.eye(len(chosen))) - ends_at(-NUDGE * np.eye(len(chosen)))) / (
@@ -204,18 +180,3 @@ def identify(
         for i, index in enumerate(chosen)
         if float(np.linalg.norm(free[:, i])) < TIED
     }
-
-
-def _flow(variants: Variants, points: Array, segments: PickedSegments) -> Array:
-    """Return the ends by the equations at parameter points: (P, parameters) -> (P, K, 2n)."""
-    ends = np.empty((len(points), *segments.end.shape))
-    for length in np.unique(segments.length):
-        chosen = segments.length == length
-        ends[:, chosen] = variants.flows(
-            points,
-            segments.t[chosen],
-            segments.start[chosen],
-            float(length),
-            inputs_of(segments, chosen, len(points)),
-        )
-    return ends

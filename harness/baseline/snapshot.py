@@ -6,21 +6,18 @@ if the declaration has changed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import sympy as sp
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import Batch, Rows, pick_segments
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.records.base import numbers
 from physics_crosscheck.harness.records.baseline import Snapshot
-from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.system import System
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.mechanism.numeric import Array, Rows
+from physics_crosscheck.reference.solving.segments import Segments
 
 PICKED = 16
 """Number of segments in a snapshot: evenly spaced, at least two between breaks of the motion."""
@@ -34,69 +31,72 @@ _FIRST_NODES, _MOST_NODES = 12, 96
 _INTERPOLATED = 1e-13
 
 
-@dataclass(frozen=True, kw_only=True)
-class PickedSegments:
-    """The segments of a snapshot in arrays; K of them, 2n components.
+@dataclass(frozen=True)
+class RecordedInputs:
+    """Inputs of K segments at inner Chebyshev points of each, (nodes, inputs)."""
 
-    Attributes:
-        scenario, fastest, varying: as in `Snapshot`.
-        t: start times, (K,), seconds; nan for independent segments.
-        length: length of each segment, (K,), seconds.
-        start: start states, (K, 2n).
-        inputs: inputs of each segment at its inner Chebyshev points, (nodes, inputs).
-        end: ends of the segments by the equations, (K, 2n).
-        scale: scale of the defects, (2n,).
-    """
+    nodes: tuple[Array, ...]
 
-    scenario: str
-    fastest: float
-    varying: bool
-    t: Array
-    length: Array
-    start: Array
-    inputs: tuple[Array, ...]
-    end: Array
-    scale: Array
+    def over_steps(self, rows: Rows, t: Array, lengths: Array, steps: int) -> Array:
+        """Return u at the starts of equal steps, (B, steps, inputs)."""
+        fractions = np.arange(steps) / steps
+        return np.stack([_interpolate(self.nodes[row], fractions) for row in rows])
+
+    def within(self, rows: Rows, t: Array, lengths: Array, times: Array) -> Array:
+        """Return u at times within each segment, (B, S, inputs)."""
+        inside = (times - t[:, None]) / lengths[:, None]
+        return np.stack(
+            [_interpolate(self.nodes[row], x) for row, x in zip(rows, inside, strict=True)]
+        )
+
+    def pick(self, rows: Rows) -> RecordedInputs:
+        """Return the inputs of the chosen segments alone."""
+        return RecordedInputs(tuple(self.nodes[row] for row in rows))
 
 
-def segments_of(snapshot: Snapshot) -> PickedSegments:
-    """Convert the segments of a snapshot to arrays."""
-    return PickedSegments(
-        scenario=snapshot.scenario,
-        fastest=snapshot.fastest,
-        varying=snapshot.varying,
-        t=np.array(snapshot.t, dtype=float),  # None becomes nan
-        length=np.array(snapshot.length),
-        start=np.array(snapshot.start),
-        inputs=tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in snapshot.input_nodes),
+def segments_of(snapshot: Snapshot) -> Segments:
+    """Convert the segments of a snapshot to arrays; it does not record the bound of the ends."""
+    start = np.array(snapshot.start)
+    nodes = (np.array(one).reshape(len(one), -1) for one in snapshot.input_nodes)
+    return Segments(
+        start=start,
+        lengths=np.array(snapshot.length),
+        inputs=RecordedInputs(tuple(nodes)),
         end=np.array(snapshot.end),
+        bound=np.full(start.shape[1], np.inf),
+        t=np.array(snapshot.t, dtype=float),  # None becomes nan
+        varying=snapshot.varying,
         scale=np.array(snapshot.scale),
+        fastest=snapshot.fastest,
+        name=snapshot.scenario,
     )
 
 
 def snapshot_of(
-    system: System, name: str, motion: Motion, scale: Array, components: tuple[str, ...]
+    segments: Segments, scenario: str, components: tuple[str, ...], inputs: tuple[str, ...]
 ) -> Snapshot:
-    """Select segments evenly over a scenario, from each of its spans in proportion."""
-    chosen = np.concatenate([indices for _, indices in pick_segments(motion, PICKED)])
-    scenario = system.scenario(name)
-    t, length = motion.t[chosen], motion.lengths[chosen]
-    nodes = [_nodes(motion.inputs, a, h) for a, h in zip(t, length, strict=True)]
+    """Select informative segments of a scenario.
+
+    Args:
+        segments: all segments.
+        scenario: its name.
+        components: names of the state's components.
+        inputs: the inputs as text.
+    """
+    some = segments.pick(segments.informative(PICKED))
     return Snapshot(
-        scenario=name,
+        scenario=scenario,
         components=components,
-        duration=float(motion.duration),
-        inputs=tuple(
-            f"{i.name} = {sp.sstr(sp.sympify(scenario.inputs[i]))}" for i in system.inputs
-        ),
-        fastest=float(motion.fastest),
-        varying=motion.varying,
-        t=tuple(t.tolist()),
-        length=tuple(length.tolist()),
-        start=_table(motion.start[chosen]),
-        input_nodes=tuple(_table(values) for values in nodes),
-        end=_table(motion.end[chosen]),
-        scale=tuple(scale.tolist()),
+        duration=float(segments.duration),
+        inputs=inputs,
+        fastest=float(some.fastest),
+        varying=some.varying,
+        t=numbers(some.t.tolist()),
+        length=tuple(some.lengths.tolist()),
+        start=_table(some.start),
+        input_nodes=tuple(_table(_nodes(some, row)) for row in range(len(some.t))),
+        end=_table(some.end),
+        scale=tuple(some.unit.tolist()),
     )
 
 
@@ -109,18 +109,20 @@ def same_motion(first: Snapshot, second: Snapshot) -> bool:
     if (first.components, first.varying) != (second.components, second.varying):
         return False
     a, b = segments_of(first), segments_of(second)
-    if a.start.shape != b.start.shape or len(a.inputs) != len(b.inputs):
+    if a.start.shape != b.start.shape:
         return False
     pairs: list[tuple[Array, Array, Array | float]] = [
         (np.isnan(a.t) * 1.0, np.isnan(b.t) * 1.0, 0.0),
         (np.nan_to_num(a.t), np.nan_to_num(b.t), 1.0),
-        (a.length, b.length, float(np.max(a.length))),
-        (a.start, b.start, a.scale),
-        (a.end, b.end, a.scale),
-        (a.scale, b.scale, a.scale),
+        (a.lengths, b.lengths, float(np.max(a.lengths))),
+        (a.start, b.start, a.unit),
+        (a.end, b.end, a.unit),
+        (a.unit, b.unit, a.unit),
         *(
             (u, v, 1.0 + float(np.max(np.abs(u), initial=0.0)))
-            for u, v in zip(a.inputs, b.inputs, strict=True)
+            for u, v in zip(
+                map(np.array, first.input_nodes), map(np.array, second.input_nodes), strict=True
+            )
         ),
     ]
     return all(
@@ -128,52 +130,24 @@ def same_motion(first: Snapshot, second: Snapshot) -> bool:
     )
 
 
-def ends(model: Model, coordinates: CoordinateMap, segments: PickedSegments) -> tuple[Array, Array]:
+def ends(model: Model, coordinates: CoordinateMap, segments: Segments) -> tuple[Array, Array]:
     """Return the ends of the segments in an engine as h -> 0, with their uncertainty, (K, 2n) each.
 
     Raises:
         BlownUpError: if the engine returns values that are not finite.
     """
-    limit = extrapolate(model, coordinates, _batch(segments)).limit
+    limit = extrapolate(model, coordinates, segments).limit
     return limit.value, limit.uncertainty
 
 
-def _batch(segments: PickedSegments) -> Batch:
-    def inputs(rows: Rows, steps: int) -> Array:
-        fractions = np.arange(steps) / steps
-        return np.stack([_interpolate(segments.inputs[row], fractions) for row in rows])
-
-    return Batch(
-        states=segments.start,
-        lengths=segments.length,
-        inputs=inputs,
-        varying=segments.varying,
-        scale=segments.scale,
-        ends=segments.end,
-        times=None if np.isnan(segments.t).any() else segments.t,
-        name=segments.scenario,
-    )
-
-
-def inputs_of(segments: PickedSegments, chosen: Array, copies: int) -> Callable[[Array], Array]:
-    """Return u at flat times of `copies` runs over the chosen segments, as the reference
-    expects.
-    """
-    t = np.tile(segments.t[chosen], copies)
-    length = np.tile(segments.length[chosen], copies)
-    nodes = [segments.inputs[i] for i in np.flatnonzero(chosen)] * copies
-
-    def at(times: Array) -> Array:
-        shaped = times.reshape(len(t), -1)
-        inside = (shaped - t[:, None]) / length[:, None]
-        values = [_interpolate(u, x) for u, x in zip(nodes, inside, strict=True)]
-        return np.concatenate(values)
-
-    return at
-
-
-def _nodes(inputs: Callable[[Array], Array], start: float, length: float) -> Array:
+def _nodes(segments: Segments, row: int) -> Array:
     """Sample inputs at Chebyshev points inside a segment, enough to restore them up to rounding."""
+    start, length = segments.t[row], segments.lengths[row]
+
+    def inputs(times: Array) -> Array:
+        values: Array = segments.inputs_within(np.array([row]), times[None])[0]
+        return values
+
     check = start + length * (np.arange(33) + 0.5) / 33
     wanted = inputs(check)
     if bool(np.all(wanted == wanted[:1])):

@@ -35,7 +35,7 @@ from physics_crosscheck.harness.numerics.stepping import step_engine
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 
 
 class StepError(ValueError):
@@ -79,15 +79,15 @@ def follow(
         EngineError, SidecarError, BlownUpError: naming the file.
     """
     model, coordinates = loaded or task.load()
-    batch = task.target.batch(task.scenario)
+    segments = task.target.segments(task.scenario)
     try:
         if rungs:
-            limits = extrapolate(model, coordinates, batch, rungs=rungs)
+            limits = extrapolate(model, coordinates, segments, rungs=rungs)
         else:
-            limits = extrapolate(model, coordinates, batch, resolution=task.resolution)
+            limits = extrapolate(model, coordinates, segments, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(_with_warnings(str(error), task, model)) from None
-    claimed = model.exponents(batch.varying)[0]
+    claimed = model.exponents(segments.varying)[0]
     return Followed(model=model, map=coordinates, limits=limits, claimed=claimed)
 
 
@@ -145,7 +145,6 @@ def run_case(task: ModelTask[Prepared]) -> Case:
                 motion,
                 shipped.limits,
                 study,
-                scale=task.target.scales[task.scenario],
                 amplitude=amplitude,
                 components=task.target.components,
             )
@@ -198,12 +197,9 @@ def _judged(
 ) -> tuple[Followed, Verdict]:
     """Run every segment in the engine, and derive the verdict."""
     followed = follow(task, loaded=loaded)
-    batch = task.target.batch(task.scenario)
-    assert batch.scale is not None  # declared, or of the sampled states
     verdict = judged(
         followed.limits,
-        task.target.reference(task.scenario),
-        scale=batch.scale,
+        task.target.segments(task.scenario),
         components=task.target.components,
         coordinates=tuple(followed.model.coordinates),
         claimed=followed.claimed,
@@ -276,7 +272,7 @@ def _stepping(task: ModelTask[Prepared], followed: Followed) -> Stepping | None:
         stepped,
         *target.states(task.scenario),
         task.resolution,
-        fastest=target.reference(task.scenario).fastest,
+        fastest=target.segments(task.scenario).fastest,
         long=isinstance(target, PreparedSystem),
     )
     return None if stepping is None else stepping_record(stepping, target.components)

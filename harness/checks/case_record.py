@@ -6,7 +6,6 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.verdict import Verdict as Judgement
 from physics_crosscheck.harness.checks.verdict import component
-from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.numerics.discrete import StepLinearization as FoundStep
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison as FoundDynamics,
@@ -36,7 +35,7 @@ from physics_crosscheck.harness.records.model import (
     EnginePole,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion, even_indices
 
 SERIES = 240
 """Maximum number of samples of a series in results.json, enough for a plot of usual width."""
@@ -148,7 +147,6 @@ def series_record(
     limits: Extrapolated,
     study: StepStudy,
     *,
-    scale: Array,
     amplitude: Array,
     components: tuple[str, ...],
 ) -> Series:
@@ -158,7 +156,6 @@ def series_record(
         motion: the reference motion.
         limits: the extrapolated segments.
         study: the full runs.
-        scale: scale of the defects, (2n,).
         amplitude: scale of the global errors, (2n,).
         components: names of the state's components.
     """
@@ -166,9 +163,9 @@ def series_record(
     picked = even_indices(len(shipped.t), SERIES)
     t = shipped.t[picked]
     segments = even_indices(len(motion.t), SERIES)
-    defect = (limits.limit.value - motion.end) / scale
-    uncertainty = (limits.limit.uncertainty + motion.bound) / scale
-    raw = np.sqrt(np.mean(((limits.raw - motion.end) / scale) ** 2, axis=1))
+    defect = (limits.limit.value - motion.end) / motion.unit
+    uncertainty = (limits.limit.uncertainty + motion.bound) / motion.unit
+    raw = np.sqrt(np.mean(((limits.raw - motion.end) / motion.unit) ** 2, axis=1))
     return Series(
         t=_row(t, DIGITS),
         components=components,

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.checks.robot_record import (
     tree_record,
 )
 from physics_crosscheck.harness.checks.system_record import system_record
-from physics_crosscheck.harness.checks.verdict import Reference, component_scale, filled
+from physics_crosscheck.harness.checks.verdict import component_scale, filled
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
@@ -35,7 +35,6 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.batch import Batch, even_indices, held, over
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.numerics.differences import moved, slopes
 from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION
@@ -54,14 +53,14 @@ from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunctio
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from physics_crosscheck.reference.solving.motion import Motion
 from physics_crosscheck.reference.solving.next_state import (
     Stepped,
     SteppedBodies,
     SteppedEquations,
     stepped_equations,
 )
-from physics_crosscheck.reference.solving.samples import Samples, samples
+from physics_crosscheck.reference.solving.samples import samples
+from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
 from physics_crosscheck.reference.solving.solve import solve
 from physics_crosscheck.reference.solving.variants import Variants, variants
 
@@ -128,12 +127,8 @@ class Prepared(ABC):
         """
 
     @abstractmethod
-    def reference(self, scenario: str) -> Reference:
+    def segments(self, scenario: str) -> Segments:
         """Return the segments of a scenario, solved."""
-
-    @abstractmethod
-    def batch(self, scenario: str) -> Batch:
-        """Return these segments as an engine runs them."""
 
     @property
     @abstractmethod
@@ -186,7 +181,6 @@ class PreparedSystem(Prepared):
 
     Attributes:
         motions: reference motion by scenario.
-        scales: scale of the defects by scenario, (2n,) each.
         amplitude: largest magnitude over all scenarios, (2n,); nowhere zero.
         push: largest input over all scenarios, (inputs,).
         numeric_power: (energy, supplied, dissipated) of (q, v, u, (t,)).
@@ -196,7 +190,6 @@ class PreparedSystem(Prepared):
 
     system: System
     motions: Mapping[str, Motion]
-    scales: Mapping[str, Array]
     amplitude: Array
     push: Array
     numeric_power: NumericFunction
@@ -237,13 +230,9 @@ class PreparedSystem(Prepared):
         assert sidecar is not None
         return coordinate_map(self.system, sidecar, there)
 
-    def reference(self, scenario: str) -> Motion:
+    def segments(self, scenario: str) -> Motion:
         """Return the motion of a scenario."""
         return self.motions[scenario]
-
-    def batch(self, scenario: str) -> Batch:
-        """Return the segments of the motion."""
-        return Batch.of_motion(self.motions[scenario], self.scales[scenario])
 
     @property
     def stepped(self) -> Stepped | None:
@@ -253,9 +242,8 @@ class PreparedSystem(Prepared):
     def states(self, scenario: str) -> tuple[Array, Array]:
         """Select states spread over the motion."""
         motion = self.motions[scenario]
-        rows = even_indices(len(motion.t), STEPPED)
-        inputs = over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
-        return motion.start[rows], inputs
+        some = motion.pick(even_indices(len(motion.t), STEPPED))
+        return some.start, some.start_inputs
 
     def mechanics(self) -> MassAndForce:
         """Compile the derived terms."""
@@ -302,7 +290,7 @@ class PreparedTree(Prepared):
 
     system: TreeSystem
     scenario: str
-    samples: Samples
+    samples: Segments
     followers: Followers
     home: Array
     rest: Motion | str | None = None
@@ -347,30 +335,17 @@ class PreparedTree(Prepared):
     @property
     def push(self) -> Array:
         """Largest force over all states, (n,); nowhere zero."""
-        largest = np.max(np.abs(self.samples.forces), axis=0)
+        largest = np.max(np.abs(self.samples.start_inputs), axis=0)
         return np.where(largest > 0, largest, 1.0)
 
     @cached_property
     def scale(self) -> Array:
         """Scale of the defects: the largest displacement of each component, (2n,)."""
-        return filled(np.max(np.abs(self.samples.end - self.samples.start), axis=0))
+        return filled(self.samples.movement)
 
-    def reference(self, scenario: str) -> Samples:
-        """Return the sampled segments."""
-        return self.samples
-
-    def batch(self, scenario: str) -> Batch:
+    def segments(self, scenario: str) -> Segments:
         """Return the sampled segments, each under its own forces."""
-        drawn = self.samples
-        return Batch(
-            states=drawn.start,
-            lengths=np.full(len(drawn.start), drawn.length),
-            inputs=held(drawn.forces),
-            varying=False,
-            scale=self.scale,
-            ends=drawn.end,
-            uneven=drawn.nonsmooth,
-        )
+        return replace(self.samples, scale=self.scale)
 
     @property
     def stepped(self) -> Stepped | None:
@@ -379,7 +354,7 @@ class PreparedTree(Prepared):
 
     def states(self, scenario: str) -> tuple[Array, Array]:
         """Return the sampled states, and their forces."""
-        return self.samples.start, self.samples.forces
+        return self.samples.start, self.samples.start_inputs
 
     def mechanics(self) -> MassAndForce:
         """Return the terms by recursion."""
@@ -558,7 +533,7 @@ def _solved(
     )
 
 
-def _held(system: TreeSystem, position: Array, drawn: Samples) -> Equilibrium:
+def _held(system: TreeSystem, position: Array, drawn: Segments) -> Equilibrium:
     """Linearize about a position, at rest, held by forces on the joints.
 
     A and B are differences of accelerations; an engine's are those of the same steps.
@@ -584,7 +559,7 @@ def _held(system: TreeSystem, position: Array, drawn: Samples) -> Equilibrium:
     return Equilibrium("home, held by forces", position, hold, matrices)
 
 
-def _motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Motion | str:
+def _motion_from_rest(system: TreeSystem, drawn: Segments, seconds: float) -> Motion | str:
     """Solve the motion from rest at the first of the sampled positions, or return why not."""
     scenario = Scenario(
         "motion",
@@ -600,6 +575,17 @@ def _motion_from_rest(system: TreeSystem, drawn: Samples, seconds: float) -> Mot
         return str(error)
 
 
+def scaled(motions: Mapping[str, Motion]) -> dict[str, Motion]:
+    """Return the motions of a system, each with its scale, which depends on the others."""
+    return {
+        name: replace(
+            motion,
+            scale=component_scale(motion, [m for other, m in motions.items() if other != name]),
+        )
+        for name, motion in motions.items()
+    }
+
+
 def _from_energies(folder: Path, system: System, *, described: bool) -> PreparedSystem:
     """Derive, linearize and solve every scenario.
 
@@ -609,11 +595,7 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
     equations = derive(system)
     with with_location(folder):
         linear = tuple(linearize(equations, e) for e in system.equilibria)
-        motions = {s.name: solve(equations, s) for s in system.scenarios}
-    scales = {
-        name: component_scale(motion, [m for other, m in motions.items() if other != name])
-        for name, motion in motions.items()
-    }
+        motions = scaled({s.name: solve(equations, s) for s in system.scenarios})
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
     amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
@@ -625,7 +607,6 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
         reads={},
         system=system,
         motions=motions,
-        scales=scales,
         amplitude=amplitude,
         push=np.where(push > 0, push, 1.0),
         numeric_power=equations.numeric_power,

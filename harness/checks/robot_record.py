@@ -25,7 +25,7 @@ from physics_crosscheck.harness.records.system import Scenario, System
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.tree import WORLD
-from physics_crosscheck.reference.solving.samples import Samples
+from physics_crosscheck.reference.solving.segments import Segments
 
 STANDALONE_SETTINGS: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
 """Settings of every engine: they switch off the effects that the equations omit."""
@@ -166,7 +166,7 @@ def format_omission(omission: Omission) -> str:
 def tree_record(
     folder: str,
     system: TreeSystem,
-    drawn: Samples,
+    drawn: Segments,
     scenario: str,
     motion: float = 0.0,
 ) -> System:

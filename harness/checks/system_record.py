@@ -20,7 +20,7 @@ from physics_crosscheck.reference.mechanism.declaration import Coordinate, Input
 from physics_crosscheck.reference.mechanism.sketch import Angle, Body, Link, Shape, expressions
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.linearity import linearity
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 
 
 def system_record(

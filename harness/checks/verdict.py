@@ -7,8 +7,8 @@ the uncertainty is that of the extrapolation, its rounding and the reference.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from physics_crosscheck.harness.records.case import CaseKind, starts_at
 from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion, Segments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ def filled(sizes: Array) -> Array:
     return np.where(scales > 0, scales, 1.0)
 
 
-def component_scale(motion: Motion, others: list[Motion]) -> Array:
+def component_scale(motion: Segments, others: Sequence[Segments]) -> Array:
     """Return the scale of each component: its largest displacement over a segment.
 
     The system's other scenarios give a lower bound. A component that no scenario moves takes the
@@ -95,31 +95,10 @@ def component_scale(motion: Motion, others: list[Motion]) -> Array:
     return filled(np.maximum(motion.movement, FLOOR * others_scale))
 
 
-class Reference(Protocol):
-    """The states that the equations reach over K segments: of a motion, or independent ones."""
-
-    @property
-    def t(self) -> Array:
-        """Start times, (K,); nan for independent segments."""
-
-    @property
-    def end(self) -> Array:
-        """States at the ends of the segments, (K, 2n)."""
-
-    @property
-    def bound(self) -> Array:
-        """Error bound of `end` for each component, (2n,)."""
-
-    @property
-    def fastest(self) -> float:
-        """Fastest rate of the equations there, rad/s."""
-
-
 def judged(
     limits: Extrapolated,
-    reference: Reference,
+    segments: Segments,
     *,
-    scale: Array,
     components: tuple[str, ...],
     coordinates: tuple[str, ...],
     claimed: int,
@@ -129,24 +108,22 @@ def judged(
 
     Args:
         limits: the extrapolated segments.
-        reference: the segments in the equations.
-        scale: scale of each component, (2n,).
+        segments: the segments in the equations.
         components: names of the state's components, 2n.
         coordinates: names of the engine's coordinates, nz.
         claimed: order that the engine claims.
         resolution: relative discrepancy to resolve.
     """
     held = limits.residual is not None
-    verdict = judge(limits.limit, reference, scale, components, claimed, resolution, held)
+    verdict = judge(limits.limit, segments, components, claimed, resolution, held)
     if limits.residual is None:
         return verdict
-    return with_residual(verdict, limits.residual, reference, coordinates, resolution)
+    return with_residual(verdict, limits.residual, segments, coordinates, resolution)
 
 
 def judge(
     limit: Limit,
-    motion: Reference,
-    scale: Array,
+    segments: Segments,
     names: tuple[str, ...],
     claimed: int,
     resolution: float,
@@ -157,12 +134,13 @@ def judge(
     `with_residual` judges the deviation of the engine's coordinates from the map. `held` means that
     the engine has more coordinates than the equations.
     """
-    defect = np.abs(limit.value - motion.end) / scale
+    scale = segments.unit
+    defect = np.abs(limit.value - segments.end) / scale
     # At least the precision of a double: a component at rest at zero has no rounding at all.
-    uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
+    uncertainty = np.maximum((limit.uncertainty + segments.bound) / scale, EPSILON)
     requested, resolution = resolution, judgement.resolvable(limit, scale, resolution)
     judged_limit = judgement.judge(defect, uncertainty, resolution, unresolved_reason(limit))
-    time, component = float(motion.t[judged_limit.segment]), names[judged_limit.component]
+    time, component = float(segments.t[judged_limit.segment]), names[judged_limit.component]
     place = starts_at(time, judged_limit.segment)
     reason = ""
     if judged_limit.outcome is Outcome.DIFFERS:
@@ -198,7 +176,7 @@ def judge(
 def with_residual(
     verdict: Verdict,
     residual: Residual,
-    motion: Reference,
+    segments: Segments,
     names: tuple[str, ...],
     resolution: float,
 ) -> Verdict:
@@ -216,7 +194,7 @@ def with_residual(
     resolution = judgement.resolvable(limit, scale, resolution)
     judged_limit = judgement.judge(defect, uncertainty, resolution, None)
     component = (*names, *(f"{name}_dot" for name in names))[judged_limit.component]
-    time, segment = float(motion.t[judged_limit.segment]), judged_limit.segment
+    time, segment = float(segments.t[judged_limit.segment]), judged_limit.segment
     residual_verdict = replace(
         verdict,
         map_residual=judged_limit.largest_discrepancy,

@@ -24,9 +24,9 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
-from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
+from physics_crosscheck.reference.solving.segments import even_indices
 
 MAX_SINGLE_TRIALS = 24
 """Maximum number of differences tried one by one, largest first; the rest is only counted."""

@@ -46,7 +46,6 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
-from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.records.base import number, numbers
 from physics_crosscheck.harness.records.comparison import (
     Compared,
@@ -60,6 +59,7 @@ from physics_crosscheck.harness.records.comparison import (
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
+from physics_crosscheck.reference.solving.segments import even_indices
 
 MIN_REVERSED_DISCREPANCY = 1e-4
 """Minimum discrepancy at which joints of opposite direction are sought."""

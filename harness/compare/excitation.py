@@ -23,8 +23,7 @@ from physics_crosscheck.harness.compare.scales import (
     characteristic_scales,
 )
 from physics_crosscheck.harness.engines.protocol import Array, Model
-from physics_crosscheck.harness.numerics.batch import movement
-from physics_crosscheck.harness.numerics.ladder import Limit
+from physics_crosscheck.harness.numerics.ladder import Limit, movement
 
 SEED = 20260101
 RANDOM_STARTS = 20

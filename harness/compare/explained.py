@@ -16,13 +16,14 @@ from physics_crosscheck.harness.compare.property import Difference
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.numerics.batch import even_indices, movement
+from physics_crosscheck.harness.numerics.ladder import movement
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import tree_system
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import ends_of
+from physics_crosscheck.reference.solving.segments import even_indices
 
 SOLVED_RUNS = 24
 """Runs over which the equations are solved."""

@@ -8,10 +8,10 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.engines.protocol import Array, Model
-from physics_crosscheck.harness.numerics.batch import Batch, held, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
-from physics_crosscheck.harness.numerics.ladder import RUNGS, observed_order
+from physics_crosscheck.harness.numerics.ladder import RUNGS, movement, observed_order
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate, limits_only
+from physics_crosscheck.reference.solving.segments import Segments
 
 QUICK_RUNGS = RUNGS[:8]
 
@@ -47,12 +47,12 @@ def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Ex
     Raises:
         BlownUpError: if no run is finite.
     """
-    coordinates, batch = own_states(runs.z.shape[1], match), _batch(runs, match)
-    extrapolated = extrapolate(model, coordinates, batch, resolution=resolution)
+    coordinates, segments = own_states(runs.z.shape[1], match), _segments(runs, match)
+    extrapolated = extrapolate(model, coordinates, segments, resolution=resolution, partial=True)
     if extrapolated.limit.order_confirmed or not extrapolated.limit.converges:
         return extrapolated
-    claimed = model.exponents(batch.varying)[0]
-    confirmed = _mostly_confirmed(extrapolated, batch.states, claimed)
+    claimed = model.exponents(segments.varying)[0]
+    confirmed = _mostly_confirmed(extrapolated, segments.start, claimed)
     return replace(extrapolated, limit=replace(extrapolated.limit, order_confirmed=confirmed))
 
 
@@ -78,19 +78,17 @@ def quick(model: Model, runs: Runs, match: Match | None) -> Array:
     Raises:
         BlownUpError: if a value is not finite.
     """
-    whole = replace(_batch(runs, match), partial=False)
-    return limits_only(model, own_states(runs.z.shape[1], match), whole, QUICK_RUNGS)
+    coordinates, segments = own_states(runs.z.shape[1], match), _segments(runs, match)
+    return limits_only(model, coordinates, segments, QUICK_RUNGS)
 
 
-def _batch(runs: Runs, match: Match | None) -> Batch:
-    return Batch(
-        states=np.concatenate([runs.z, runs.w], axis=1),
-        lengths=np.full(len(runs.z), runs.length),
-        inputs=held(runs.push),
+def _segments(runs: Runs, match: Match | None) -> Segments:
+    return Segments.unsolved(
+        np.concatenate([runs.z, runs.w], axis=1),
+        runs.length,
+        runs.push,
         # A force that depends on the state is constant over each step, like a varying input.
         varying=match is not None and not match.constant and bool(runs.push.any()),
-        scale=None,
-        partial=True,
     )
 
 

@@ -13,16 +13,14 @@ import numpy as np
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
-from physics_crosscheck.harness.diagnosis.samples import SegmentSample
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import even_indices
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
 from physics_crosscheck.reference.solving.variants import Variants
 
 SAMPLES = 240
@@ -138,29 +136,22 @@ def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Arra
 
 def _scenarios(
     motions: Mapping[str, tuple[Array, Array]],
-    samples: Sequence[SegmentSample],
+    samples: Sequence[Segments],
     before: Array,
     after: Array,
 ) -> tuple[CorrectedScenario, ...]:
-    starts = np.cumsum([0, *(sample.end.size for sample in samples)])
+    starts = np.cumsum([0, *(some.end.size for some in samples)])
     scenarios = []
-    for name, (t, states) in motions.items():
-        times, defects = [], []
-        for i, sample in enumerate(samples):
-            if sample.scenario == name:
-                part = slice(starts[i], starts[i + 1])
-                times.append(sample.t)
-                shape = sample.end.shape
-                defects.append(np.stack([d[part].reshape(shape) for d in (before, after)]))
-        both = np.concatenate(defects, axis=1)
+    for i, some in enumerate(samples):
+        (t, states), part = motions[some.name], slice(starts[i], starts[i + 1])
         scenarios.append(
             CorrectedScenario(
-                scenario=name,
+                scenario=some.name,
                 t=_short(t, 6),
                 corrected=_rows(states, 6),
-                segment_t=_short(np.concatenate(times), 6),
-                before=_rows(both[0], 3),
-                after=_rows(both[1], 3),
+                segment_t=_short(some.t, 6),
+                before=_rows(before[part].reshape(some.end.shape), 3),
+                after=_rows(after[part].reshape(some.end.shape), 3),
             )
         )
     return tuple(scenarios)

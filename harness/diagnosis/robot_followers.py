@@ -21,7 +21,7 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
-from physics_crosscheck.reference.solving.samples import Samples
+from physics_crosscheck.reference.solving.segments import Segments
 
 MAX_RUNS = 4
 """Maximum number of runs with an estimated law, each more accurate than the previous one."""
@@ -47,7 +47,7 @@ class Following:
     scale: Array
 
     @staticmethod
-    def from_tree(tree: Tree, some: Samples, like: Tree | None = None) -> Following | None:
+    def from_tree(tree: Tree, some: Segments, like: Tree | None = None) -> Following | None:
         """Return deviations of a tree's followers at some states, or None without followers.
 
         Args:

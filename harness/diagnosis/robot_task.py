@@ -92,11 +92,9 @@ def _build_explanation(fit: Fit, behaviours: Sequence[str], check: TreeTask) -> 
 def at_some(task: TreeTask) -> TreeTask:
     """Return the task at the states of a diagnosis."""
     drawn = task.target.samples
-    count = LARGE_ROBOT_STATES if drawn.forces.shape[1] > LARGE_ROBOT_DOF else STATES
-    some = replace(
-        drawn, start=drawn.start[:count], forces=drawn.forces[:count], end=drawn.end[:count]
-    )
-    return task.with_target(samples=some)
+    large = task.target.tree.dof > LARGE_ROBOT_DOF
+    count = LARGE_ROBOT_STATES if large else STATES
+    return task.with_target(samples=drawn.pick(slice(count)))
 
 
 def _some_of(task: TreeTask, *, again: bool = True) -> FollowersRun:
@@ -267,13 +265,13 @@ def problem_of(
     target = at_some(task).target
     some = target.samples
     tree = numbers.tree({})
-    if tree is None or tree.dof != some.forces.shape[1]:
+    if tree is None or tree.dof != target.tree.dof:
         raise RobotError(f"{task.file}: its tree differs from the tree of the equations")
     following = Following.from_tree(tree, some, target.tree)
     scale = scaled(target.scale, following)
     return RobotProblem(
         numbers=numbers,
-        flow=Flow(tree, some.start, some.forces, some.length),
+        flow=Flow(tree, some.start, some.start_inputs, some.length),
         suspicions=tuple(suspicions(numbers, is_reference=is_reference)),
         apart=np.zeros((len(some.start), len(scale))) if apart is None else apart,
         scale=scale,

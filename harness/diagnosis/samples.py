@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import Batch, over, pick_segments
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate, limits_only
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import Inputs
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion, Segments
 from physics_crosscheck.reference.solving.variants import Variants
 
 SEGMENTS_PICKED = 16
@@ -30,53 +27,16 @@ These rungs take a seventh of the steps.
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class SegmentSample:
-    """Some segments of one length from one scenario.
-
-    Attributes:
-        scenario: its name.
-        length: of each segment, seconds.
-        t, start, end: start times (B,), states there and end states of the equations, (B, 2n).
-        inputs: u(t).
-        scale: of a defect, (2n,).
-        varying: whether an input changes over time.
-    """
-
-    scenario: str
-    length: float
-    t: Array
-    start: Array
-    end: Array
-    inputs: Inputs
-    scale: Array
-    varying: bool
-
-
-def sample_segments(
-    motions: Mapping[str, Motion], scales: Mapping[str, Array]
-) -> tuple[SegmentSample, ...]:
+def sample_segments(motions: Mapping[str, Motion]) -> tuple[Segments, ...]:
     """Pick segments evenly from each scenario, in proportion from each of its spans."""
-    samples = []
-    for name, motion in motions.items():
-        for span, chosen in pick_segments(motion, SEGMENTS_PICKED):
-            samples.append(
-                SegmentSample(
-                    scenario=name,
-                    length=span.length,
-                    t=motion.t[chosen],
-                    start=motion.start[chosen],
-                    end=motion.end[chosen],
-                    inputs=motion.inputs,
-                    scale=scales[name],
-                    varying=motion.varying,
-                )
-            )
-    return tuple(samples)
+    return tuple(
+        replace(motion.pick(motion.informative(SEGMENTS_PICKED)), name=name)
+        for name, motion in motions.items()
+    )
 
 
 def engine_ends(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[SegmentSample]
+    model: Model, coordinates: CoordinateMap, samples: Sequence[Segments]
 ) -> tuple[Array, Array]:
     """Return the engine's end states as h -> 0 and their uncertainty, both scaled and flat.
 
@@ -84,15 +44,15 @@ def engine_ends(
         BlownUpError: if the engine returns values that are not finite.
     """
     values, uncertainties = [], []
-    for batch, scale in _batches(samples):
-        limit = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
-        values.append((limit.value / scale).ravel())
-        uncertainties.append((limit.uncertainty / scale).ravel())
+    for some in samples:
+        limit = extrapolate(model, coordinates, some, rungs=RUNGS_USED).limit
+        values.append((limit.value / some.unit).ravel())
+        uncertainties.append((limit.uncertainty / some.unit).ravel())
     return np.concatenate(values), np.concatenate(uncertainties)
 
 
 def freedoms(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[SegmentSample]
+    model: Model, coordinates: CoordinateMap, samples: Sequence[Segments]
 ) -> tuple[str, ...]:
     """Return engine coordinates that leave the coordinate map, though the equations fix them.
 
@@ -100,8 +60,8 @@ def freedoms(
         BlownUpError: if the engine returns values that are not finite.
     """
     names, free = tuple(model.coordinates), set[int]()
-    for batch, _ in _batches(samples):
-        residual = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).residual
+    for some in samples:
+        residual = extrapolate(model, coordinates, some, rungs=RUNGS_USED).residual
         if residual is None:
             return ()
         limit = residual.limit
@@ -114,46 +74,21 @@ def freedoms(
 def quick_ends(
     model: Model,
     coordinates: CoordinateMap,
-    samples: Sequence[SegmentSample],
+    samples: Sequence[Segments],
     rungs: tuple[int, ...] = RUNGS_USED,
 ) -> Array:
     """Return only the limits, scaled and flat, for differences between two models."""
     return np.concatenate(
-        [
-            (limits_only(model, coordinates, batch, rungs) / scale).ravel()
-            for batch, scale in _batches(samples)
-        ]
+        [(limits_only(model, coordinates, some, rungs) / some.unit).ravel() for some in samples]
     )
 
 
-def _batches(samples: Sequence[SegmentSample]) -> Iterator[tuple[Batch, Array]]:
-    """Yield the segments of each scenario together, in the order of the samples, and scale."""
-    for name, group in groupby(samples, key=lambda sample: sample.scenario):
-        members = list(group)
-        t = np.concatenate([sample.t for sample in members])
-        lengths = np.concatenate([np.full(len(sample.t), sample.length) for sample in members])
-        batch = Batch(
-            states=np.concatenate([sample.start for sample in members]),
-            lengths=lengths,
-            inputs=over(members[0].inputs, t, lengths),
-            varying=members[0].varying,
-            scale=members[0].scale,
-            ends=np.concatenate([sample.end for sample in members]),
-            times=t,
-            name=name,
-        )
-        yield batch, members[0].scale
-
-
-def reference_ends(samples: Sequence[SegmentSample]) -> Array:
+def reference_ends(samples: Sequence[Segments]) -> Array:
     """Return the end states of the equations, scaled and flat."""
-    return np.concatenate([(sample.end / sample.scale).ravel() for sample in samples])
+    return np.concatenate([(some.end / some.unit).ravel() for some in samples])
 
 
-def variant_ends(variants: Variants, points: Array, samples: Sequence[SegmentSample]) -> Array:
+def variant_ends(variants: Variants, points: Array, samples: Sequence[Segments]) -> Array:
     """Return end states of the equations at other parameters: points (K, P) -> (K, N)."""
-    parts = []
-    for sample in samples:
-        ends = variants.flows(points, sample.t, sample.start, sample.length, sample.inputs)
-        parts.append((ends / sample.scale).reshape(len(points), -1))
-    return np.concatenate(parts, axis=1)
+    parts = [variants.flows(points, some) / some.unit for some in samples]
+    return np.concatenate([part.reshape(len(points), -1) for part in parts], axis=1)

@@ -88,13 +88,13 @@ def trial_model(
     """
     engine = engines()[task.engine]
     model, coordinates = task.load()
-    samples = sample_segments(task.target.motions, task.target.scales)
+    samples = sample_segments(task.target.motions)
     ends, uncertainty = engine_ends(model, coordinates, samples)
     # Where no limit is known, the error may be as large as the largest discrepancy.
     largest = np.max(np.abs(ends - reference_ends(samples)))
     uncertainty = np.where(np.isfinite(uncertainty), uncertainty, largest)
     # Add the reference's error bound and rounding error, as in the verdict.
-    bounds = [np.tile(task.target.motions[s.scenario].bound / s.scale, len(s.t)) for s in samples]
+    bounds = [np.tile(some.bound / some.unit, len(some.t)) for some in samples]
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
     candidates = everything(
         task.target.system, task.declared, model, coordinates, task.target.variants

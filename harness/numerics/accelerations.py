@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import floored
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import RUNGS, weights
+from physics_crosscheck.harness.numerics.ladder import RUNGS, floored, weights
 from physics_crosscheck.harness.numerics.residual import FINEST, bounded_by_finest
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb

@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import SampledRun, follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON, weights
 from physics_crosscheck.harness.numerics.rounding import COMPANION_EXPONENT, without_companions
 from physics_crosscheck.harness.numerics.segments import run_rung
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 
 SMALL_ERROR = 0.05
 """Largest error, relative to the amplitude, for which the expansion in h is dominated by its first
@@ -104,9 +103,8 @@ def sensitivity(
     apart = np.max(np.abs(states[:count] - run.states[:count]) / size, axis=1) / nudge
     apart = np.where(np.isfinite(apart), apart, np.inf)
     least = np.minimum.accumulate(np.maximum(apart, model.epsilon / nudge))
-    batch = Batch.of_motion(motion, size)
-    starts = without_companions(*coordinates.to_engine(batch.states))
-    ends, _ = run_rung(model, coordinates, batch, starts, 2)
+    starts = without_companions(*coordinates.to_engine(motion.start))
+    ends, _ = run_rung(model, coordinates, motion, starts, 2)
     off = np.max(np.abs(ends - motion.end) / size)
     return Sensitivity(
         t=run.t[:count],

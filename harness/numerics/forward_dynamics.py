@@ -19,12 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, Model
-from physics_crosscheck.harness.numerics.batch import even_indices, floored
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
+from physics_crosscheck.harness.numerics.ladder import floored
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 from physics_crosscheck.reference.solving.next_state import Stepped
+from physics_crosscheck.reference.solving.segments import even_indices
 
 STATE_COMBINATIONS = 5
 """Number of combinations of each position with velocities and inputs of other states."""

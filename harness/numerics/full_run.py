@@ -14,7 +14,7 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import Inputs
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 
 MIN_SAMPLES = 1000
 """Smallest number of samples of a run with enough steps; at most twice as many."""

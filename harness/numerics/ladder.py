@@ -33,6 +33,9 @@ U."""
 
 EPSILON = float(np.finfo(float).eps)
 
+LEAST_SHARE = 1e-3
+"""Smallest unit of a component's relative error, as a share of the largest movement."""
+
 SPARE_RUNGS = 1
 """Rungs beyond the powers that least-variance weights remove; the fit shows the remainder."""
 
@@ -333,3 +336,18 @@ def _neighbourhood(values: Array, neighbours: int = 2) -> Array:
     shifted = [padded[i : i + len(values)] for i in range(2 * neighbours + 1)]
     largest: Array = np.max(shifted, axis=0)
     return largest
+
+
+def movement(ends: Array, starts: Array) -> Array:
+    """Return the unit of relative errors, (c,): the largest movement, floored by its kind."""
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(ends - starts)
+    largest = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
+    half = len(largest) // 2
+    return np.concatenate([floored(largest[:half]), floored(largest[half:])])
+
+
+def floored(sizes: Array) -> Array:
+    """Return sizes (c,), none below `LEAST_SHARE` of the largest, and nowhere zero."""
+    result = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
+    return np.where(result > 0, result, 1.0)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.accelerations import Estimate
-from physics_crosscheck.harness.numerics.batch import Batch, held
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import moved, slopes
 from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Segments
 
 RUNGS_USED = RUNGS[:8]
 
@@ -169,14 +169,10 @@ def _transition(
     origin = np.concatenate([position, np.zeros(size - len(position))])
     deltas = MAX_PERTURBATION * np.concatenate([np.minimum(amplitude, 1.0), push])
     by, columns = moved(deltas), len(deltas)
-    batch = Batch(
-        states=origin + by[:, :size],
-        lengths=np.full(len(by), length),
-        inputs=held(hold + by[:, size:]),
-        varying=False,
-        scale=deltas[:size],
+    segments = Segments.unsolved(
+        origin + by[:, :size], length, hold + by[:, size:], scale=deltas[:size]
     )
-    limit = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
+    limit = extrapolate(model, coordinates, segments, rungs=RUNGS_USED).limit
     derivatives = slopes(limit.value, limit.uncertainty, deltas)
     matrix, doubt = np.eye(columns), np.zeros((columns, columns))
     matrix[:size], doubt[:size] = derivatives.value, derivatives.uncertainty

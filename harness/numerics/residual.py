@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.numerics.batch import Batch, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit, limits
+from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit, limits, movement
 from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Segments
 
 FINEST = 3
 """Finest rungs whose own values bound the residual."""
@@ -36,7 +36,7 @@ class Residual:
 
 def residual_of(
     coordinates: CoordinateMap,
-    batch: Batch,
+    segments: Segments,
     starts: Starts,
     rungs: tuple[int, ...],
     residuals: Sequence[Array],
@@ -49,12 +49,13 @@ def residual_of(
     have no limit, but are near zero. So the uncertainty is at most the residual of the finest
     rungs.
     """
-    assert batch.ends is not None
     count = starts.count
     ends = np.stack(residuals)[:, :count]
     finite: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in ends.swapaxes(0, 1)])
-    moved = [np.concatenate(coordinates.to_engine(a), axis=1) for a in (batch.ends, batch.states)]
-    scale = np.maximum(_held_scale(*moved), _unit_movement(coordinates, batch))
+    moved = [
+        np.concatenate(coordinates.to_engine(a), axis=1) for a in (segments.end, segments.start)
+    ]
+    scale = np.maximum(_held_scale(*moved), _unit_movement(coordinates, segments))
     rounding = coordinates.residual_rounding_scale(starts.z[:count], starts.w[:count])
     limit = limits(
         list(np.where(finite[:, None], ends, 0.0)),
@@ -90,14 +91,14 @@ def bounded_by_finest(value: Array, uncertainty: Array, finest: Array) -> tuple[
     return np.where(closer, finest[-1], value), np.where(closer, largest, uncertainty)
 
 
-def _unit_movement(coordinates: CoordinateMap, batch: Batch) -> Array:
+def _unit_movement(coordinates: CoordinateMap, segments: Segments) -> Array:
     """Return the movement of engine coordinates for one unit of each component, (2nz,)."""
-    positions = np.concatenate(coordinates.to_engine(batch.states), axis=1)
-    if batch.scale is None:
+    positions = np.concatenate(coordinates.to_engine(segments.start), axis=1)
+    if segments.scale is None:
         return np.zeros(positions.shape[1])
     moved = [
-        np.concatenate(coordinates.to_engine(batch.states + step), axis=1) - positions
-        for step in np.diag(batch.scale)
+        np.concatenate(coordinates.to_engine(segments.start + step), axis=1) - positions
+        for step in np.diag(segments.scale)
     ]
     movement: Array = np.max(np.abs(moved), axis=(0, 1))
     return movement

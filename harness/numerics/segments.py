@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.batch import Batch, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
@@ -23,6 +22,7 @@ from physics_crosscheck.harness.numerics.ladder import (
     Limit,
     largest,
     limits,
+    movement,
     suffices,
     weights,
 )
@@ -34,6 +34,7 @@ from physics_crosscheck.harness.numerics.rounding import (
     without_companions,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Segments
 
 
 class BlownUpError(RuntimeError):
@@ -44,7 +45,7 @@ class BlownUpError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Extrapolated:
-    """All segments of a batch, extrapolated.
+    """All segments of a segments, extrapolated.
 
     Attributes:
         limit: the engine's end of each segment as h -> 0, with its uncertainty.
@@ -91,40 +92,44 @@ class Observable:
 def extrapolate(
     model: Model,
     coordinates: CoordinateMap,
-    batch: Batch,
+    segments: Segments,
     *,
     rungs: tuple[int, ...] = RUNGS,
     resolution: float | None = None,
+    partial: bool = False,
 ) -> Extrapolated:
-    """Run every segment of a batch on one rung after another, and take the limit.
+    """Run every segment on one rung after another, and take the limit.
 
-    With a resolution, only as many rungs are run as it needs.
+    With a resolution, only as many rungs are run as it needs. Segments that are not finite only
+    lose their own limit if `partial`.
 
     Raises:
         BlownUpError: if the engine returns values that are not finite.
     """
-    positions = coordinates.to_engine(batch.states)
-    starts = with_companions(*positions, model.epsilon, every=batch.uneven)
+    positions = coordinates.to_engine(segments.start)
+    starts = with_companions(*positions, model.epsilon, every=segments.nonsmooth)
     residuals: list[Array] = []
-    observable = _ends(model, coordinates, batch, starts, residuals)
+    observable = _ends(model, coordinates, segments, starts, residuals)
+    if partial:
+        observable = replace(observable, origin=segments.start)
     result = climb(observable, rungs, resolution)
-    if batch.ends is None or not coordinates.redundant:
+    if not (segments.bounded and coordinates.redundant):
         return result
     return replace(
-        result, residual=residual_of(coordinates, batch, starts, result.rungs, residuals)
+        result, residual=residual_of(coordinates, segments, starts, result.rungs, residuals)
     )
 
 
 def limits_only(
-    model: Model, coordinates: CoordinateMap, batch: Batch, rungs: tuple[int, ...]
+    model: Model, coordinates: CoordinateMap, segments: Segments, rungs: tuple[int, ...]
 ) -> Array:
-    """Return the limits (K, c) of a batch without uncertainty, for differences of close models.
+    """Return the limits (K, c) of segments without uncertainty, for differences of close models.
 
     Raises:
         BlownUpError: if the engine returns values that are not finite.
     """
-    starts = without_companions(*coordinates.to_engine(batch.states))
-    observable = _ends(model, coordinates, batch, starts, [])
+    starts = without_companions(*coordinates.to_engine(segments.start))
+    observable = _ends(model, coordinates, segments, starts, [])
     values = list(_rungs(observable, rungs))  # there are no companions
     limit: Array = np.tensordot(weights(rungs, observable.exponents), np.stack(values), axes=1)
     return limit
@@ -207,59 +212,62 @@ def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
 
 
 def _ends(
-    model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, residuals: list[Array]
+    model: Model,
+    coordinates: CoordinateMap,
+    segments: Segments,
+    starts: Starts,
+    residuals: list[Array],
 ) -> Observable:
     """Return the segments' ends as an observable; each rung appends its residual to `residuals`."""
 
     def ends_at(rung: int) -> Array:
-        ends, residual = run_rung(model, coordinates, batch, starts, rung)
+        ends, residual = run_rung(model, coordinates, segments, starts, rung)
         residuals.append(residual)
         return ends
 
     def where(row: int, rung: int) -> str:
-        length = batch.lengths[row]
-        when = "" if batch.times is None else f" at t = {batch.times[row]:.4g} s"
-        scenario = f" of {batch.name!r}" if batch.name else ""
+        length = segments.lengths[row]
+        time = segments.t[row]
+        when = "" if np.isnan(time) else f" at t = {time:.4g} s"
+        scenario = f" of {segments.name!r}" if segments.name else ""
         return f"from the segment{when}{scenario}, in {rung} steps of {length / rung:.3g} s"
 
     size = starts.count
     initial = None
     if starts.epsilon > EPSILON:
-        initial = coordinates.from_engine(starts.z, starts.w, batch.states[starts.rows])
+        initial = coordinates.from_engine(starts.z, starts.w, segments.start[starts.rows])
     return Observable(
         values=ends_at,
         starts=starts,
-        exponents=model.exponents(batch.varying),
+        exponents=model.exponents(segments.varying),
         rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
-        scale=batch.scale,
-        origin=batch.states if batch.partial else None,
+        scale=segments.scale,
         initial=initial,
         where=where,
     )
 
 
 def run_rung(
-    model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, rung: int
+    model: Model, coordinates: CoordinateMap, segments: Segments, starts: Starts, rung: int
 ) -> tuple[Array, Array]:
     """Return the ends (K + 2P, c) of all segments and companions, after `rung` steps.
 
     The second value is their residual of the coordinate map, (K + 2P, 2nz), or without columns if
     the map is one to one.
     """
-    near = batch.states if batch.ends is None else batch.ends
-    lengths = batch.lengths[starts.rows]
-    ends = np.empty((len(lengths), near.shape[1]))
+    lengths = segments.lengths[starts.rows]
+    ends = np.empty((len(lengths), segments.end.shape[1]))
     residual = np.zeros((len(lengths), 2 * starts.z.shape[1] if coordinates.redundant else 0))
     for length in np.unique(lengths):
         chosen = lengths == length
         rows, z, w = starts.rows[chosen], starts.z[chosen], starts.w[chosen]
-        inputs = batch.inputs(rows, rung) * starts.gain[chosen, None, None]
+        inputs = segments.step_inputs(rows, rung) * starts.gain[chosen, None, None]
         force = coordinates.force(inputs)
         end_z, end_w = model.rollout(z, w, float(length) / rung, rung, force, rung)
         end_z, end_w = (
             end[:, 0] + quantization_error(a, starts.epsilon) for end, a in ((end_z, z), (end_w, w))
         )
-        ends[chosen] = coordinates.from_engine(end_z, end_w, near[rows])
+        ends[chosen] = coordinates.from_engine(end_z, end_w, segments.end[rows])
         if coordinates.redundant:
             residual[chosen] = coordinates.residual(end_z, end_w, ends[chosen])
     return ends, residual

@@ -30,7 +30,7 @@ from physics_crosscheck.harness.numerics.full_run import (
 )
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 
 TARGETS = (0.01, 0.001, 0.0001)
 """Errors of positions and velocities, relative to their amplitudes, for which a step is given."""

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, Model, StepRule
-from physics_crosscheck.harness.numerics.batch import even_indices, movement
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
-from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
 from physics_crosscheck.harness.numerics.rounding import (
     Starts,
     quantization_error,
@@ -25,6 +24,7 @@ from physics_crosscheck.harness.numerics.rounding import (
     without_companions,
 )
 from physics_crosscheck.reference.solving.next_state import Stepped, next_states
+from physics_crosscheck.reference.solving.segments import even_indices
 
 LATER_STEPS, LONG_RUN_STEPS = 10, 1000
 """Steps after which the difference is measured again."""

@@ -13,6 +13,8 @@ import sympy as sp
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+"""Row indices of an array."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,12 @@ from physics_crosscheck.reference.mechanism.declaration import (
     Scenario,
     t,
 )
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.mechanism.numeric import (
+    Array,
+    NumericFunction,
+    Rows,
+    compile_function,
+)
 from physics_crosscheck.reference.mechanism.real import check_over_time
 
 DIGITS = 40
@@ -217,6 +222,20 @@ class Inputs:
             if chosen.any():
                 values[chosen] = function(times[chosen, None])
         return values
+
+    def over_steps(self, rows: Rows, t: Array, lengths: Array, steps: int) -> Array:
+        """Return u at the starts of equal steps of B segments from times t, (B, steps, inputs)."""
+        h = lengths[:, None] / steps
+        times = t[:, None] + h * np.arange(steps)
+        return self(times.ravel(), slack=float(np.min(h)) / 4).reshape(len(t), steps, -1)
+
+    def within(self, rows: Rows, t: Array, lengths: Array, times: Array) -> Array:
+        """Return u at times (B, S) within B segments, (B, S, inputs)."""
+        return self(times.ravel()).reshape(*times.shape, -1)
+
+    def pick(self, rows: Rows) -> Inputs:
+        """Return the same function of time, for chosen segments."""
+        return self
 
 
 def numeric_inputs(signals: Sequence[SignalPiece]) -> Inputs:

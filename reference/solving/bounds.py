@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,9 @@ from physics_crosscheck.reference.dynamics.roundoff import UNIT, running_error
 from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece
-from physics_crosscheck.reference.solving.closed_form import Segments
 from physics_crosscheck.reference.solving.collocation import Field
 from physics_crosscheck.reference.solving.integrate import field_of
-from physics_crosscheck.reference.solving.motion import Span, chebyshev_nodes
+from physics_crosscheck.reference.solving.segments import Motion, Span, chebyshev_nodes
 
 ROUNDING_NODES = slice(None, None, 5)
 """Nodes of a segment at which rounding is estimated: start, middle and end."""
@@ -24,62 +23,44 @@ MAX_BOXES = 256
 """Largest number of error boxes propagated along a motion, besides those of the current block."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Bounds:
-    """The bounds of a motion; the fields are those of `Motion`."""
-
-    bound: Array
-    global_bound: Array
-
-
-def bounds(
+def with_bounds(
     equations: EquationsOfMotion,
     signals: Sequence[SignalPiece],
-    spans: Sequence[Span],
-    segments: Segments,
+    motion: Motion,
     *,
     exact: bool,
     flow: Array | None = None,
-) -> Bounds:
-    """Return the bounds of solved segments.
+) -> Motion:
+    """Return a solved motion with the bounds of its segments, and along it.
 
     Args:
-        segments: the segments, with the bound of their solution method.
-        exact: whether they, and the inputs' values, were computed with more digits than a double.
+        motion: the motion, with the bound of its solution method.
+        exact: whether it, and the inputs' values, were computed with more digits than a double.
         flow: transition matrices of the segments, (K, 2n, 2n), if they are known.
     """
     flows, turned, rates = [], [], []
-    for rows, span, signal in each(spans, signals):
+    for rows, span, signal in each(motion.spans, signals):
         field = field_of(equations, signal)
-        times_of_segments, starts = segments.t[rows], segments.start[rows]
-        own = (
-            transitions(field, times_of_segments, starts, span.length)
-            if flow is None
-            else flow[rows]
-        )
-        nodes = segments.nodes[rows]
+        times, starts = motion.t[rows], motion.start[rows]
+        own = transitions(field, times, starts, span.length) if flow is None else flow[rows]
         flows.append(own)
         turned.append(
             rounded_away(
                 equations,
                 signal,
-                times_of_segments,
-                nodes,
+                times,
+                motion.nodes[rows],
                 span.length,
                 flow=own,
                 rounded=not exact,
             )
         )
-        rates.append(field(times_of_segments + span.length, segments.end[rows]))
-    bound = segments.bound + np.max(np.concatenate(turned), axis=0)
-    times = np.append(segments.t, spans[-1].start + spans[-1].length * spans[-1].count)
-    slopes = np.concatenate(rates)
+        rates.append(field(times + span.length, motion.end[rows]))
+    motion = replace(motion, bound=motion.bound + np.max(np.concatenate(turned), axis=0))
+    times, slopes = np.append(motion.t, motion.duration), np.concatenate(rates)
     if exact:
-        return Bounds(bound=bound, global_bound=_rounded(segments, times, slopes))
-    turns = np.concatenate(flows)
-    lengths = np.concatenate([np.full(span.count, span.length) for span in spans])
-    chain = _chained(segments, times, lengths, turns, slopes, bound)
-    return Bounds(bound=bound, global_bound=chain)
+        return replace(motion, global_bound=_rounded(motion, times, slopes))
+    return replace(motion, global_bound=_chained(motion, times, np.concatenate(flows), slopes))
 
 
 def each(
@@ -186,12 +167,12 @@ def _turned(flow: Array, forces: Array, length: float) -> Array:
     return result
 
 
-def _rounded(segments: Segments, times: Array, rates: Array) -> Array:
+def _rounded(motion: Motion, times: Array, rates: Array) -> Array:
     """Return a bound of the error of states that are computed with more digits, (K + 1, 2n).
 
     It contains the rounding of a state, and of its time, to doubles.
     """
-    states = np.concatenate([segments.start, segments.end[-1:]])
+    states = np.concatenate([motion.start, motion.end[-1:]])
     slopes = np.abs(np.concatenate([rates[:1], rates]))
     slopes[1:-1] = np.maximum(slopes[1:-1], slopes[2:])
     result: Array = 2 * UNIT * np.abs(states) + 3 * UNIT * times[:, None] * slopes
@@ -199,9 +180,7 @@ def _rounded(segments: Segments, times: Array, rates: Array) -> Array:
     return result
 
 
-def _chained(
-    segments: Segments, times: Array, lengths: Array, flows: Array, rates: Array, bound: Array
-) -> Array:
+def _chained(motion: Motion, times: Array, flows: Array, rates: Array) -> Array:
     """Return a bound of the error of the states along the chain of segments, (K + 1, 2n).
 
     The motion has the error e_k at the start of segment k. The equations propagate it to the
@@ -212,10 +191,10 @@ def _chained(
     Corliss 1999, Applied Mathematics and Computation 105(1), section 4).
     """
     # The next start's time is a double, which differs from the segment's end by rounding.
-    time_errors = np.diff(times) - lengths
-    starts = np.concatenate([segments.start[1:], segments.end[-1:]])
-    size = np.maximum(np.max(np.abs(segments.end), axis=0), 1e-300)
-    jumps = (starts - segments.end - time_errors[:, None] * rates) / size
+    time_errors = np.diff(times) - motion.lengths
+    starts = np.concatenate([motion.start[1:], motion.end[-1:]])
+    size = np.maximum(np.max(np.abs(motion.end), axis=0), 1e-300)
+    jumps = (starts - motion.end - time_errors[:, None] * rates) / size
     turns = flows * size / size[:, None]
     spread = _Spread.none(len(size), block=-(-len(jumps) // MAX_BOXES))
     error = np.zeros_like(size)
@@ -223,7 +202,7 @@ def _chained(
     with np.errstate(over="ignore", invalid="ignore"):
         for k, (turn, jump) in enumerate(zip(turns, jumps, strict=True), 1):
             error = turn @ error + jump
-            spread = spread.carried(turn, bound / size)
+            spread = spread.carried(turn, motion.bound / size)
             chain[k] = np.abs(error) + spread.size
     return np.where(np.isfinite(chain), chain * size, np.inf)
 

@@ -7,27 +7,19 @@ Loan 1978). A segment is then one product with exp(A H).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import mpmath as mp
 import numpy as np
 
 from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import DIGITS, Generator, SignalPiece
-from physics_crosscheck.reference.solving.motion import NODES, Span, chebyshev_nodes
-
-
-@dataclass(frozen=True, kw_only=True)
-class Segments:
-    """Solved segments, before they become a `Motion`; the fields are those of `Motion`."""
-
-    t: Array
-    start: Array
-    end: Array
-    nodes: Array
-    bound: Array
-    method: str
+from physics_crosscheck.reference.mechanism.signal import (
+    DIGITS,
+    Generator,
+    SignalPiece,
+    numeric_inputs,
+)
+from physics_crosscheck.reference.solving.segments import NODES, Motion, Span, chebyshev_nodes
 
 
 def augmented(linearization: TaylorLinearization, generators: Sequence[Generator]) -> mp.matrix:
@@ -54,8 +46,8 @@ def solve_closed_form(
     linearization: TaylorLinearization,
     start: Array,
     signals: Sequence[SignalPiece],
-    spans: Sequence[Span],
-) -> Segments:
+    spans: tuple[Span, ...],
+) -> Motion:
     """Solve all segments of a linear system.
 
     Each span is stepped with `DIGITS` digits from its first state. A segment starts from that state
@@ -63,7 +55,7 @@ def solve_closed_form(
     """
     size = len(start)
     origin = np.concatenate([linearization.position, np.zeros(size // 2)])
-    times, starts, ends, nodes = [], [], [], []
+    starts, ends, nodes = [], [], []
     with mp.workdps(DIGITS):
         state = [mp.mpf(y) - mp.mpf(o) for y, o in zip(start, origin, strict=True)]
         for span, signal in zip(spans, signals, strict=True):
@@ -81,7 +73,6 @@ def solve_closed_form(
             rounded = np.array([[float(y) for y in s] for s in exact])
             lost = np.array([[float(y - mp.mpf(float(y))) for y in s[:size]] for s in exact])
             forward = np.array([[float(v) for v in row[:size]] for row in rows[:size]])
-            times.append(span.start + span.length * np.arange(span.count))
             starts.append(rounded[:-1, :size])
             # A segment starts `lost` below the exact state, so it also ends below it.
             ends.append(rounded[1:, :size] + (lost[1:] - lost[:-1] @ forward.T))
@@ -90,8 +81,9 @@ def solve_closed_form(
             state = exact[-1][:size]
     end = np.concatenate(ends)
     inner = np.concatenate(nodes)
-    return Segments(
-        t=np.concatenate(times),
+    return Motion.join(
+        spans,
+        numeric_inputs(signals),
         start=np.concatenate(starts) + origin,
         end=end + origin,
         nodes=inner + origin,

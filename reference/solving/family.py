@@ -18,10 +18,10 @@ from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, about, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
-from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, pieces
 from physics_crosscheck.reference.solving.bounds import each, rounded_away
 from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
 from physics_crosscheck.reference.solving.solve import (
     check_duration,
@@ -180,28 +180,18 @@ def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
         fastest = fastest_rate(equations, signals, rough, states)
         check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
-    segments, flow = shoot(equations, signals, spans, rough, states)
+    motion, flow = shoot(equations, signals, spans, rough, states)
     rounded = [
         rounded_away(
             equations,
             signal,
-            segments.t[rows],
-            segments.nodes[rows],
+            motion.t[rows],
+            motion.nodes[rows],
             span.length,
             flow=flow[rows],
             rounded=True,
         )
         for rows, span, signal in each(spans, signals)
     ]
-    return Motion(
-        t=segments.t,
-        start=segments.start,
-        end=segments.end,
-        bound=segments.bound + np.max(np.concatenate(rounded), axis=0),
-        global_bound=np.full((len(segments.t) + 1, len(start)), np.inf),
-        nodes=segments.nodes,
-        spans=spans,
-        inputs=numeric_inputs(signals),
-        fastest=fastest,
-        method=segments.method,
-    )
+    bound = motion.bound + np.max(np.concatenate(rounded), axis=0)
+    return replace(motion, bound=bound, fastest=fastest)

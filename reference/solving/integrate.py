@@ -15,11 +15,10 @@ import sympy as sp
 from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import SignalPiece
-from physics_crosscheck.reference.solving.closed_form import Segments
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
 from physics_crosscheck.reference.solving.collocation import STAGES, Field, collocate
 from physics_crosscheck.reference.solving.collocation import ReferenceError as ReferenceError
-from physics_crosscheck.reference.solving.motion import Span
+from physics_crosscheck.reference.solving.segments import Motion, Span, start_times
 
 AGREEMENT = 1e-12
 """Largest difference of the two integrations over a segment, relative to the motion's size."""
@@ -93,14 +92,14 @@ def solve_numerically(
     equations: EquationsOfMotion,
     start: Array,
     signals: Sequence[SignalPiece],
-    spans: Sequence[Span],
-) -> Segments:
+    spans: tuple[Span, ...],
+) -> Motion:
     """Solve all segments of a nonlinear system.
 
     Raises:
         ReferenceError: if the two integrations differ by more than `AGREEMENT` over a segment.
     """
-    times = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
+    times = start_times(spans)
     starts = trajectory(equations, start, signals, times)
     starts[0] = start
     ends, nodes, checks = [], [], []
@@ -122,8 +121,9 @@ def solve_numerically(
     end = np.concatenate(ends)
     bound = checked_bound(end, np.concatenate(checks))
     other = "heyoka's Taylor series" if by_series else "DOP853"
-    return Segments(
-        t=times,
+    return Motion.join(
+        spans,
+        numeric_inputs(signals),
         start=starts,
         end=end,
         nodes=np.concatenate(nodes),

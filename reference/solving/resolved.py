@@ -18,7 +18,8 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from physics_crosscheck.reference.solving.samples import Samples, rate_of, rounding_of, solved
+from physics_crosscheck.reference.solving.samples import rate_of, rounding_of, solved
+from physics_crosscheck.reference.solving.segments import Segments
 
 MAX_RATE_RATIO = 1.5
 """Largest ratio of rates for which both trees share one segment length. Faster trees get shorter
@@ -43,20 +44,20 @@ class ReusedSegments:
         ReferenceError: if the collocation does not reproduce the known ends.
     """
 
-    def __init__(self, system: TreeSystem, samples: Samples) -> None:
+    def __init__(self, system: TreeSystem, samples: Segments) -> None:
         self._system, self._samples = system, samples
-        self._rate = rate_of(TreeEquations(system), samples.start, samples.forces)
-        self._flow = Flow(system.tree, samples.start, samples.forces, samples.length, STAGES)
+        self._rate = rate_of(TreeEquations(system), samples.start, samples.start_inputs)
+        self._flow = Flow(system.tree, samples.start, samples.start_inputs, samples.length, STAGES)
         self._off: Array = np.max(np.abs(self._flow.end - samples.end), axis=0)
 
-    def for_tree(self, tree: Tree) -> Samples:
+    def for_tree(self, tree: Tree) -> Segments:
         """Return the segments of another tree with the same joints, from the same states.
 
         Raises:
             ReferenceError: if they can't be solved.
         """
         samples, equations = self._samples, TreeEquations(replace(self._system, tree=tree))
-        ratio = rate_of(equations, samples.start, samples.forces) / self._rate
+        ratio = rate_of(equations, samples.start, samples.start_inputs) / self._rate
         fastest = samples.fastest * max(ratio, 1.0)
         length = samples.length / (ratio if ratio > MAX_RATE_RATIO else 1.0)
         if ratio <= MAX_RATE_RATIO:
@@ -64,12 +65,12 @@ class ReusedSegments:
                 return self._near(equations, fastest)
             except ReferenceError:  # the tree is too different
                 pass
-        return solved(equations, samples.start, samples.forces, length, fastest)
+        return solved(equations, samples.start, samples.start_inputs, length, fastest)
 
-    def _near(self, equations: TreeEquations, fastest: float) -> Samples:
+    def _near(self, equations: TreeEquations, fastest: float) -> Segments:
         samples = self._samples
         flow = self._flow.for_tree(equations.system.tree)
         end = samples.end + flow.apart(self._flow)
-        rounded = rounding_of(equations, samples.start, samples.forces, end, samples.length)
+        rounded = rounding_of(equations, samples.start, samples.start_inputs, end, samples.length)
         bound = samples.bound + ERROR_FACTOR * self._off + rounded
         return replace(samples, end=end, bound=bound, fastest=fastest)

@@ -7,8 +7,8 @@ many random states are used (`reference.solving.excitation`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.collocation import Field, ReferenceError, collocate
 from physics_crosscheck.reference.solving.integrate import by_runge_kutta
+from physics_crosscheck.reference.solving.segments import Segments
 
 SEGMENTS_A_PERIOD = 30
 """Segments per period of the fastest motion at any state; an engine's step error falls with the
@@ -59,47 +60,9 @@ MAX_AMPLIFICATION = 2.0
 """Factor by which the equations may amplify an error within a segment; e^(2 pi / 20) is 1.37."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Samples:
-    """K segments of a tree of n coordinates, in SI units.
-
-    Attributes:
-        start: states (q, v), (K, 2n), the most informative first.
-        forces: constant generalized forces, (K, n).
-        length: seconds per segment.
-        end: states at the segments' ends, (K, 2n).
-        bound: error bound of `end`, per component, (2n,).
-        fastest: fastest rate at any of the states, rad/s.
-        nonsmooth: whether forces are not smooth, as a drag quadratic in the velocity.
-    """
-
-    start: Array
-    forces: Array
-    length: float
-    end: Array
-    bound: Array
-    fastest: float
-    nonsmooth: bool = False
-
-    @property
-    def t(self) -> Array:
-        """Start times, (K,): nan, since no motion joins the segments."""
-        return np.full(len(self.start), np.nan)
-
-    def ordered(self, order: Sequence[int]) -> Samples:
-        """Return the same segments with the coordinates in another order."""
-        n = len(order)
-        both = [*order, *(n + i for i in order)]
-        return replace(
-            self,
-            start=self.start[:, both],
-            forces=self.forces[:, list(order)],
-            end=self.end[:, both],
-            bound=self.bound[both],
-        )
-
-
-def samples(equations: TreeEquations, limits: Array, home: Array, count: int, seed: int) -> Samples:
+def samples(
+    equations: TreeEquations, limits: Array, home: Array, count: int, seed: int
+) -> Segments:
     """Sample states and forces, select the most informative, and solve.
 
     Args:
@@ -131,10 +94,14 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
 
 def solved(
     equations: TreeEquations, start: Array, forces: Array, length: float, fastest: float
-) -> Samples:
+) -> Segments:
     """Return the segments from given states, solved by two methods.
 
-    The arguments are fields of `Samples`.
+    Args:
+        start: states, (K, 2n), the most informative first.
+        forces: constant generalized forces, (K, n).
+        length: seconds per segment.
+        fastest: fastest rate at any of the states, rad/s.
 
     Raises:
         ReferenceError: if they can't be solved, or the two solutions differ.
@@ -153,10 +120,8 @@ def solved(
             f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"
         )
     bound = apart + rounding_of(equations, start, forces, end, length)
-    return Samples(
-        start=start,
-        forces=forces,
-        length=length,
+    return replace(
+        Segments.unsolved(start, length, forces),
         end=end,
         bound=bound,
         fastest=fastest,

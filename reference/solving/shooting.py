@@ -14,9 +14,8 @@ import numpy as np
 
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import SignalPiece
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
 from physics_crosscheck.reference.solving.bounds import each, transitions
-from physics_crosscheck.reference.solving.closed_form import Segments
 from physics_crosscheck.reference.solving.collocation import CONVERGED, ReferenceError, collocate
 from physics_crosscheck.reference.solving.integrate import (
     by_runge_kutta,
@@ -24,7 +23,7 @@ from physics_crosscheck.reference.solving.integrate import (
     field_of,
     trajectory,
 )
-from physics_crosscheck.reference.solving.motion import Span
+from physics_crosscheck.reference.solving.segments import Motion, Span, start_times
 
 ROUGH_ACCURACY = 1e-6
 """Relative accuracy of the rough motion."""
@@ -54,10 +53,10 @@ ROUGH_SAMPLES = 400
 def shoot(
     equations: EquationsOfMotion,
     signals: Sequence[SignalPiece],
-    spans: Sequence[Span],
+    spans: tuple[Span, ...],
     times: Array,
     states: Array,
-) -> tuple[Segments, Array]:
+) -> tuple[Motion, Array]:
     """Solve all segments of a motion, and return them with their transition matrices (K, 2n, 2n).
 
     A chaotic motion, from which the rough one is too far, is integrated step by step instead.
@@ -74,7 +73,7 @@ def shoot(
     """
     import scipy.interpolate  # slow import, not needed by every command
 
-    at = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
+    at = start_times(spans)
     guess = scipy.interpolate.CubicSpline(times, states)(at)
     guess[0] = states[0]
     solved = equations, signals, spans, at
@@ -90,15 +89,16 @@ def shoot(
         by_runge_kutta(field_of(equations, signal), at[rows], starts[rows], span.length)
         for rows, span, signal in each(spans, signals)
     ]
-    segments = Segments(
-        t=at,
+    motion = Motion.join(
+        spans,
+        numeric_inputs(signals),
         start=starts,
         end=end,
         nodes=nodes,
         bound=checked_bound(end, np.concatenate(checks)),
         method="multiple shooting by Gauss collocation, checked by DOP853",
     )
-    return segments, flow
+    return motion, flow
 
 
 def _segments(

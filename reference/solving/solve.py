@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import sympy as sp
@@ -19,14 +20,14 @@ from physics_crosscheck.reference.mechanism.declaration import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
-from physics_crosscheck.reference.solving.bounds import bounds
+from physics_crosscheck.reference.solving.bounds import with_bounds
 from physics_crosscheck.reference.solving.closed_form import solve_closed_form
 from physics_crosscheck.reference.solving.integrate import (
     ReferenceError,
     solve_numerically,
     trajectory,
 )
-from physics_crosscheck.reference.solving.motion import Motion, Span
+from physics_crosscheck.reference.solving.segments import Motion, Span
 from physics_crosscheck.reference.solving.shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
 
 SEGMENTS_A_PERIOD = 20
@@ -90,24 +91,13 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
     exact = equations.linear and all(signal.generators is not None for signal in signals)
     if exact and isinstance(equations, Equations):
         at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
-        segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
+        motion = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
     elif isinstance(equations, Equations):
-        segments = solve_numerically(equations, start, signals, spans)
+        motion = solve_numerically(equations, start, signals, spans)
     else:  # a recursion costs as much for one state as for many
-        segments, flow = shoot(equations, signals, spans, times, states)
-    error_bounds = bounds(equations, signals, spans, segments, exact=exact, flow=flow)
-    return Motion(
-        t=segments.t,
-        start=segments.start,
-        end=segments.end,
-        bound=error_bounds.bound,
-        global_bound=error_bounds.global_bound,
-        nodes=segments.nodes,
-        spans=spans,
-        inputs=numeric_inputs(signals),
-        fastest=fastest,
-        method=segments.method,
-    )
+        motion, flow = shoot(equations, signals, spans, times, states)
+    motion = with_bounds(equations, signals, motion, exact=exact, flow=flow)
+    return replace(motion, fastest=fastest)
 
 
 def check_duration(fastest: float, duration: float, place: str) -> None:

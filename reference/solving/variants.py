@@ -7,7 +7,6 @@ integrated at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -17,8 +16,14 @@ import sympy as sp
 from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.simplify import solved
 from physics_crosscheck.reference.mechanism.declaration import Coordinate, t
-from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.mechanism.numeric import (
+    Array,
+    NumericFunction,
+    Rows,
+    compile_function,
+)
 from physics_crosscheck.reference.solving.collocation import collocate
+from physics_crosscheck.reference.solving.segments import Segments
 
 Kind = Literal[
     "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"
@@ -71,46 +76,33 @@ class Variants:
         """Significant changes, (P,)."""
         return np.array([parameter.size for parameter in self.parameters])
 
-    def flow(
-        self,
-        parameters: Array,
-        times: Array,
-        starts: Array,
-        length: float,
-        inputs: Callable[[Array], Array],
-    ) -> Array:
-        """Return the ends (B, 2n) of B segments, each with its own parameters (B, P)."""
-        n = starts.shape[1] // 2
+    def flows(self, points: Array, segments: Segments) -> Array:
+        """Return the ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
+        ends = np.empty((len(points), *segments.start.shape))
+        for length, rows in segments.by_length():
+            ends[:, rows] = self._flow(points, segments, rows, length)
+        return ends
+
+    def _flow(self, points: Array, segments: Segments, rows: Rows, length: float) -> Array:
+        """Return the ends (K, B, 2n) of segments of one length."""
+        count, batch = len(points), len(rows)
+        rows, parameters = np.tile(rows, count), np.repeat(points, batch, axis=0)
+        n = segments.start.shape[1] // 2
 
         def field(instants: Array, states: Array) -> Array:
-            u = inputs(instants.ravel()).reshape(*instants.shape, -1)
-            shape = (len(times),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
+            u = segments.inputs_within(rows, instants.reshape(len(rows), -1))
+            shape = (len(rows),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
             a = self.acceleration(
-                states[..., :n], states[..., n:], u, instants[..., None], parameters.reshape(shape)
+                states[..., :n],
+                states[..., n:],
+                u.reshape(*instants.shape, -1),
+                instants[..., None],
+                parameters.reshape(shape),
             )
             return np.concatenate([states[..., n:], a], axis=-1)
 
-        ends, _ = collocate(field, times, starts, length)
-        return ends
-
-    def flows(
-        self,
-        points: Array,
-        times: Array,
-        starts: Array,
-        length: float,
-        inputs: Callable[[Array], Array],
-    ) -> Array:
-        """Return the ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
-        batch = len(times)
-        ends = self.flow(
-            np.repeat(points, batch, axis=0),
-            np.tile(times, len(points)),
-            np.tile(starts, (len(points), 1)),
-            length,
-            inputs,
-        )
-        return ends.reshape(len(points), batch, -1)
+        ends, _ = collocate(field, segments.t[rows], segments.start[rows], length)
+        return ends.reshape(count, batch, -1)
 
 
 def variants(equations: Equations, amplitude: Array) -> Variants:

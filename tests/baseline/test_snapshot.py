@@ -9,7 +9,6 @@ import pytest
 from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
 from physics_crosscheck.harness.baseline.seal import snapshot_key
 from physics_crosscheck.harness.baseline.snapshot import (
-    inputs_of,
     same_motion,
     segments_of,
     snapshot_of,
@@ -26,18 +25,15 @@ def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
     folder = next(f for f in system_folders([]) if f.name == "drum_pendulum")
     prepared = prepare_system(folder, described=False)
     motion = prepared.motions["driven"]
-    one = snapshot_of(
-        prepared.system, "driven", motion, prepared.scales["driven"], prepared.components
-    )
+    one = snapshot_of(motion, "driven", prepared.components, ("F",))
     again = decoded(encoded(one).encode(), Snapshot)
     assert again == one
     assert same_motion(again, one)
     assert snapshot_key(again) == snapshot_key(one)
     segments = segments_of(again)
-    every = np.ones(len(one.t), dtype=bool)
-    times = segments.t[:, None] + segments.length[:, None] * np.linspace(0.0, 0.999, 50)
-    u = inputs_of(segments, every, 1)(times.ravel())
-    assert np.max(np.abs(u - motion.inputs(times.ravel()))) < 1e-12
+    times = segments.t[:, None] + segments.lengths[:, None] * np.linspace(0.0, 0.999, 50)
+    u = segments.inputs_within(np.arange(len(times)), times)
+    assert np.max(np.abs(u.reshape(times.size, -1) - motion.inputs(times.ravel()))) < 1e-12
     # Segments of every span, the short one before the step of force included.
     assert segments.t.min() < 1 < segments.t.max()
 

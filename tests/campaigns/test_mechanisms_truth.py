@@ -55,7 +55,7 @@ def test_ends_have_more_digits_than_a_double(index: int) -> None:
         ends = posed.truth.states[2]
         off = [apart(ends[i : i + 1], wanted[i : i + 1]) * abs(wanted[i]) for i in range(len(ends))]
     assert np.all(np.array(off, dtype=float) <= posed.truth.error)
-    assert np.all(posed.truth.error < 1e-16 * posed.scale)
+    assert np.all(posed.truth.error < 1e-16 * posed.motion.unit)
 
 
 def one() -> Mechanism:

@@ -205,7 +205,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
     drawn = other.target.samples
     tree = said.numbers.tree({})
     assert tree is not None
-    flow = Flow(tree, drawn.start[:STATES], drawn.forces[:STATES], drawn.length)
+    flow = Flow(tree, drawn.start[:STATES], drawn.start_inputs[:STATES], drawn.length)
     own = taken.flow.moved(tree) / taken.scale
     problem = replace(said, flow=flow, apart=taken.apart - own, suspicions=tuple(
         suspicions(said.numbers, is_reference=True)))  # fmt: skip

@@ -6,7 +6,7 @@ Run as a script for more of them: `python tests/engines/random_linear.py --count
 import argparse
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -26,7 +26,6 @@ from physics_crosscheck import (
 from physics_crosscheck.harness.checks.verdict import component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.derive import derive
@@ -284,11 +283,11 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
     with patch.object(reference_solve, "SEGMENTS_AT_LEAST", 60):
         motion = reference_solve.solve(derive(drawn.system), drawn.system.scenarios[0])
     assert motion.method.startswith("matrix exponential")
-    scale = component_scale(motion, [])
-    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
+    motion = replace(motion, scale=component_scale(motion, []))
+    found = extrapolate(model, coordinates, motion, resolution=resolution)
     names = tuple(f"{p}{c.name}" for p in ("", "d") for c in drawn.system.coordinates)
     claimed = model.exponents(motion.varying)[0]
-    verdict = judge(found.limit, motion, scale, names, claimed, resolution)
+    verdict = judge(found.limit, motion, names, claimed, resolution)
     error = np.abs(found.limit.value - motion.end)
     bound = found.limit.uncertainty + motion.bound
     with np.errstate(divide="ignore"):

@@ -23,12 +23,11 @@ from physics_crosscheck.harness.modelfiles.bindings import (
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 from tests.engines.extras import EXTRAS, need
 
@@ -103,12 +102,12 @@ def verdict(
     system: System, sidecar: Sidecar, engine: str, motion: Motion, resolution: float
 ) -> Verdict:
     model, coordinates = load(system, sidecar, engine)
-    scale = component_scale(motion, [])
+    motion = replace(motion, scale=component_scale(motion, []))
     claimed, _ = model.exponents(motion.varying)
-    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=resolution)
+    found = extrapolate(model, coordinates, motion, resolution=resolution)
     names = [c.name for c in system.coordinates]
     components = (*names, *(f"{name}_dot" for name in names))
-    return judge(found.limit, motion, scale, components, claimed, resolution)
+    return judge(found.limit, motion, components, claimed, resolution)
 
 
 @pytest.fixture(autouse=True)

@@ -17,11 +17,12 @@ from physics_crosscheck import (
     Scenario,
     System,
 )
+from physics_crosscheck.harness.checks.prepare import scaled
 from physics_crosscheck.harness.engines.protocol import Array, Force, Model, StateForce
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
@@ -148,7 +149,7 @@ def bench() -> MakeBench:
         return Bench(
             system,
             equations,
-            solve(equations, system.scenarios[0]),
+            scaled({"only": solve(equations, system.scenarios[0])})["only"],
             model,
             coordinate_map(system, sidecar, ("x",)),
         )

@@ -7,7 +7,6 @@ import pytest
 
 from physics_crosscheck.harness.baseline.snapshot import ends as snapshot_ends
 from physics_crosscheck.harness.baseline.snapshot import segments_of, snapshot_of
-from physics_crosscheck.harness.checks.verdict import component_scale
 from physics_crosscheck.harness.compare.runs import Runs
 from physics_crosscheck.harness.compare.runs import ends as compared_ends
 from physics_crosscheck.harness.diagnosis.samples import (
@@ -16,7 +15,6 @@ from physics_crosscheck.harness.diagnosis.samples import (
     sample_segments,
 )
 from physics_crosscheck.harness.numerics.accelerations import Accelerations
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.harness.numerics.segments import extrapolate
@@ -29,21 +27,20 @@ Errors = Callable[[Bench], Array]
 
 
 def verdict(made: Bench) -> Array:
-    batch = Batch.of_motion(made.motion, component_scale(made.motion, []))
+    batch = made.motion
     found = extrapolate(made.model, made.coordinates, batch, resolution=1e-6).limit
     return np.abs(found.value - made.motion.end) / found.uncertainty
 
 
 def diagnosis(made: Bench) -> Array:
     motions = {"only": made.motion}
-    samples = sample_segments(motions, {"only": component_scale(made.motion, [])})
+    samples = sample_segments(motions)
     ends, uncertainty = engine_ends(made.model, made.coordinates, samples)
     return np.abs(ends - reference_ends(samples)) / uncertainty
 
 
 def snapshot(made: Bench) -> Array:
-    scale = component_scale(made.motion, [])
-    one = segments_of(snapshot_of(made.system, "only", made.motion, scale, ("x", "x_dot")))
+    one = segments_of(snapshot_of(made.motion, "only", ("x", "x_dot"), ("F",)))
     end, uncertainty = snapshot_ends(made.model, made.coordinates, one)
     return np.abs(end - one.end) / uncertainty
 

@@ -41,7 +41,7 @@ def of_robot(
     task = model_task(prepare_tree(file, floating=floating), engine, resolution=resolution)
     model, coordinates = task.load()
     stepped, drawn = SteppedBodies(task.target.tree), task.target.samples
-    states, forces = mixed(drawn.start, drawn.forces)
+    states, forces = mixed(drawn.start, drawn.start_inputs)
     return forward_dynamics(model, coordinates, stepped, states, forces, resolution)
 
 

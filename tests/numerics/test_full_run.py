@@ -20,7 +20,7 @@ from physics_crosscheck.harness.numerics.step_study import (
     decompose,
     study_step,
 )
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from tests.numerics.conftest import (
     DAMPING,
     MASS,

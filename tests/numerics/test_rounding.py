@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.verdict import component_scale
 from physics_crosscheck.harness.engines.protocol import Array, Force
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.rounding import (
     COMPANION_EXPONENT,
@@ -196,10 +194,7 @@ def test_a_position_s_last_digit_that_makes_a_velocity_is_in_the_uncertainty(
     bench: MakeBench,
 ) -> None:
     made = bench(Held(), duration=12.0)
-    scale = component_scale(made.motion, [])
-    found = extrapolate(
-        made.model, made.coordinates, Batch.of_motion(made.motion, scale), resolution=1e-6
-    )
+    found = extrapolate(made.model, made.coordinates, made.motion, resolution=1e-6)
     error = np.abs(found.limit.value - made.motion.end)
     # The weights' own worst case, from the finest rung alone; most of the error is this.
     kick = LAST_DIGIT / 2 * max(found.rungs) / np.max(made.motion.lengths)

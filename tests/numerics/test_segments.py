@@ -9,7 +9,6 @@ from sympy import Expr, Heaviside, Rational, sin
 from physics_crosscheck import t
 from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Force
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.ladder import RUNGS
 from physics_crosscheck.harness.numerics.segments import (
     BlownUpError,
@@ -24,11 +23,10 @@ NAMES = ("x", "x_dot")
 
 
 def verdict(bench: Bench, resolution: float = 1e-9) -> tuple[Verdict, Extrapolated]:
-    scale = component_scale(bench.motion, [])
-    batch = Batch.of_motion(bench.motion, scale)
+    batch = bench.motion
     found = extrapolate(bench.model, bench.coordinates, batch, resolution=resolution)
     claimed = bench.model.exponents(False)[0]
-    return judge(found.limit, bench.motion, scale, NAMES, claimed, resolution), found
+    return judge(found.limit, batch, NAMES, claimed, resolution), found
 
 
 @pytest.mark.parametrize("drive", [0, 6 * Heaviside(t - Rational(13, 10)), sin(5 * t) + t / 3])
@@ -180,7 +178,7 @@ def test_the_scale_of_a_still_component_is_floored_by_the_other_scenarios(bench:
 
 def test_all_rungs_are_run_where_no_resolution_is_given(bench: MakeBench) -> None:
     made = bench()
-    batch = Batch.of_motion(made.motion, component_scale(made.motion, []))
+    batch = made.motion
     found = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS[:8])
     assert found.rungs == RUNGS[:8]
     assert np.all(np.abs(found.limit.value - made.motion.end) <= found.limit.uncertainty)
@@ -188,7 +186,7 @@ def test_all_rungs_are_run_where_no_resolution_is_given(bench: MakeBench) -> Non
 
 def test_limits_alone_are_those_of_all_rungs_without_a_companion_s_step(bench: MakeBench) -> None:
     made = bench(drive=sin(5 * t))
-    batch = Batch.of_motion(made.motion, component_scale(made.motion, []))
+    batch = made.motion
     alone = limits_only(made.model, made.coordinates, batch, RUNGS[:6])
     assert sum(n * count for _, n, count in made.model.calls) == sum(RUNGS[:6]) * len(made.motion.t)
     whole = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS[:6])
@@ -209,8 +207,8 @@ def test_of_a_partial_batch_what_is_not_finite_has_no_limit_and_the_rest_has(
     bench: MakeBench,
 ) -> None:
     made = bench(Bursting())
-    batch = replace(Batch.of_motion(made.motion, component_scale(made.motion, [])), partial=True)
-    found = extrapolate(made.model, made.coordinates, batch, resolution=1e-9).limit
+    batch = made.motion
+    found = extrapolate(made.model, made.coordinates, batch, resolution=1e-9, partial=True).limit
     lost = made.motion.start[:, 0] > 0.1
     assert 0 < np.sum(lost) < len(lost)
     assert np.all(np.isinf(found.uncertainty[lost]))
@@ -221,16 +219,16 @@ def test_of_a_partial_batch_what_is_not_finite_has_no_limit_and_the_rest_has(
 
 def test_a_partial_batch_of_which_nothing_is_finite_is_blown_up(bench: MakeBench) -> None:
     made = bench(Bursting())
-    whole = Batch.of_motion(made.motion, component_scale(made.motion, []))
-    still = replace(whole, states=np.abs(whole.states) + 1, partial=True)
+    whole = made.motion
+    still = replace(whole, start=np.abs(whole.start) + 1)
     with pytest.raises(BlownUpError, match="no motion is finite"):
-        extrapolate(made.model, made.coordinates, still, resolution=1e-9)
+        extrapolate(made.model, made.coordinates, still, resolution=1e-9, partial=True)
 
 
 def test_without_a_scale_a_batch_is_measured_by_how_far_it_moves(bench: MakeBench) -> None:
     made = bench()
-    batch = replace(Batch.of_motion(made.motion, np.ones(2)), scale=None, partial=True)
-    own = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS).limit
+    batch = replace(made.motion, scale=None)
+    own = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS, partial=True).limit
     given = replace(batch, scale=made.motion.movement)
     same = extrapolate(made.model, made.coordinates, given, rungs=RUNGS).limit
     assert own.increments == pytest.approx(same.increments, rel=0.1)

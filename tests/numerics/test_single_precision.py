@@ -6,9 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.verdict import component_scale, judge
+from physics_crosscheck.harness.checks.verdict import judge
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.judgement import resolvable
 from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
@@ -53,9 +52,8 @@ class Single(SymplecticEuler):
 
 
 def run(made: Bench) -> tuple[Extrapolated, Array]:
-    scale = component_scale(made.motion, [])
-    batch = Batch.of_motion(made.motion, scale)
-    return extrapolate(made.model, made.coordinates, batch, resolution=1e-9), scale
+    batch = made.motion
+    return extrapolate(made.model, made.coordinates, batch, resolution=1e-9), batch.unit
 
 
 @pytest.mark.parametrize("removed", range(6))
@@ -79,7 +77,7 @@ def test_no_other_weights_that_cancel_as_much_amplify_rounding_less() -> None:
 def test_a_sound_model_agrees_to_the_digits_that_its_engine_has(bench: MakeBench) -> None:
     made = bench(Single())
     found, scale = run(made)
-    told = judge(found.limit, made.motion, scale, NAMES, 1, 1e-9)
+    told = judge(found.limit, made.motion, NAMES, 1, 1e-9)
     assert told.outcome is Outcome.AGREES
     assert told.largest_discrepancy < told.largest_uncertainty < 1e-4
     assert "24 binary digits" in told.reason
@@ -89,8 +87,7 @@ def test_a_sound_model_agrees_to_the_digits_that_its_engine_has(bench: MakeBench
 
 def test_a_stiffness_off_by_a_thousandth_differs_all_the_same(bench: MakeBench) -> None:
     made = bench(Single(stiffness=47.0 * 1.001))
-    found, scale = run(made)
-    told = judge(found.limit, made.motion, scale, NAMES, 1, 1e-9)
+    told = judge(run(made)[0].limit, made.motion, NAMES, 1, 1e-9)
     assert told.outcome is Outcome.DIFFERS
     assert told.discrepancy == pytest.approx(1e-3, rel=0.1)
 

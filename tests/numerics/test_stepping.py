@@ -177,7 +177,7 @@ def test_a_robots_next_state_is_the_equations(file: Path, engine: str, integrato
         task = task.with_settings(integrator=integrator)
     model, coordinates = task.load()
     bodies, drawn = SteppedBodies(robot.tree), robot.samples
-    found = step_engine(model, coordinates, bodies, drawn.start, drawn.forces, 1e-12)
+    found = step_engine(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-12)
     assert found is not None
     assert found.judgement.outcome is Outcome.AGREES
     assert found.judgement.largest_discrepancy < 1e-12

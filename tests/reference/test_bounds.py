@@ -18,9 +18,9 @@ from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
 from physics_crosscheck.reference.mechanism.signal import pieces
-from physics_crosscheck.reference.solving.closed_form import Segments, augmented
+from physics_crosscheck.reference.solving.closed_form import augmented
 from physics_crosscheck.reference.solving.integrate import solve_numerically
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, LINEAR, SCENARIOS, equations_of, oscillator
 from tests.reference.test_closed_form import FREQUENCY, textbook
@@ -166,7 +166,7 @@ def test_a_chain_that_is_off_is_told_with_its_size(monkeypatch: pytest.MonkeyPat
     """A start that is moved by 1e-9 of itself: each segment is right, and the whole is not."""
     whole = solve_numerically
 
-    def moved(equations: Equations, start: Array, *given: Any) -> Segments:
+    def moved(equations: Equations, start: Array, *given: Any) -> Motion:
         found = whole(equations, start, *given)
         states = found.start.copy()
         states[100] *= 1 + 1e-9

@@ -21,7 +21,7 @@ from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.closed_form import state_at
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, oscillator
 

@@ -22,7 +22,7 @@ from physics_crosscheck.reference.solving.integrate import (
     solve_numerically,
     trajectory,
 )
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve, tile
 from tests.reference.mechanisms import (
     CART,

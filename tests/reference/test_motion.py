@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
-import physics_crosscheck.reference.solving.motion
+import physics_crosscheck.reference.solving.segments
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.modes import modes, poles
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.integrate import field_of
-from physics_crosscheck.reference.solving.motion import NODES, Motion, chebyshev_nodes
+from physics_crosscheck.reference.solving.segments import NODES, Motion, chebyshev_nodes
 from physics_crosscheck.reference.solving.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of
 
@@ -88,7 +88,7 @@ def test_a_motion_between_its_nodes_is_what_direct_integration_gives(
 
 
 def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(physics_crosscheck.reference.solving.motion, "NODES", 9)
+    monkeypatch.setattr(physics_crosscheck.reference.solving.segments, "NODES", 9)
     equations = equations_of("drum_pendulum")
     scenario = equations.system.scenario("free")
     motion = solve(equations, scenario)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, pendulum
 

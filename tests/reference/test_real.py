@@ -12,7 +12,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import C, F, K, M, X, constant, declared, pendulum
 

@@ -13,11 +13,12 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving import resolved
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.resolved import ReusedSegments
-from physics_crosscheck.reference.solving.samples import Samples, samples, solved
+from physics_crosscheck.reference.solving.samples import samples, solved
+from physics_crosscheck.reference.solving.segments import Segments
 from tests.reference.multibody.trees import tree
 
 
-def known() -> tuple[TreeSystem, Samples]:
+def known() -> tuple[TreeSystem, Segments]:
     system = tree_system(name="arm", title="", source="", tree=tree(("hinge", "slide", "hinge"), 5))
     limits = np.array([[-1.0, 1.0]] * 3)
     return system, samples(TreeEquations(system), limits, np.zeros(3), 6, 1)
@@ -32,8 +33,8 @@ def damped(one: Tree, damping: float) -> Tree:
     return replace(one, links=(*one.links[:-1], replace(one.links[-1], damping=damping)))
 
 
-def by_two_methods(system: TreeSystem, one: Samples) -> Samples:
-    return solved(TreeEquations(system), one.start, one.forces, one.length, one.fastest)
+def by_two_methods(system: TreeSystem, one: Segments) -> Segments:
+    return solved(TreeEquations(system), one.start, one.start_inputs, one.length, one.fastest)
 
 
 @pytest.mark.parametrize("factor", [0.4, 1.001, 3.0])
@@ -68,7 +69,7 @@ def test_what_is_not_near_is_solved_from_scratch(monkeypatch: pytest.MonkeyPatch
     system, one = known()
     near = ReusedSegments(system, one)
 
-    def refused(*_: object) -> Samples:
+    def refused(*_: object) -> Segments:
         raise ReferenceError("it does not converge")
 
     monkeypatch.setattr(resolved.ReusedSegments, "_near", refused)

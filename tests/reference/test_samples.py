@@ -21,10 +21,10 @@ from physics_crosscheck.reference.solving.samples import (
     MAX_DIFFERENCE,
     MAX_LIMIT_DISTANCE,
     SAMPLING_RANGE,
-    Samples,
     samples,
     within,
 )
+from physics_crosscheck.reference.solving.segments import Segments
 from tests.reference.multibody.trees import tree
 
 KINDS: tuple[Kind, ...] = ("hinge", "slide", "hinge", "hinge")
@@ -42,10 +42,10 @@ def equations(one: Tree) -> TreeEquations:
     )  # fmt: skip
 
 
-def in_long_doubles(one: Tree, found: Samples) -> Array:
+def in_long_doubles(one: Tree, found: Segments) -> Array:
     """Ends by the classical Runge-Kutta method in so many steps, extrapolated, (K, 2n)."""
     dynamics, n = Dynamics(one, LONG_DOUBLES), one.nv
-    forces = LONG_DOUBLES.array(found.forces.T)
+    forces = LONG_DOUBLES.array(found.start_inputs.T)
 
     def rate(state: Scalars) -> Scalars:
         a = dynamics.acceleration(state[:n], state[n:], forces)
@@ -98,11 +98,11 @@ def test_what_two_solutions_are_apart_is_in_the_bound_or_refuses_them(
 
 def test_every_joint_moves_and_is_pushed_as_much_as_it_is_moved() -> None:
     found = samples(equations(tree(KINDS, 1)), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 1)
-    n = found.forces.shape[1]
+    n = found.start_inputs.shape[1]
     turned = np.max(np.abs(found.end - found.start), axis=0)
     assert np.all(turned[:n] > 1e-3)
     assert np.all(turned[n:] > 1e-2)
-    assert np.all(np.std(found.forces, axis=0) > 0)
+    assert np.all(np.std(found.start_inputs, axis=0) > 0)
 
 
 def test_states_are_within_limits_and_the_same_for_one_seed() -> None:

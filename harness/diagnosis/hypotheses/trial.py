@@ -15,7 +15,6 @@ from physics_crosscheck.harness.diagnosis.hypotheses.candidate import Perturbati
 from physics_crosscheck.harness.diagnosis.samples import (
     RUNGS_OF_SLOPES,
     RUNGS_USED,
-    SegmentSample,
     quick_ends,
     reference_ends,
     variant_ends,
@@ -34,6 +33,7 @@ from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.variants import Variants
 
 NUDGE = 1e-4
@@ -65,7 +65,7 @@ class TrialModel:
     model: Model
     coordinates: CoordinateMap
     variants: Variants
-    samples: Sequence[SegmentSample]
+    samples: Sequence[Segments]
     ends: Array
     candidates: tuple[TrialHypothesis, ...]
     folder: Path

@@ -25,7 +25,7 @@ from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.resolved import ReusedSegments
-from physics_crosscheck.reference.solving.samples import Samples
+from physics_crosscheck.reference.solving.segments import Segments
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class _Draw:
     """The tree of a draw, and the reference states of its equations."""
 
     tree: Tree
-    samples: Samples
+    samples: Segments
 
 
 class SweptRobot(Source):

@@ -35,7 +35,6 @@ from physics_crosscheck.harness.modelfiles.parametric_file import (
     parametric_model_file,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.convergence import largest
 from physics_crosscheck.harness.numerics.coordinates import (
     CoordinateFamily,
@@ -52,7 +51,7 @@ from physics_crosscheck.reference.mechanism.declaration import Scenario
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.family import DrawnEquations, Family, solve_drawn
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 
 
 @dataclass(frozen=True)
@@ -219,15 +218,11 @@ class Swept(Source):
         resolution: float,
     ) -> Verdict:
         others = [m for name, m in self.declared_motions.items() if name != case.scenario]
-        scale = component_scale(motion, others)
+        segments = replace(motion, scale=component_scale(motion, others))
         names = [c.name for c in self.system.coordinates]
-        limit = extrapolate(
-            model, coordinates, Batch.of_motion(motion, scale), resolution=resolution
-        )
         return judged(
-            limit,
-            motion,
-            scale=scale,
+            extrapolate(model, coordinates, segments, resolution=resolution),
+            segments,
             components=(*names, *(f"{name}_dot" for name in names)),
             coordinates=tuple(model.coordinates),
             claimed=model.exponents(motion.varying)[0],

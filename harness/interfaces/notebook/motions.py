@@ -32,7 +32,7 @@ from physics_crosscheck.reference.mechanism.declaration import Scenario
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
 from physics_crosscheck.reference.mechanism.system import System
-from physics_crosscheck.reference.solving.motion import Motion
+from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve, start_of
 
 Start = tuple[tuple[str, float], ...]

@@ -20,7 +20,6 @@ from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.numerics.batch import Batch
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.case import FullRun
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -93,11 +92,11 @@ def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     """Of the second scenario, which has a known force."""
     physics = physics_of(mistake, sidecar)
     name = list(physics.motions)[1]
-    motion, scale = physics.motions[name], physics.scales[name]
+    motion = physics.motions[name]
     model, coordinates = load(physics.system, sidecar, mistake.engine)
     claimed, _ = model.exponents(motion.varying)
-    found = extrapolate(model, coordinates, Batch.of_motion(motion, scale), resolution=1e-9)
-    return judge(found.limit, motion, scale, physics.components, claimed, 1e-9).outcome
+    found = extrapolate(model, coordinates, motion, resolution=1e-9)
+    return judge(found.limit, motion, physics.components, claimed, 1e-9).outcome
 
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
@@ -133,7 +132,9 @@ def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
     physics = physics_of(mistake, sidecar)
     scenario = physics.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
-    motion = solve(derive(physics.system), short)
+    motion = replace(
+        solve(derive(physics.system), short), scale=physics.motions[scenario.name].scale
+    )
     task = model_task(physics, mistake.engine, sidecar, scenario=scenario.name)
     case = run_case(task.with_target(motions={scenario.name: motion}))
     assert case.full_run is not None
