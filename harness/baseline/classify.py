@@ -1,37 +1,44 @@
-"""Changes of cases that were run, for the gate and for a run with a baseline."""
+"""Changes of cases and audits that were run, for the gate and for a run with a baseline."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from physics_crosscheck.harness.baseline.changes import Status, compare
-from physics_crosscheck.harness.baseline.entry import entry_of
+import msgspec
+
+from physics_crosscheck.harness.baseline.diff import changed_dependencies, diff_accepted
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import (
+    Dependencies,
     FolderFiles,
     as_now,
     dependencies,
     with_reads,
 )
+from physics_crosscheck.harness.baseline.seal import snapshot_key
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
-from physics_crosscheck.harness.records.case import Case, CaseId
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.baseline import (
+    AcceptedAudit,
+    AcceptedCase,
+    AcceptedFinding,
+    Measurement,
+)
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelId
+from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff, numbers_of
+from physics_crosscheck.harness.records.finding import SAME, AuditFinding, is_near
+from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A case compared with its accepted result.
+    """A case compared with its accepted result, and what it was compared from.
 
     Attributes:
-        id: the case, its system called as in the baseline.
-        status: see `Status`.
-        kinds: what changed: `model`, `numbers`, `engine`, `equations`, `scenario`, `tool`, `text`
-            (files alone), `outcome`, `unexplained`.
-        messages: sentences, most important first.
-        size: largest change of the motion, relative to its displacement over a segment.
+        diff: the difference; its system is called as in the baseline.
         case, measured: of this run, if it ran.
         entry: the accepted result, if there is one.
         now: the result to accept, if the case was judged and measured.
@@ -39,17 +46,33 @@ class Change:
         findings: findings of the audit that were not accepted.
     """
 
-    id: CaseId
-    status: Status
-    kinds: tuple[str, ...] = ()
-    messages: tuple[str, ...] = ()
-    size: float = 0.0
+    diff: Diff
     case: Case | None = field(default=None, repr=False)
     measured: Measurement | None = field(default=None, repr=False)
     entry: AcceptedCase | None = field(default=None, repr=False)
     now: AcceptedCase | None = field(default=None, repr=False)
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
     findings: tuple[AuditFinding, ...] = field(default=(), repr=False)
+
+    @property
+    def id(self) -> CaseId:
+        """Name of the case."""
+        return self.diff.id
+
+    @property
+    def status(self) -> Status:
+        """Status of the case."""
+        return self.diff.status
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Reasons for the change."""
+        return self.diff.kinds
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """Explanations, most important first."""
+        return self.diff.messages
 
 
 def unaccepted(case: Case) -> str:
@@ -88,40 +111,30 @@ def classify(
         files = {} if model is None else as_now(model, entry.files if entry else {})
     refused = case.outcome is Outcome.REFUSED
     done = refused or (isinstance(measured, Measurement) and case.outcome.is_run)
+    motion = measured if isinstance(measured, Measurement) else None
     if not done or stale:
         return Change(
-            id=id_,
-            status=Status.NOT_RUN,
-            messages=(_why_not_run(case, measured, stale),),
+            diff=bare_diff(
+                id_,
+                Status.NOT_RUN,
+                (_why_not_run(case, measured, stale),),
+                before=None if entry is None else entry.numbers,
+                after=numbers_of(case),
+            ),
             case=case,
             entry=entry,
             files=files,
         )
-    motion = measured if isinstance(measured, Measurement) else None
     now = entry_of(id_, case, motion, dependencies(files, case.engine, versions, resolution))
     if entry is None or accepted is None:
-        return Change(
-            id=id_,
-            status=Status.NEW,
-            messages=(unaccepted(case), *([case.reason] if refused else [])),
-            case=case,
-            measured=motion,
-            now=now,
-            files=files,
-        )
-    difference = compare(entry, now, accepted.snapshot(id_), motion)
-    return Change(
-        id=id_,
-        status=difference.status,
-        kinds=difference.kinds,
-        messages=(*difference.messages, *difference.causes),
-        size=difference.size,
-        case=case,
-        measured=motion,
-        entry=entry,
-        now=now,
-        files=files,
-    )
+        messages = (unaccepted(case), *([case.reason] if refused else []))
+        diff = bare_diff(id_, Status.NEW, messages, after=now.numbers)
+    else:
+        diff = diff_accepted(entry, now, accepted.snapshot(id_), motion)
+        causes = changed_dependencies(entry, now)
+        sentences = (causes[cause] for cause in ("engine", "tool") if cause in causes)
+        diff = msgspec.structs.replace(diff, messages=(*diff.messages, *sentences))
+    return Change(diff=diff, case=case, measured=motion, entry=entry, now=now, files=files)
 
 
 def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool) -> str:
@@ -131,3 +144,125 @@ def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool
         return "its files changed during the run; run it again"
     why = f": {measured.reason}" if isinstance(measured, Failure) else ""
     return f"its motion could not be measured{why}"
+
+
+def entry_of(
+    case_id: CaseId, case: Case, measured: Measurement | None, now: Dependencies
+) -> AcceptedCase:
+    """Build the baseline entry of a case that was judged and measured, without a reason yet.
+
+    Args:
+        case_id: name of the case, with its system's name in the baseline.
+        case: record of the case.
+        measured: measurement of its model; None for a file that the engine refuses.
+        now: present dependencies of the case.
+    """
+    verdict, full_run = case.verdict, case.full_run
+    assert verdict is not None or measured is None  # measured cases have a verdict
+    return summarized(
+        AcceptedCase(
+            system=case_id.system,
+            model=case_id.model,
+            scenario=case_id.scenario,
+            engine=case_id.engine,
+            summary="",
+            reason="",
+            outcome=case.outcome,
+            outcome_reason=case.reason.replace(f"{case.folder}: ", f"{case.model}: "),
+            discrepancy=verdict.discrepancy if verdict else None,
+            uncertainty=verdict.uncertainty if verdict else None,
+            component=verdict.component if verdict else "",
+            constants=measured.constants if measured else {},
+            global_error=full_run.global_error if full_run else None,
+            global_order=full_run.order if full_run else None,
+            time_step=full_run.time_step if full_run else None,
+            integrator=full_run.integrator if full_run else "",
+            order=verdict.order if verdict else None,
+            claimed_order=verdict.claimed_order if verdict else 0,
+            engine_version=now.engine_version,
+            resolution=now.resolution,
+            numerics=now.numerics,
+            files=dict(now.files),
+            snapshot=snapshot_key(measured.snapshot) if measured else "",
+            end=measured.end if measured else (),
+            end_uncertainty=measured.uncertainty if measured else (),
+        )
+    )
+
+
+def summarized(entry: AcceptedCase) -> AcceptedCase:
+    """Add a one-line summary for reviewers to an entry."""
+
+    def short(value: Number, form: str) -> str:
+        return "unknown" if value is None else format(value, form)
+
+    if entry.outcome is Outcome.REFUSED:
+        return msgspec.structs.replace(entry, summary=f"{entry.outcome}: {entry.outcome_reason}")
+    summary = (
+        f"{entry.outcome}, E {short(entry.discrepancy, '.0e')} U {short(entry.uncertainty, '.0e')}"
+    )
+    if entry.integrator:  # separate sampled states have no full run
+        summary += (
+            f"; global error {short(entry.global_error, '.2%')}"
+            f" at {short(entry.time_step, 'g')} s, {entry.integrator}"
+        )
+    return msgspec.structs.replace(entry, summary=summary)
+
+
+def unaccepted_findings(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:
+    """Return the findings about a model that were not accepted."""
+    accepted = () if audit is None else audit.findings
+    return tuple(
+        finding
+        for finding in model.findings
+        if not any(_same(_plain(finding, model), a) for a in accepted)
+    )
+
+
+def accepted_audit(
+    id_: ModelId, model: Model, before: AcceptedAudit | None, reason: str
+) -> AcceptedAudit | None:
+    """Return the findings to accept for a model: the old ones if nothing is new; None without any.
+
+    Args:
+        id_: name of the model, with its system's name in the baseline.
+        model: its record.
+        before: the accepted findings.
+        reason: reason for accepting them.
+    """
+    findings = tuple(_plain(finding, model) for finding in model.findings)
+    if not findings:
+        return None
+    if (
+        before is not None
+        and len(before.findings) == len(findings)
+        and not unaccepted_findings(model, before)
+    ):
+        return before
+    return AcceptedAudit(
+        system=id_.system, model=id_.model, engine=id_.engine, reason=reason, findings=findings
+    )
+
+
+def _plain(finding: AuditFinding, model: Model) -> AcceptedFinding:
+    """Convert a finding for the baseline, without the path of its folder on this machine."""
+    folder = Path(model.folder)
+    folder = folder.parent if folder.name == model.model else folder
+    base = "" if folder == Path() else f"{folder}/"
+    return AcceptedFinding(
+        kind=finding.kind,
+        subject=tuple(part.replace(base, "") for part in finding.subject),
+        message=finding.message.replace(base, ""),
+        expected=finding.expected,
+        found=finding.found,
+    )
+
+
+def _same(finding: AcceptedFinding, other: AcceptedFinding) -> bool:
+    """Return whether two findings are equal; numbers of a literal must be exactly equal."""
+    tolerance = 0.0 if finding.kind == "literal" else SAME
+    return (
+        (finding.kind, finding.subject) == (other.kind, other.subject)
+        and is_near(finding.expected, other.expected, tolerance)
+        and is_near(finding.found, other.found, tolerance)
+    )

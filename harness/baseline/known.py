@@ -14,9 +14,13 @@ from typing import Literal
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.audits import unaccepted as unaccepted_findings
-from physics_crosscheck.harness.baseline.changes import Status, why_not_known
-from physics_crosscheck.harness.baseline.classify import Change, classify, unaccepted
+from physics_crosscheck.harness.baseline.classify import (
+    Change,
+    classify,
+    unaccepted,
+    unaccepted_findings,
+)
+from physics_crosscheck.harness.baseline.diff import diff_cases, motion_of
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale
@@ -30,6 +34,7 @@ from physics_crosscheck.harness.records.baseline import (
     Snapshot,
 )
 from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.diff import Status, numbers_of
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges
@@ -37,6 +42,9 @@ from physics_crosscheck.harness.results.status import counted
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
 """Measurements, or the reasons for their absence, by folder and case."""
+
+_DECISIVE = frozenset(("limit", "equations", "discrepancy"))
+"""Changes after which a known difference is a different one."""
 
 Kind = Literal["regression", "improvement", "change", "new", "missing"]
 _ORDER: tuple[Kind, ...] = ("regression", "missing", "change", "new", "improvement")
@@ -193,8 +201,9 @@ def _why_changed(
     if isinstance(measured, Failure):
         return measured.reason
     assert snapshot is not None  # measured cases have a snapshot
-    assert case.verdict is not None  # and a verdict
-    return why_not_known(entry, case.verdict, snapshot, measured)
+    motion = motion_of(entry, snapshot, measured)
+    diff = diff_cases(entry.id, entry.numbers, numbers_of(case), motion=motion)
+    return diff.messages[0] if _DECISIVE.intersection(diff.changed) else ""
 
 
 def mark_models(models: Iterable[Model], baseline: Accepted | None) -> tuple[Model, ...]:
@@ -281,7 +290,7 @@ def _change(case: Case, measured: Measured, baseline: Accepted) -> BaselineChang
         baseline.versions,
         baseline.resolution,
     )
-    if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
+    if change.status in (Status.SAME, Status.EXPECTED, Status.WITHIN):
         return None
     return _told(case.id, _kind(case, change), "; ".join(change.messages))
 

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.baseline.movement import of_equations
+from physics_crosscheck.harness.baseline.diff import of_equations
 from physics_crosscheck.harness.baseline.snapshot import (
     ends,
     same_motion,

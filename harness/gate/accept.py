@@ -9,10 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.audits import accepted_audit
-from physics_crosscheck.harness.baseline.changes import Status
-from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.baseline.entry import summarized
+from physics_crosscheck.harness.baseline.classify import Change, accepted_audit, summarized
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.baseline.stale import location
@@ -22,11 +19,12 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Declared
 from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import counted
 
-_UNMOVED = (Status.SAME, Status.WITHIN, Status.KNOWN)
+_UNMOVED = (Status.SAME, Status.WITHIN, Status.EXPECTED)
 
 
 class AcceptError(ValueError):

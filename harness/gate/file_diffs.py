@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.classify import Change
@@ -16,6 +15,7 @@ from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.records.baseline import ChangedLine, FileDiff
 
 MOST_LINES = 12
 """Maximum number of changed lines reported for a file; beyond it, a diff is more useful."""
@@ -29,53 +29,6 @@ _LAST_NAME = re.compile(r"""([A-Za-z_][\w.-]*)\s*(?:=|>|\[|\()[^=<>]*$""")
 """Name of the attribute, element or variable that a number belongs to."""
 
 
-@dataclass(frozen=True)
-class ChangedLine:
-    """A changed place of a file.
-
-    Attributes:
-        file: its path.
-        line: line number, from 1.
-        message: one sentence on the change.
-        edit: the same in a few words, such as `damping 0.05 -> 0.06`; empty if not a text line.
-        old: the accepted number; empty if more than a number changed.
-    """
-
-    file: Path
-    line: int
-    message: str
-    edit: str = ""
-    old: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileDiff:
-    """The changes in one file of a system.
-
-    Attributes:
-        system: the system.
-        name: the file, relative to the system's folder.
-        models: model files whose cases depend on it.
-        lines: changed literals first, then other changed lines.
-        more: number of changed lines that are not listed.
-    """
-
-    system: str
-    name: str
-    models: tuple[str, ...]
-    lines: tuple[ChangedLine, ...]
-    more: int = 0
-
-    @property
-    def is_outside(self) -> bool:
-        """True if the file is outside of the system's folder."""
-        return self.name.startswith("../") or Path(self.name).is_absolute()
-
-    def concerns(self, change: Change) -> bool:
-        """Return whether a case depends on the file."""
-        return change.id.system == self.system and change.id.model in self.models
-
-
 def file_diffs(
     changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path
 ) -> tuple[FileDiff, ...]:
@@ -85,16 +38,7 @@ def file_diffs(
         scan = folders.get(system)
         if scan is None:
             continue
-        lines, more = _changed_lines(scan, system, name, accepted, sorted(models), baseline)
-        diffs.append(
-            FileDiff(
-                system=system,
-                name=name,
-                models=tuple(sorted(models)),
-                lines=tuple(lines),
-                more=more,
-            )
-        )
+        diffs.append(_file_diff(scan, system, name, accepted, sorted(models), baseline))
     return tuple(diffs)
 
 
@@ -111,32 +55,51 @@ def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
     return models
 
 
-def _changed_lines(
+def _file_diff(
     scan: FolderFiles, system: str, name: str, accepted: str, models: Sequence[str], baseline: Path
-) -> tuple[list[ChangedLine], int]:
-    folder, file = scan.folder, scan.base / name
-    if name == BESIDE:
-        return [
-            ChangedLine(folder, 1, "a file beside the models changed, or was added or removed")
-        ], 0
-    if file.is_dir():
-        return [ChangedLine(folder, 1, f"files were added to or removed from {name}")], 0
-    if not file.is_file():
-        return [ChangedLine(folder, 1, f"{name} was removed")], 0
-    if accepted == ABSENT:
-        return [ChangedLine(file, 1, "was added")], 0
-    if not accepted:
-        return [ChangedLine(file, 1, "is read now and was not read before")], 0
-    old = accepted_text(baseline, system, name, accepted)
+) -> FileDiff:
+    """Return the changes of one file; a single line for the whole file if its lines are unknown."""
+    file = scan.base / name
+    whole = _whole_change(file, name, accepted)
+    old = None if whole else accepted_text(baseline, system, name, accepted)
     if old is None:
-        return [
-            ChangedLine(file, 1, "changed; the accepted text is not kept, so its lines are unknown")
-        ], 0
+        whole = whole or "changed; the accepted text is not kept, so its lines are unknown"
+        changes, more = [ChangedLine(line=1, message=whole)], 0
+    else:
+        changes, more = _changed_lines(scan, name, old, models)
+    return FileDiff(
+        system=system,
+        file=name,
+        path=str(file if file.is_file() else scan.folder),
+        models=tuple(models),
+        changes=tuple(changes),
+        more=more,
+    )
+
+
+def _whole_change(file: Path, name: str, accepted: str) -> str:
+    """Return how a file changed as a whole; empty if its lines changed."""
+    if name == BESIDE:
+        return "a file beside the models changed, or was added or removed"
+    if file.is_dir():
+        return f"files were added to or removed from {name}"
+    if not file.is_file():
+        return f"{name} was removed"
+    if accepted == ABSENT:
+        return "was added"
+    return "" if accepted else "is read now and was not read before"
+
+
+def _changed_lines(
+    scan: FolderFiles, name: str, old: str, models: Sequence[str]
+) -> tuple[list[ChangedLine], int]:
+    """Return the changed numbers and lines, and the number of lines that are not listed."""
+    file = scan.base / name
     new = file.read_text(encoding="utf-8", errors="replace")
     is_robot = scan.robot is not None
     changed = _numbers(file, old, new) if is_robot else _literals(file, name, old, new, models)
     changed_lines = {one.line for one in changed}
-    lines = [one for one in _lines(file, old, new) if one.line not in changed_lines]
+    lines = [one for one in _lines(old, new) if one.line not in changed_lines]
     return changed + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
 
 
@@ -162,7 +125,9 @@ def _literals(
                 moved = f"{before.text} -> {after.text}"
                 message = f"{within} {moved}, bound to {expression}"
                 edit = f"{_spoken(within)} {moved}"
-                changed.append(ChangedLine(file, after.line, message, edit, before.text))
+                changed.append(
+                    ChangedLine(line=after.line, message=message, edit=edit, old=before.text)
+                )
     return changed
 
 
@@ -184,7 +149,9 @@ def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
             moved = f"{old_number.text} -> {number.text}"
             edit = f"{_spoken(address)} {moved}"
             message = f"{address} {moved}"
-            changes.append(ChangedLine(file, number.line, message, edit, old_number.text))
+            changes.append(
+                ChangedLine(line=number.line, message=message, edit=edit, old=old_number.text)
+            )
     return changes
 
 
@@ -205,7 +172,7 @@ def _place(file: Path, text: str, address: str) -> Location | None:
         return None
 
 
-def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
+def _lines(old: str, new: str) -> list[ChangedLine]:
     before, after = old.splitlines(), new.splitlines()
     changed = []
     matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
@@ -214,28 +181,30 @@ def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
             continue
         for i in range(c, d):
             was = before[a + i - c] if b - a == d - c else None
-            changed.append(_changed_line(file, i + 1, was, after[i]))
+            changed.append(_changed_line(i + 1, was, after[i]))
         if c == d:
             gone = [line for line in before[a:b] if line.strip()] or before[a:b]
             text = _short(gone[0])
-            changed.append(ChangedLine(file, max(c, 1), f"- {text}", f"removed: {text}"))
+            changed.append(
+                ChangedLine(line=max(c, 1), message=f"- {text}", edit=f"removed: {text}")
+            )
     return changed
 
 
-def _changed_line(file: Path, line: int, old: str | None, new: str) -> ChangedLine:
+def _changed_line(line: int, old: str | None, new: str) -> ChangedLine:
     """Describe a changed line: the number, if only one number changed, otherwise the new text."""
     message = f"+ {_short(new)}"
     if old is None:
-        return ChangedLine(file, line, message, f"added: {_short(new)}")
+        return ChangedLine(line=line, message=message, edit=f"added: {_short(new)}")
     was, now = (list(_NUMBER.finditer(text)) for text in (old, new))
     if len(was) == len(now) and _NUMBER.sub("0", old) == _NUMBER.sub("0", new):
         pairs = [(x, y) for x, y in zip(was, now, strict=True) if x[0] != y[0]]
         if len(pairs) == 1:
             (before, after), *_ = pairs
             name = _LAST_NAME.search(new[: after.start()])
-            label = f"{name[1]} " if name else ""
-            return ChangedLine(file, line, message, f"{label}{before[0]} -> {after[0]}", before[0])
-    return ChangedLine(file, line, message, f"changed to: {_short(new)}")
+            edit = f"{f'{name[1]} ' if name else ''}{before[0]} -> {after[0]}"
+            return ChangedLine(line=line, message=message, edit=edit, old=before[0])
+    return ChangedLine(line=line, message=message, edit=f"changed to: {_short(new)}")
 
 
 def _short(line: str) -> str:

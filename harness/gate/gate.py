@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.audits import unaccepted
-from physics_crosscheck.harness.baseline.changes import Status
-from physics_crosscheck.harness.baseline.classify import Change, classify
+import msgspec
+
+from physics_crosscheck.harness.baseline.classify import Change, classify, unaccepted_findings
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, hashed_again
 from physics_crosscheck.harness.baseline.store import named_targets
@@ -35,6 +35,7 @@ from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.robot_targets import is_robot, robots_below
 from physics_crosscheck.harness.records.baseline import AcceptedCase
 from physics_crosscheck.harness.records.case import Case, ModelId
+from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
@@ -65,7 +66,7 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
         changes = with_audits(moved, ran.results, state.baseline)
     changes += _of_the_rest(changes, names, state, options)
     order = list(Status)
-    changes.sort(key=lambda c: (order.index(c.status), -c.size, c.id.system))
+    changes.sort(key=lambda c: (order.index(c.status), -c.diff.size, c.id.system))
     return GateResult(
         changes=tuple(changes),
         file_diffs=file_diffs(changes, names, options.baseline),
@@ -178,12 +179,14 @@ def _of_the_rest(
             if scan is not None and was_left_alone(scan, system_baseline, case, state):
                 yield _as_accepted(entry)
             elif not failed & {(system, "system.py"), (system, case.model)}:
-                yield Change(id=case, status=Status.GONE, messages=(_GONE,), entry=entry)
+                diff = bare_diff(case, Status.GONE, (_GONE,), before=entry.numbers)
+                yield Change(diff=diff, entry=entry)
 
 
 def _as_accepted(entry: AcceptedCase) -> Change:
-    status = Status.SAME if entry.outcome is Outcome.AGREES else Status.KNOWN
-    return Change(id=entry.id, status=status, entry=entry)
+    status = Status.SAME if entry.outcome is Outcome.AGREES else Status.EXPECTED
+    diff = bare_diff(entry.id, status, before=entry.numbers, after=entry.numbers)
+    return Change(diff=msgspec.structs.replace(diff, run=False), entry=entry)
 
 
 MOST_TOLD = 5
@@ -216,19 +219,24 @@ def _with_audit(
         return change
     if model.audit is None:
         failed = f"its audit failed: {model.audit_failure or 'it did not run'}"
-        return replace(change, status=Status.NOT_RUN, messages=(failed, *change.messages))
-    new = unaccepted(
+        diff = msgspec.structs.replace(
+            change.diff, status=Status.NOT_RUN, messages=(failed, *change.messages)
+        )
+        return replace(change, diff=diff)
+    new = unaccepted_findings(
         model, None if system_baseline is None else system_baseline.audits.get(of_model)
     )
     if not new or (change.status.passes and of_model in moved):
         return change
-    messages = (*change.messages, *_told(new))
-    if of_model in moved:  # a motion shows it too, in this case or another
-        return replace(change, messages=messages, findings=new)
-    kinds = tuple(kind for kind in change.kinds if kind != "text")
-    return replace(
-        change, status=Status.CHANGED, kinds=(*kinds, "audit"), messages=messages, findings=new
+    diff = msgspec.structs.replace(
+        change.diff,
+        messages=(*change.messages, *_told(new)),
+        changed=(*change.diff.changed, "audit"),
     )
+    if of_model not in moved:  # no motion shows it, in this case or another
+        kinds = (*(kind for kind in change.kinds if kind != "text"), "audit")
+        diff = msgspec.structs.replace(diff, status=Status.CHANGED, kinds=kinds)
+    return replace(change, diff=diff, findings=new)
 
 
 def _told(findings: tuple[AuditFinding, ...]) -> list[str]:

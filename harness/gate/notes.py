@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.gate.file_diffs import ChangedLine
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import sentences
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.github import Annotation, case_note
 from physics_crosscheck.harness.results.status import counted
 
-_QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
+_QUIET = (Status.SAME, Status.WITHIN, Status.EXPECTED)
 """Statuses that need no attention."""
 
 
@@ -44,21 +44,31 @@ def _note(result: GateResult, alike: list[Change]) -> Annotation:
     )
 
 
-def _place(result: GateResult, change: Change) -> ChangedLine:
+class _Place(NamedTuple):
+    """A line to annotate, and a sentence on it."""
+
+    file: Path
+    line: int
+    message: str = ""
+
+
+def _place(result: GateResult, change: Change) -> _Place:
     """Return where to show a change: the diagnosed cause, a changed line, or the model file."""
     model = change.id.model
     if change.case is not None and change.case.outcome is Outcome.DIFFERS:
         note = case_note(change.case, result.model_of(change.case))
         if note.line is not None:
-            return ChangedLine(note.file, note.line, note.message)
+            return _Place(note.file, note.line, note.message)
     first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
-    mine = [d for d in result.file_diffs if d.system == change.id.system and model in d.models]
-    mine.sort(key=lambda diff: first.index(diff.name) if diff.name in first else 2)
-    changed = [line for diff in mine for line in diff.lines]
-    return _of_finding(change, changed) or next(iter(changed), None) or _whole(result, change)
+    mine = [diff for diff in result.file_diffs if diff.concerns(change.id)]
+    mine.sort(key=lambda diff: first.index(diff.file) if diff.file in first else 2)
+    changed = [
+        _Place(Path(diff.path), one.line, one.message) for diff in mine for one in diff.changes
+    ]
+    return _of_finding(change, changed) or next(iter(changed), _Place(_file(result, change), 1))
 
 
-def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | None:
+def _of_finding(change: Change, changed: list[_Place]) -> _Place | None:
     """Return the line of an audit finding: a changed line, or any if nothing else is wrong."""
     wrong = [
         (Path(finding.location.file), finding.location.line)
@@ -66,16 +76,12 @@ def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | Non
         if finding.location is not None and finding.location.line is not None
     ]
     names = {(file.name, line) for file, line in wrong}
-    for changed_line in changed:
-        if (changed_line.file.name, changed_line.line) in names:
-            return changed_line
+    for place in changed:
+        if (place.file.name, place.line) in names:
+            return place
     if not wrong or change.kinds != ("audit",):
         return None
-    return ChangedLine(*wrong[0], "")
-
-
-def _whole(result: GateResult, change: Change) -> ChangedLine:
-    return ChangedLine(_file(result, change), 1, "")
+    return _Place(*wrong[0])
 
 
 def _file(result: GateResult, change: Change) -> Path:

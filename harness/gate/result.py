@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
-from physics_crosscheck.harness.gate.file_diffs import FileDiff
-from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.baseline import Gate, GateChange, GateFile, GateLine
+from physics_crosscheck.harness.records.baseline import FileDiff, Gate
 from physics_crosscheck.harness.records.case import Case, ModelId
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 
@@ -74,29 +72,6 @@ class GateResult:
         return Gate(
             passes=self.passes,
             seconds=self.seconds,
-            cases=tuple(_case(change) for change in self.changes),
-            files=tuple(_file(one) for one in self.file_diffs),
+            cases=tuple(change.diff for change in self.changes),
+            files=self.file_diffs,
         )
-
-
-def _case(change: Change) -> GateChange:
-    return GateChange(
-        system=change.id.system,
-        model=change.id.model,
-        scenario=change.id.scenario,
-        engine=change.id.engine,
-        status=change.status.value,
-        kinds=change.kinds,
-        messages=change.messages,
-        moved=number(change.size),
-        run=change.case is not None,
-    )
-
-
-def _file(diff: FileDiff) -> GateFile:
-    return GateFile(
-        system=diff.system,
-        file=diff.name,
-        models=diff.models,
-        changes=tuple(GateLine(line=each.line, message=each.message) for each in diff.lines),
-    )

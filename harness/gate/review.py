@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import change_lines, diff_lines
 from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.results.status import counted
 
 ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
@@ -77,8 +77,8 @@ class Review:
         for line in rest:
             self._tell(line)
         for diff in self._found.file_diffs:
-            if diff.concerns(change) and (diff.system, diff.name) not in self._told:
-                self._told.add((diff.system, diff.name))
+            if diff.concerns(change.id) and (diff.system, diff.file) not in self._told:
+                self._told.add((diff.system, diff.file))
                 for line in diff_lines(diff):
                     self._tell(line)
 

@@ -10,12 +10,12 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.gate.file_diffs import ChangedLine, FileDiff
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.records.baseline import ChangedLine, FileDiff
 from physics_crosscheck.harness.records.case import CaseId, model_path
 from physics_crosscheck.harness.records.codes import gate_code, part_code
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.issues import explained_alike, named_models
@@ -62,7 +62,7 @@ def gate_lines(result: GateResult, width: int = 80, given: Sequence[str] = ()) -
     bad = [change for change in result.changes if not change.status.passes]
     groups, place = _groups(bad), _sole_edit(result, bad)
     for group in groups[:MAX_GROUPS]:
-        named = bool(place) and place[0].file.name == group[0].id.model
+        named = place is not None and Path(place.path).name == group[0].id.model
         lines += _group_lines(group, width, with_audit=not named)
     if len(groups) > MAX_GROUPS:
         more = counted(len(groups) - MAX_GROUPS, "model")
@@ -90,10 +90,10 @@ def _headline(result: GateResult, width: int) -> list[str]:
     what = f"{len(bad)} of {counted(len(result.changes), 'case')}"
     status = _one({change.status for change in bad})
     if place := _sole_edit(result, bad):
-        edit = ", ".join(line.edit for line in place)
+        edit = ", ".join(line.edit for line in place.changes)
         effect = "broke" if status is Status.NOT_RUN else "changed"
-        where = f"{_relative(place[0].file)}:{place[0].line}"
-        if all(line.old for line in place):
+        where = _where(place, place.changes[0])
+        if all(line.old for line in place.changes):
             return wrapped(f"{word}  {where} {edit} {effect} {what}", width)
         return wrapped(f"{word}  {where} {effect} {what}; {edit}", width)
     if status is Status.CHANGED and (upgrade := _one({_upgrade(change) for change in bad})):
@@ -131,37 +131,39 @@ def _upgrade(change: Change) -> str:
 
 
 def _concerned(result: GateResult, bad: Sequence[Change]) -> list[FileDiff]:
-    return [diff for diff in result.file_diffs if any(map(diff.concerns, bad))]
+    return [diff for diff in result.file_diffs if any(diff.concerns(one.id) for one in bad)]
 
 
-def _sole_edit(result: GateResult, bad: Sequence[Change]) -> list[ChangedLine]:
-    """Return the edits of one line, if it is the only one and concerns every case that fails.
+def _sole_edit(result: GateResult, bad: Sequence[Change]) -> FileDiff | None:
+    """Return a file with edits of one line, if all cases that fail depend on it and on no other.
 
     Files outside of the folder, such as an engine's own modules, do not count.
     """
     diffs = [diff for diff in _concerned(result, bad) if not diff.is_outside]
-    lines = [line for diff in diffs for line in diff.lines]
-    places = {(line.file, line.line) for line in lines}
-    whole = len(diffs) == 1 and all(map(diffs[0].concerns, bad)) and not diffs[0].more
-    return lines if whole and len(places) == 1 and all(line.edit for line in lines) else []
+    diff = _one(diffs)
+    if diff is None or diff.more or not all(diff.concerns(one.id) for one in bad):
+        return None
+    is_one_line = len({line.line for line in diff.changes}) == 1
+    return diff if is_one_line and all(line.edit for line in diff.changes) else None
 
 
 def _edit_list(result: GateResult, width: int) -> list[str]:
     """Return the edits, except one in the headline; other files share one line."""
     bad = [change for change in result.changes if not change.status.passes]
     diffs = _concerned(result, bad)
-    edits = [line for diff in diffs for line in diff.lines if line.edit]
+    edits = [(diff, line) for diff in diffs for line in diff.changes if line.edit]
     shown = [] if _sole_edit(result, bad) else edits[:MAX_EDITS]
     lines = []
-    for line in shown:
-        lines += wrapped(f"  {_relative(line.file)}:{line.line} {line.edit}", width)
+    for diff, line in shown:
+        lines += wrapped(f"  {_where(diff, line)} {line.edit}", width)
     more = sum(diff.more for diff in diffs) + len(edits[len(shown) :] if shown else ())
     if more:
         lines.append(f"  and {counted(more, 'more edit')}, listed in summary.md")
     inside = [diff for diff in diffs if not diff.is_outside]
-    for line in [one for diff in inside for one in diff.lines if not one.edit][:MAX_EDITS]:
-        lines += wrapped(f"  {_relative(line.file)}: {line.message}", width)
-    outside = {diff.name for diff in diffs if diff.is_outside}
+    others = [(diff, line) for diff in inside for line in diff.changes if not line.edit]
+    for diff, line in others[:MAX_EDITS]:
+        lines += wrapped(f"  {_relative(Path(diff.path))}: {line.message}", width)
+    outside = {diff.file for diff in diffs if diff.is_outside}
     if outside:
         files = counted(len(outside), "file")
         lines += wrapped(f"  also changed: {files} outside of the folder, see gate.json", width)
@@ -175,8 +177,9 @@ def _remedy(result: GateResult, width: int, given: Sequence[str]) -> list[str]:
     if len(usable) < len(bad) or not bad:
         return wrapped("Fix: correct the error below and run crosscheck gate again.", width)
     place = _sole_edit(result, bad)
-    if len(place) == 1 and place[0].old:
-        undo = f"set it back to {place[0].old}, or accept the change:"
+    sole = None if place is None else _one(place.changes)
+    if sole is not None and sole.old:
+        undo = f"set it back to {sole.old}, or accept the change:"
     else:
         undo = {
             Status.NEW: "accept them:",
@@ -207,7 +210,7 @@ def _remarks(result: GateResult, width: int) -> list[str]:
         lines += wrapped(f"  improved: {names}; crosscheck accept keeps the improvement", width)
     known_differences = Counter(
         f"{change.id.path}: {change.entry.outcome} ({change.entry.reason})"
-        for change in result.of(Status.KNOWN)
+        for change in result.of(Status.EXPECTED)
         if change.entry is not None
     )
     for text, number in known_differences.most_common(MAX_KNOWN):
@@ -299,10 +302,10 @@ def change_lines(change: Change) -> list[str]:
 
 def diff_lines(diff: FileDiff) -> list[str]:
     """Return the changed lines of a file."""
-    models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
-    where = "" if model_path(diff.system, diff.name) == diff.system else f"{diff.system}: "
-    lines = [f"changed in {where}{diff.name}{models}"]
-    lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
+    models = f" (for {', '.join(diff.models)})" if diff.models != (diff.file,) else ""
+    where = "" if model_path(diff.system, diff.file) == diff.system else f"{diff.system}: "
+    lines = [f"changed in {where}{diff.file}{models}"]
+    lines += [f"  {_where(diff, one)}: {one.message}" for one in diff.changes]
     return [*lines, f"  and {counted(diff.more, 'more line')}"] if diff.more else lines
 
 
@@ -322,7 +325,7 @@ def total(result: GateResult) -> str:
 
 def _counted(status: Status, number: int) -> str:
     """Return how many cases have a status, as in `3 changed` or `2 known differences`."""
-    if status is Status.KNOWN:
+    if status is Status.EXPECTED:
         return counted(number, status.value)
     return f"{number} with {status}" if status is Status.WITHIN else f"{number} {status}"
 
@@ -340,11 +343,8 @@ def summary(result: GateResult) -> str:
         if len(listed) > MAX_ROWS:
             lines += ["", f"and {len(listed) - MAX_ROWS} more"]
     for diff in result.file_diffs:
-        lines += ["", f"**{_cell(model_path(diff.system, diff.name))}**", ""]
-        lines += [
-            f"- {_code(f'{_relative(one.file)}:{one.line}')} {_cell(one.message)}"
-            for one in diff.lines
-        ]
+        lines += ["", f"**{_cell(model_path(diff.system, diff.file))}**", ""]
+        lines += [f"- {_code(_where(diff, one))} {_cell(one.message)}" for one in diff.changes]
         if diff.more:
             lines.append(f"- and {counted(diff.more, 'more line')}")
     causes = [*_causes(result), *(f"FAILED {failure}" for failure in result.failures)]
@@ -355,7 +355,7 @@ def summary(result: GateResult) -> str:
 
 def sentences(change: Change) -> Sequence[str]:
     """Return the changes of a case; for a known difference, the reason of its acceptance first."""
-    if change.status is Status.KNOWN and change.entry is not None:
+    if change.status is Status.EXPECTED and change.entry is not None:
         return [f"{change.entry.outcome}, accepted: {change.entry.reason}", *change.messages]
     return change.messages
 
@@ -372,6 +372,11 @@ def _causes(result: GateResult) -> list[str]:
             lines.append(f"cause in {named_models(alike)}")
             lines += [f"  {text}" for text in (*(with_code(*one) for one in coded), tail)]
     return lines
+
+
+def _where(diff: FileDiff, changed: ChangedLine) -> str:
+    """Return the place of a changed line, as `models/arm/robot.urdf:12`."""
+    return f"{_relative(Path(diff.path))}:{changed.line}"
 
 
 def _relative(path: Path) -> str:

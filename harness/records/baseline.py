@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import msgspec
 
 from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows
 from physics_crosscheck.harness.records.case import CaseId, ModelId
-from physics_crosscheck.harness.records.codes import gate_code
+from physics_crosscheck.harness.records.diff import CaseNumbers, Diff
 from physics_crosscheck.harness.records.outcome import Outcome
 
 FORMAT = 2
@@ -159,6 +161,22 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
 
+    @property
+    def numbers(self) -> CaseNumbers:
+        """Numbers that a later run is compared with."""
+        return CaseNumbers(
+            outcome=self.outcome,
+            reason=self.outcome_reason,
+            discrepancy=self.discrepancy,
+            uncertainty=self.uncertainty,
+            component=self.component,
+            global_error=self.global_error,
+            order=self.order,
+            claimed_order=self.claimed_order,
+            integrator=self.integrator,
+            time_step=self.time_step,
+        )
+
 
 class AcceptedFinding(Record, frozen=True, kw_only=True):
     """An accepted finding of an audit.
@@ -255,64 +273,49 @@ class BaselineFile(Record, frozen=True, kw_only=True):
     audits: tuple[AcceptedAudit, ...] = ()
 
 
-class GateChange(Record, frozen=True, kw_only=True):
-    """One case compared with its accepted result.
-
-    Attributes:
-        system: Name of the system.
-        model: Name of the model file.
-        scenario: Name of the scenario.
-        engine: Name of the engine.
-        status: Status of the case in the gate.
-        kinds: Types of change, such as `model`, `numbers`, `engine`, `equations`.
-        messages: Explanations, most important first.
-        moved: Largest change of the extrapolated motion, relative to its movement over a segment.
-        run: Whether the case ran; unchanged cases do not.
-        code: Message code of the status and of the first kind; empty if accepted.
-    """
-
-    system: str
-    model: str
-    scenario: str
-    engine: str
-    status: str
-    kinds: tuple[str, ...]
-    messages: tuple[str, ...]
-    moved: Number
-    run: bool
-    code: str = ""
-
-    def __post_init__(self) -> None:
-        code = gate_code(self.status, self.kinds)
-        msgspec.structs.force_setattr(self, "code", code)
-
-
-class GateLine(Record, frozen=True, kw_only=True):
+class ChangedLine(Record, frozen=True, kw_only=True):
     """A changed line of a file.
 
     Attributes:
         line: Line number, counted from 1.
         message: Description of the change.
+        edit: The same in a few words, such as `damping 0.05 -> 0.06`; empty for a whole file.
+        old: The accepted number; empty if more than a number changed.
     """
 
     line: int
     message: str
+    edit: str = ""
+    old: str = ""
 
 
-class GateFile(Record, frozen=True, kw_only=True):
+class FileDiff(Record, frozen=True, kw_only=True):
     """Changes of one file.
 
     Attributes:
         system: Name of the system.
-        file: Path of the file.
+        file: Path of the file, relative to the system folder.
+        path: Path of the file or folder to which the lines belong.
         models: Models that depend on the file.
-        changes: Changed lines.
+        changes: Changed numbers first, then other changed lines.
+        more: Number of changed lines that are not listed.
     """
 
     system: str
     file: str
+    path: str
     models: tuple[str, ...]
-    changes: tuple[GateLine, ...]
+    changes: tuple[ChangedLine, ...]
+    more: int = 0
+
+    @property
+    def is_outside(self) -> bool:
+        """True if the file is outside of the system's folder."""
+        return self.file.startswith("../") or Path(self.file).is_absolute()
+
+    def concerns(self, case: CaseId) -> bool:
+        """Return whether a case depends on the file."""
+        return case.system == self.system and case.model in self.models
 
 
 class Gate(Record, frozen=True, kw_only=True):
@@ -327,5 +330,5 @@ class Gate(Record, frozen=True, kw_only=True):
 
     passes: bool
     seconds: float
-    cases: tuple[GateChange, ...]
-    files: tuple[GateFile, ...]
+    cases: tuple[Diff, ...]
+    files: tuple[FileDiff, ...]

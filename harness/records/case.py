@@ -468,6 +468,18 @@ class Case(Record, frozen=True, kw_only=True):
         return ""
 
     @property
+    def digits(self) -> Number:
+        """Digits that agree in every component, rounded down to a tenth; None if unknown."""
+        if self.verdict is None or self.outcome is Outcome.FAILED:
+            return None
+        sizes = self.verdict.largest_discrepancy, self.verdict.largest_uncertainty
+        if sizes[0] is None or sizes[1] is None:
+            return None
+        worst = max(sizes[0], sizes[1])
+        # Bitwise equal: as many digits as a double has.
+        return max(0.0, math.floor(-10 * math.log10(worst)) / 10) if worst > 0 else 16.0
+
+    @property
     def passes(self) -> bool:
         """True if the case agrees, or ran to its end and is accepted."""
         if not self.outcome.is_run:

@@ -5,7 +5,6 @@ The file is `OUT/history/cases.jsonl`. Incomplete or invalid lines are ignored.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 
@@ -56,18 +55,6 @@ class Past(Record, frozen=True, kw_only=True):
         )
 
 
-def digits_known(case: Case | None) -> Number:
-    """Return the digits that agree in every component, rounded down to a tenth; None if unknown."""
-    if case is None or case.verdict is None or case.outcome is Outcome.FAILED:
-        return None
-    sizes = case.verdict.largest_discrepancy, case.verdict.largest_uncertainty
-    if sizes[0] is None or sizes[1] is None:
-        return None
-    worst = max(sizes[0], sizes[1])
-    # Bitwise equal: as many digits as a double has.
-    return max(0.0, math.floor(-10 * math.log10(worst)) / 10) if worst > 0 else 16.0
-
-
 def past_of(results: Results, commit: str) -> tuple[Past, ...]:
     """Return the history lines of a run's cases."""
     return tuple(
@@ -80,7 +67,7 @@ def past_of(results: Results, commit: str) -> tuple[Past, ...]:
             scenario=case.scenario,
             engine=case.engine,
             outcome=case.outcome,
-            digits=digits_known(case),
+            digits=case.digits,
             global_error=None if case.full_run is None else case.full_run.global_error,
         )
         for case in results.cases

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-from physics_crosscheck.harness.records.base import Number, Record
+from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelId
+from physics_crosscheck.harness.records.diff import Diff
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-
-CaseChange = Literal[
-    "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",
-    "step cost", "next state",
-]  # fmt: skip
-"""Kind of change of a case from one version to the next, the worst first."""
 
 ModelChange = Literal["fails", "loads", "linearization", "remark gained", "remark lost"]
 """Kind of change of a model besides its cases."""
@@ -98,64 +92,6 @@ class VersionRun(Record, frozen=True, kw_only=True):
     measured: tuple[Measured, ...]
 
 
-class VersionCase(Record, frozen=True, kw_only=True):
-    """One case under two versions.
-
-    Types of change:
-
-    * `loads`, `fails`: the case runs under one version only.
-    * `verdict`: the outcome changed.
-    * `limit`: the extrapolated motions differ by more than both uncertainties.
-    * `equations`: the compiled equations of the file differ as well.
-    * `discrepancy`: the discrepancy changed, on different segments.
-    * `step cost`: global error, order, time step or integrator changed.
-    * `next state`: the check of the next state changed its outcome.
-    * `not compared`: the motions could not be compared.
-
-    Attributes:
-        system: Name of the system.
-        model: Name of the model file.
-        scenario: Name of the scenario.
-        engine: Name of the engine.
-        folder: System folder; the file itself for a standalone robot file.
-        kinds: Types of change, worst first; empty if nothing changed.
-        messages: Explanations, most important first.
-        before: Outcome in the older version; None without such a case.
-        after: Outcome in the newer version; None without such a case.
-        apart: Largest difference of the extrapolated motions, relative; None if they cannot be
-            compared.
-        uncertainty: Combined uncertainty of `apart`.
-        global_error_before: Error at the model's own time step in the older version, relative.
-        global_error_after: Error at the model's own time step in the newer version, relative.
-    """
-
-    system: str
-    model: str
-    scenario: str
-    engine: str
-    folder: str
-    kinds: tuple[CaseChange, ...] = ()
-    messages: tuple[str, ...] = ()
-    before: Outcome | None
-    after: Outcome | None
-    apart: Number = None
-    uncertainty: Number = None
-    global_error_before: Number = None
-    global_error_after: Number = None
-
-    @property
-    def id(self) -> CaseId:
-        """Name of the case."""
-        return CaseId(
-            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
-        )
-
-    @property
-    def compared(self) -> bool:
-        """True if both versions have a result, or the case exists under one version only."""
-        return "not compared" not in self.kinds
-
-
 class VersionModel(Record, frozen=True, kw_only=True):
     """One model under two versions.
 
@@ -193,23 +129,23 @@ class Upgrade(Record, frozen=True, kw_only=True):
 
     before: str
     after: str
-    cases: tuple[VersionCase, ...]
+    cases: tuple[Diff, ...]
     models: tuple[VersionModel, ...]
 
     @property
-    def changed(self) -> tuple[VersionCase, ...]:
+    def changed(self) -> tuple[Diff, ...]:
         """Cases that change."""
-        return tuple(case for case in self.cases if case.kinds and case.compared)
+        return tuple(case for case in self.cases if case.is_change)
 
     @property
-    def not_compared(self) -> tuple[VersionCase, ...]:
+    def not_compared(self) -> tuple[Diff, ...]:
         """Cases that could not be compared."""
-        return tuple(case for case in self.cases if not case.compared)
+        return tuple(case for case in self.cases if not case.is_compared)
 
     @property
-    def same(self) -> tuple[VersionCase, ...]:
+    def same(self) -> tuple[Diff, ...]:
         """Cases that do not change."""
-        return tuple(case for case in self.cases if not case.kinds)
+        return tuple(case for case in self.cases if case.is_compared and not case.is_change)
 
 
 class EngineVersion(Record, frozen=True, kw_only=True):

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.entry import summarized
+from physics_crosscheck.harness.baseline.classify import summarized
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.seal import snapshot_key
 from physics_crosscheck.harness.records.baseline import (

@@ -87,7 +87,7 @@ def test_a_known_difference_has_the_reason_it_was_accepted_with() -> None:
     (DIFFERS, msgspec.structs.replace(measurement(), on_accepted=None),
      "the coordinates or inputs of the system changed"),
     (case(Outcome.DIFFERS, discrepancy=2e-3, reason="it is off"), measurement(),
-     "its discrepancy was 1.000e-03 ± 1.000e-12"),
+     "the discrepancy is 2.000e-03 ± 1.000e-12, accepted as 1.000e-03 ± 1.000e-12"),
     (case(Outcome.UNRESOLVED, reason="it is off"), measurement(),
      "the outcome is UNRESOLVED, accepted as DIFFERS"),
 ])  # fmt: skip

@@ -5,12 +5,10 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from pathlib import Path
 
 import jsonschema
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.gate.accept import AcceptError
@@ -20,6 +18,7 @@ from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
@@ -66,7 +65,7 @@ def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository: Rep
     assert (repository.baseline / SYSTEM / "space.py.accepted").read_text().count("0.91") == 1
     again = repository.gate()
     assert {c.id.scenario: c.status for c in again.changes if c.id.model == "space.py"} == {
-        "step": Status.KNOWN,
+        "step": Status.EXPECTED,
         "free": Status.CHANGED,
         "resonance": Status.CHANGED,
     }
@@ -135,7 +134,7 @@ def test_a_known_difference_passes_until_it_changes(repository: Repository) -> N
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     repository.accept("the real damper")
     found = repository.gate()
-    assert {c.status for c in found.changes if c.id.model == "space.py"} == {Status.KNOWN}
+    assert {c.status for c in found.changes if c.id.model == "space.py"} == {Status.EXPECTED}
     assert found.passes
     known = run_pymunk(repository)
     jsonschema.validate(json.loads(encoded(known)), schema(Results))
@@ -233,7 +232,7 @@ def test_what_passes_is_a_line(repository: Repository) -> None:
     ("x1 = 2", "x2 = 2", "changed to: x2 = 2"),
 ])  # fmt: skip
 def test_an_edited_number_is_named(old: str, new: str, edit: str) -> None:
-    (line,) = _lines(Path("file"), f"first\n{old}\n", f"first\n{new}\n")
+    (line,) = _lines(f"first\n{old}\n", f"first\n{new}\n")
     assert line.line == 2
     assert line.edit.endswith(edit)
     assert bool(line.old) == ("->" in edit)

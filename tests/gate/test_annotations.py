@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -131,11 +131,16 @@ def test_a_changed_literal_is_annotated_at_its_line(
 def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Path) -> None:
     changes = tuple(
         Change(
-            id=CaseId(system="s", model=f"m{i}.xml", scenario="free", engine="e"),
-            status=status,
-            kinds=("model",),
-            messages=("<b>|told`",),
-            size=0.1,
+            diff=Diff(
+                system="s",
+                model=f"m{i}.xml",
+                scenario="free",
+                engine="e",
+                status=status,
+                kinds=("model",),
+                messages=("<b>|told`",),
+                moved=0.1,
+            )
         )
         for i, status in enumerate(Status)
     )

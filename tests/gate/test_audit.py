@@ -8,7 +8,6 @@ from functools import partial
 
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.gate.accept import AcceptError
 from physics_crosscheck.harness.gate.notes import notes
@@ -18,6 +17,7 @@ from physics_crosscheck.harness.interfaces.cli.gate import code
 from physics_crosscheck.harness.planning import target_plan
 from physics_crosscheck.harness.planning.prepared import task_function
 from physics_crosscheck.harness.records.case import ModelId
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import SYSTEM, Repository, nothing
 

@@ -10,11 +10,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.records.diff import Status
 from tests.gate.conftest import SYSTEM, Repository
 from tests.standing import brief, standing_only
 
@@ -41,9 +41,9 @@ def seen(found: GateResult, model: str) -> tuple[set[Status], set[str], str]:
 def changed_lines(found: GateResult) -> list[str]:
     """All that was told of files, with the line."""
     return [
-        f"{one.file.name}:{one.line} {one.message}"
+        f"{os.path.basename(diff.path)}:{one.line} {one.message}"
         for diff in found.file_diffs
-        for one in diff.lines
+        for one in diff.changes
     ]
 
 
@@ -324,5 +324,5 @@ def test_a_file_that_a_model_includes_is_one_that_it_depends_on(repository: Repo
     found = repository.gate()
     assert seen(found, "mujoco.xml")[0] == {WITHIN}
     assert seen(found, "robot.urdf")[0] == {SAME}
-    assert any(os.path.basename(s.name) == "size.xml" for s in found.file_diffs)
+    assert any(os.path.basename(s.file) == "size.xml" for s in found.file_diffs)
     assert folder.is_dir()

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.gate.accept import accept_each
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.review import Decisions, Review
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, USAGE
+from physics_crosscheck.harness.records.diff import Status
 from tests.faults.known_folder import environment
 from tests.gate.conftest import SYSTEM, Repository
 
@@ -114,7 +114,7 @@ def test_at_a_terminal_what_is_accepted_is_in_the_baseline(repository: Repositor
     assert "1 accepted, 1 rejected, 1 not decided" in said
     assert f"models/{SYSTEM}/space.py:7 DAMPING 0.9 -> 0.91" in said
     statuses = [change.status for change in repository.gate("pymunk").changes]
-    assert sorted(statuses) == sorted([Status.KNOWN, Status.CHANGED, Status.CHANGED])
+    assert sorted(statuses) == sorted([Status.EXPECTED, Status.CHANGED, Status.CHANGED])
     code, said = _at_a_terminal(repository, "A\n\na new damper\n")
     assert code == AGREE, said
 

@@ -14,7 +14,6 @@ import msgspec
 import pytest
 
 import physics_crosscheck.harness.gate.gate as gating
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
@@ -27,6 +26,7 @@ from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import nothing
@@ -202,7 +202,7 @@ def test_a_file_that_is_included_counts_with_its_model(robots: Robots) -> None:
     robots.edit('mass="1.2"', 'mass="1.3"', "part.xml")
     found = robots.gate()
     assert statuses(found)[SCENE_CASE] is Status.CHANGED
-    assert [diff.name for diff in found.file_diffs] == ["part.xml"]
+    assert [diff.file for diff in found.file_diffs] == ["part.xml"]
 
 
 def test_a_part_is_a_model_where_it_was_accepted_itself(robots: Robots) -> None:
@@ -329,7 +329,7 @@ def test_a_baseline_that_was_moved_knows_its_files_by_name(robots: Robots) -> No
 def test_a_known_difference_passes_and_is_marked_in_a_run(robots: Robots) -> None:
     robots.edit("  <joint", f"{MASSLESS}  <joint")
     robots.accept("MuJoCo drops it", robots.gate())
-    assert statuses(robots.gate(every=True))[ARM_CASE] is Status.KNOWN
+    assert statuses(robots.gate(every=True))[ARM_CASE] is Status.EXPECTED
     results = robots.run()
     (case,), (model,) = results.cases, results.models
     assert (case.accepted, model.accepted) == ("MuJoCo drops it", "MuJoCo drops it")
@@ -351,7 +351,7 @@ def test_a_file_that_an_engine_refuses_is_accepted_as_refused(robots: Robots) ->
     assert gate_lines(found)[0].startswith("FAIL  ")
     robots.accept("MuJoCo refuses it", found)
     assert "1 known difference in robots/arm.urdf: REFUSED" in "\n".join(gate_lines(robots.gate()))
-    assert statuses(robots.gate(every=True))[ARM_CASE] is Status.KNOWN
+    assert statuses(robots.gate(every=True))[ARM_CASE] is Status.EXPECTED
     robots.edit(impossible, possible)
     assert statuses(robots.gate())[ARM_CASE] is Status.IMPROVED
 

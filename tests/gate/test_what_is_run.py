@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.numerics.version import VERSION
+from physics_crosscheck.harness.records.diff import Status
 from tests.gate.conftest import SYSTEM, Repository
 
 ROOT = Path(__file__).parents[2]
@@ -75,7 +75,7 @@ def test_what_code_reads_elsewhere_is_run_again_when_it_changes(repository: Repo
     hidden.write_text("1.4")
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.CHANGED}
-    assert [(diff.name, diff.models) for diff in found.file_diffs] == [(".mass", ("space.py",))]
+    assert [(diff.file, diff.models) for diff in found.file_diffs] == [(".mass", ("space.py",))]
     hidden.write_text("1.3")
     assert {c.case for c in repository.gate("pymunk").changes} == {None}
     shared.unlink()
@@ -97,7 +97,7 @@ def test_what_code_looked_for_and_did_not_find_is_run_when_it_appears(
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.CHANGED}
     (diff,) = found.file_diffs
-    assert [line.message for line in diff.lines] == ["was added"]
+    assert [line.message for line in diff.changes] == ["was added"]
     (repository.root / "soft.txt").unlink()
     (repository.folder / ".mass").write_text("1.4")
     assert {c.status for c in repository.gate("pymunk").changes} == {Status.CHANGED}

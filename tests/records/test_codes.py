@@ -10,17 +10,16 @@ from typing import get_args
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
 from physics_crosscheck.harness.engines.remark import RemarkKind
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.inertias import Kind as InertiaKind
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.baseline import GateChange
-from physics_crosscheck.harness.records.case import Case, CaseKind
+from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
 from physics_crosscheck.harness.records.cause import Cause, CauseKind
 from physics_crosscheck.harness.records.codes import GROUPS, codes
+from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange
@@ -30,7 +29,7 @@ HARNESS = Path(__file__).parents[2] / "harness"
 KINDS = [kind for one in codes().values() for kind in one.kinds]
 CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
            "unexplained")  # fmt: skip
-"""What the gate calls a change (`harness.baseline.changes`, `harness.gate.audits`)."""
+"""What the gate calls a change (`harness.baseline.diff`, `harness.gate.gate`)."""
 
 
 def of(group: str) -> set[str]:
@@ -97,8 +96,9 @@ def test_a_code_is_written_and_is_never_another_than_that_of_its_kind() -> None:
 def test_each_record_has_the_code_of_its_kind() -> None:
     cause = Cause(kind="axis", subject=("q",), nominal=1.0, estimate=None, standard_error=None)
     names = {"system": "s", "model": "m", "scenario": "c", "engine": "e"}
+    bare = bare_diff(CaseId(**names), Status.SAME)
     gate = [
-        GateChange(**names, status=status, kinds=kinds, messages=(), moved=None, run=True).code
+        msgspec.structs.replace(bare, status=Status(status), kinds=kinds).code
         for status, kinds in (("changed", ("text", "engine")), ("gone", ()), ("as accepted", ()))
     ]
     since = BaselineChange(**names, kind="new", message="")
@@ -144,6 +144,6 @@ def test_a_failure_has_the_kind_of_its_error() -> None:
 
 
 def test_every_record_with_a_kind_of_ours_has_a_code() -> None:
-    for record in (AuditFinding, Cause, Case, GateChange, BaselineChange):
+    for record in (AuditFinding, Cause, Case, Diff, BaselineChange):
         assert issubclass(record, Record)
         assert "code" in record.__struct_fields__

@@ -8,7 +8,6 @@ import pytest
 
 from physics_crosscheck.harness.records.history import (
     append_history,
-    digits_known,
     past_of,
     read_history,
 )
@@ -50,7 +49,7 @@ def test_a_line_is_small(tmp_path: Path) -> None:
 
 
 def test_digits_are_of_the_worst_component_and_none_is_claimed_of_a_failure() -> None:
-    assert digits_known(case()) == 11.3
-    assert digits_known(case(Outcome.FAILED)) is None
-    assert digits_known(case(verdict=verdict(largest_uncertainty=None))) is None
-    assert digits_known(case(verdict=verdict(largest_discrepancy=0, largest_uncertainty=0))) == 16
+    assert case().digits == 11.3
+    assert case(Outcome.FAILED).digits is None
+    assert case(verdict=verdict(largest_uncertainty=None)).digits is None
+    assert case(verdict=verdict(largest_discrepancy=0, largest_uncertainty=0)).digits == 16

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.baseline.diff import diff_runs
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.html.two_runs import render_two_runs, write_two_runs
-from physics_crosscheck.harness.render.terminal.two_runs import two_runs
 from tests.report.chromium import Browser
 from tests.report.page import Page
 from tests.report.samples import judged, results
@@ -34,7 +34,7 @@ def address(tmp_path: Path) -> str:
     for name, run in (("old", before), ("new", after)):
         write_report(tmp_path / name / "index.html", run)
     page = tmp_path / "new" / "changes.html"
-    write_two_runs(page, two_runs(before, after), (tmp_path / "old", tmp_path / "new"))
+    write_two_runs(page, diff_runs(before, after), (tmp_path / "old", tmp_path / "new"))
     return page.as_uri()
 
 
@@ -50,7 +50,7 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
         worse, gone = tab.run(ROWS)
         name = "system_0/robot.urdf/driven [mujoco]"
         assert worse[:5] == [
-            name, "verdict worse", "✓ AGREES", "≠ DIFFERS", "11.9 → 5.5",
+            name, "verdict, discrepancy, digits worse", "✓ AGREES", "≠ DIFFERS", "11.9 → 5.5",
         ]  # fmt: skip
         assert gone[1:4] == ["gone", "✓ AGREES", "none"]
         links = tab.run("[...document.querySelectorAll('tr.worse a')].map((a) => a.href)")
@@ -82,7 +82,7 @@ def test_an_accessibility_checker_finds_nothing_serious(
 def test_a_run_without_a_report_is_not_linked_and_hostile_names_are_text(tmp_path: Path) -> None:
     before = results(1)
     after = hostile("".join(HOSTILE), before)
-    found = two_runs(before, after)
+    found = diff_runs(before, after)
     page = Page(render_two_runs(found, tmp_path, (tmp_path / "a", tmp_path / "b")))
     assert {str(attrs["href"]) for tag, attrs in page.elements if tag == "a"} == {"#main"}
     assert not {"script", "img"} & {tag for tag, _ in page.elements}

@@ -31,7 +31,7 @@ def row(index: int = 0, **other: Any) -> SweepRow:
 
 def test_rows_within_their_uncertainties_and_a_hundredth_of_their_errors_are_the_same() -> None:
     found = moved([row()], [row(discrepancy=1.5e-12, global_error=1.005e-3)])
-    assert (found.cases, found.any, found.largest) == (1, False, [])
+    assert (found.cases, dict(found.changed), found.largest) == (1, {}, [])
 
 
 def test_verdicts_limits_and_errors_are_counted_apart() -> None:
@@ -43,7 +43,9 @@ def test_verdicts_limits_and_errors_are_counted_apart() -> None:
         row(3),
     ]
     found = moved(before, after)
-    assert (found.cases, found.verdicts, found.limits, found.errors) == (4, 1, 2, 1)
+    assert (found.cases, found.changed) == (
+        4, {"verdict": 1, "discrepancy": 2, "error at dt": 1},
+    )  # fmt: skip
     assert [pair.after.index for pair in found.largest] == [0, 1, 2], "the most telling first"
 
 
@@ -51,11 +53,11 @@ def test_what_one_version_has_not_is_not_compared_and_few_of_many_are_told() -> 
     before = [row(i) for i in range(20)]
     after = [row(i, global_error=1e-3 * (2 + i)) for i in range(5, 30)]
     found = moved(before, after)
-    assert (found.cases, found.errors) == (15, 15)
+    assert (found.cases, found.changed) == (15, {"error at dt": 15})
     assert [pair.after.index for pair in found.largest] == list(range(19, 19 - MAX_LISTED, -1))
 
 
 def test_a_case_that_failed_has_no_numbers_and_another_verdict() -> None:
     none: dict[str, Any] = {"discrepancy": None, "uncertainty": None, "global_error": None}
     found = moved([row()], [row(outcome=Outcome.FAILED, **none)])
-    assert (found.verdicts, found.limits, found.errors) == (1, 0, 0)
+    assert found.changed == {"verdict": 1}

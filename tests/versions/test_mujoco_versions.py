@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import Versions
 from tests.faults.known_folder import environment
@@ -83,11 +84,11 @@ def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit
     (one,) = found.upgrades
     cases = {case.model: case for case in one.cases}
     rotated, meshes = cases["rotated.urdf"], cases["meshes.xml"]
-    assert rotated.kinds == ("verdict", "limit", "next state")
-    assert (rotated.before, rotated.after) == ("DIFFERS", "AGREES")
-    assert rotated.apart is not None
-    assert 0.01 < rotated.apart < 0.1
-    assert (meshes.kinds, meshes.apart) == ((), 0.0)
+    assert rotated.changed == ("verdict", "limit", "next state")
+    assert rotated.outcomes == (Outcome.DIFFERS, Outcome.AGREES)
+    assert rotated.moved is not None
+    assert 0.01 < rotated.moved < 0.1
+    assert (meshes.changed, meshes.moved) == ((), 0.0)
     assert one.models == ()
 
 

@@ -21,6 +21,7 @@ import pytest
 
 from physics_crosscheck.harness.extras.sweep.store import read_rows
 from physics_crosscheck.harness.extras.versions.environments import interpreter, site_folders
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import Versions
 from tests.faults.known_folder import ROOT, SYSTEM
@@ -125,14 +126,16 @@ def test_what_a_version_changes_is_told_and_that_the_next_takes_it_back(
     found = decoded((home.place / "found.json").read_bytes(), Versions)
     assert [(one.before, one.after) for one in found.upgrades] == [("1.0", "2.0"), ("2.0", "3.0")]
     for one, outcomes in zip(
-        found.upgrades, [("AGREES", "DIFFERS"), ("DIFFERS", "AGREES")], strict=True
+        found.upgrades,
+        [(Outcome.AGREES, Outcome.DIFFERS), (Outcome.DIFFERS, Outcome.AGREES)],
+        strict=True,
     ):
         assert {case.scenario for case in one.cases} == {"free", "driven"}
         for case in one.cases:
-            assert case.kinds[:2] == ("verdict", "limit")
-            assert (case.before, case.after) == outcomes
-            assert case.apart is not None
-            assert 1e-5 < case.apart < 1e-2
+            assert case.changed[:2] == ("verdict", "limit")
+            assert case.outcomes == outcomes
+            assert case.moved is not None
+            assert 1e-5 < case.moved < 1e-2
         (model,) = one.models
         assert "linearization" in model.kinds
     assert "\nFAIL  toy 1.0 -> 3.0 changes results. Check them before you upgrade" in done.stdout
@@ -200,7 +203,7 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
     lines = ran.stdout.splitlines()
     first, second = (line for line in lines if line.startswith("toy") and " -> " in line)
     assert first.startswith(
-        "toy 1.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another result"
+        "toy 1.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another discrepancy"
     )
     assert second.startswith("toy 2.0 -> 3.0: 2 cases: 2 with another verdict")
     # Each case by its own command, under the version that it was run under.

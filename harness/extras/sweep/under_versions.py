@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.extras.sweep.versions import MOVED, Moved, moved
+from physics_crosscheck.harness.extras.sweep.versions import Moved, moved
 from physics_crosscheck.harness.extras.versions.asked import asked_versions
 from physics_crosscheck.harness.extras.versions.environments import EnvironmentError_
 from physics_crosscheck.harness.extras.versions.launch import launch
@@ -18,6 +18,7 @@ from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.render.terminal.sweep import row_lines
+from physics_crosscheck.harness.render.terminal.versions import counted_changes
 from physics_crosscheck.harness.results.status import counted
 
 _CHILD = """
@@ -91,16 +92,11 @@ def _print_changes(name: str, before: Path, after: Path) -> bool:
     changes = moved(read_rows(before), read_rows(after))
     for line in _lines(name, changes):
         print(line)
-    return changes.any
+    return bool(changes.changed)
 
 
 def _lines(name: str, changes: Moved) -> Iterator[str]:
-    counts = (
-        (changes.verdicts, "with another verdict"),
-        (changes.limits, "with another result"),
-        (changes.errors, f"with an error at dt that changed by over {100 * MOVED:.0f} %"),
-    )
-    parts = [f"{count} {what}" for count, what in counts if count]
+    parts = counted_changes(changes.changed)
     yield f"{name}: {counted(changes.cases, 'case')}: {'; '.join(parts) or 'none changed'}"
     for pair in changes.largest:
         for row in (pair.before, pair.after):

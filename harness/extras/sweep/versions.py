@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from physics_crosscheck.harness.baseline.diff import diff_cases
 from physics_crosscheck.harness.extras.sweep.most import LargestItems
+from physics_crosscheck.harness.records.diff import Changed, Diff
 from physics_crosscheck.harness.records.sweep import SweepRow
-
-MOVED = 0.01
-"""Minimum relative change of a global error to report."""
 
 MAX_LISTED = 5
 """Maximum number of listed cases."""
@@ -17,33 +17,11 @@ MAX_LISTED = 5
 
 @dataclass(frozen=True, kw_only=True)
 class CasePair:
-    """A case under two versions."""
+    """A case under two versions, and its difference."""
 
     before: SweepRow
     after: SweepRow
-
-    @property
-    def verdict(self) -> bool:
-        """True if the outcomes differ."""
-        return self.before.outcome is not self.after.outcome
-
-    @property
-    def limit(self) -> bool:
-        """True if the discrepancies differ by more than both uncertainties."""
-        earlier, other = self.before, self.after
-        sizes = earlier.discrepancy, other.discrepancy, earlier.uncertainty, other.uncertainty
-        if any(size is None for size in sizes):
-            return False
-        e, f, u, v = (size or 0.0 for size in sizes)
-        return abs(e - f) > u + v
-
-    @property
-    def error(self) -> float:
-        """Relative change of the error at the time step; 0 without one."""
-        earlier, other = self.before.global_error, self.after.global_error
-        if not earlier or other is None:
-            return 0.0
-        return abs(other - earlier) / earlier
+    diff: Diff
 
     @property
     def index(self) -> int:
@@ -53,9 +31,12 @@ class CasePair:
     @property
     def size(self) -> float | None:
         """Rank of the difference, larger for a more important one; None without a difference."""
-        if not (self.verdict or self.limit or self.error > MOVED):
+        changed = self.diff.changed
+        if not changed:
             return None
-        return 2 * self.verdict + self.limit + self.error / (1 + self.error)
+        then, now = self.diff.global_errors
+        error = abs(now - then) / then if then and now is not None else 0.0
+        return 2 * ("verdict" in changed) + ("discrepancy" in changed) + error / (1 + error)
 
 
 @dataclass
@@ -64,20 +45,13 @@ class Moved:
 
     Attributes:
         cases: number of common cases.
-        verdicts, limits, errors: number of cases in which these differ.
+        changed: number of cases by what changed.
         largest: listed cases, most important first.
     """
 
     cases: int = 0
-    verdicts: int = 0
-    limits: int = 0
-    errors: int = 0
+    changed: Counter[Changed] = field(default_factory=Counter)
     largest: list[CasePair] = field(default_factory=list)
-
-    @property
-    def any(self) -> bool:
-        """True if anything differs."""
-        return bool(self.verdicts or self.limits or self.errors)
 
 
 def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
@@ -92,11 +66,10 @@ def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
     for row in after:
         if row.index not in earlier_rows:
             continue
-        pair = CasePair(before=earlier_rows.pop(row.index), after=row)
+        earlier = earlier_rows.pop(row.index)
+        diff = diff_cases(row.id, earlier.numbers, row.numbers)
         changes.cases += 1
-        changes.verdicts += pair.verdict
-        changes.limits += pair.limit
-        changes.errors += pair.error > MOVED
-        largest.add(pair)
+        changes.changed.update(diff.changed)
+        largest.add(CasePair(before=earlier, after=row, diff=diff))
     changes.largest = largest.items()
     return changes

@@ -7,29 +7,17 @@ the segments of the earlier one, within the uncertainties of both.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.baseline.changes import Difference, Status, compare
-from physics_crosscheck.harness.baseline.entry import entry_of
+from physics_crosscheck.harness.baseline.classify import entry_of
+from physics_crosscheck.harness.baseline.diff import diff_accepted, diff_cases
 from physics_crosscheck.harness.baseline.fingerprint import dependencies
-from physics_crosscheck.harness.baseline.movement import apart, of_equations, of_model
 from physics_crosscheck.harness.extras.versions.models import changed_models
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
-from physics_crosscheck.harness.records.versions import (
-    CaseChange,
-    Measured,
-    Upgrade,
-    VersionCase,
-    VersionRun,
-)
-
-_WORST_FIRST: tuple[CaseChange, ...] = (
-    "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",
-    "step cost", "next state",
-)  # fmt: skip
+from physics_crosscheck.harness.records.diff import Changed, Diff, Status, numbers_of
+from physics_crosscheck.harness.records.versions import Measured, Upgrade, VersionRun
 
 
 def upgrade(before: VersionRun, after: VersionRun, engine: str, resolution: float) -> Upgrade:
@@ -46,15 +34,13 @@ def upgrade(before: VersionRun, after: VersionRun, engine: str, resolution: floa
     return Upgrade(
         before=before.version,
         after=after.version,
-        cases=tuple(sorted(cases, key=_worst_first)),
+        cases=tuple(sorted(cases, key=lambda case: case.rank)),
         models=tuple(changed_models(before, after)),
     )
 
 
-def _worst_first(case: VersionCase) -> tuple[int, float]:
-    rank = min((_WORST_FIRST.index(kind) for kind in case.kinds), default=len(_WORST_FIRST))
-    return rank, -(case.apart or 0.0)
-
+_EXPLAINED: frozenset[Changed] = frozenset(("verdict", "error at dt", "order", "integrator", "dt"))
+"""Changes after which the reasons of both verdicts are listed."""
 
 _Key = tuple[str, CaseId]
 
@@ -132,23 +118,24 @@ def _stands_for(failure: Case, case: Case) -> bool:
     return failure.scenario == "-" and failure.folder == case.folder and whole
 
 
-def _case(was: Case | None, now: Case | None, both: _Both) -> VersionCase:
+def _case(was: Case | None, now: Case | None, both: _Both) -> Diff:
     """Return the change of a case that at least one version has."""
     named = _named(was, now)
-    bare = VersionCase(
-        system=named.system,
-        model=named.model,
-        scenario=named.scenario,
-        engine=both.engine if named.engine == "-" else named.engine,
+    bare = diff_cases(
+        replace(named.id, engine=both.engine if named.engine == "-" else named.engine),
+        None if was is None else numbers_of(was),
+        None if now is None else numbers_of(now),
         folder=named.folder,
-        before=None if was is None else was.outcome,
-        after=None if now is None else now.outcome,
-        global_error_before=_global_error(was),
-        global_error_after=_global_error(now),
     )
-    if unrun := _unrun(was, now, both):
-        kind, messages = unrun
-        return replace(bare, kinds=(kind,), messages=messages)
+    sides = (was, both.before.version), (now, both.after.version)
+    bad = [(case, version) for case, version in sides if case is None or not case.outcome.is_run]
+    messages = tuple(f"under {version} {_why(case)}" for case, version in bad)
+    if len(bad) == 2:
+        alike = was is not None and now is not None and was.reason == now.reason
+        messages = (f"under both {_why(now)}",) if alike else messages
+        return replace(bare, status=Status.NOT_RUN, messages=messages)
+    if bad:
+        return replace(bare, messages=messages)
     assert was is not None
     assert now is not None
     return _compared(bare, was, now, both)
@@ -160,108 +147,38 @@ def _named(was: Case | None, now: Case | None) -> Case:
     return next((case for case in cases if case.scenario != "-"), cases[0])
 
 
-def _global_error(case: Case | None) -> float | None:
-    return None if case is None or case.full_run is None else case.full_run.global_error
-
-
-def _unrun(
-    was: Case | None, now: Case | None, both: _Both
-) -> tuple[CaseChange, tuple[str, ...]] | None:
-    """Return the change if one or both could not run; None if both ran."""
-    before, after = both.before.version, both.after.version
-    bad = [
-        f"under {version} {_why(case)}"
-        for case, version in ((was, before), (now, after))
-        if case is None or not case.outcome.is_run
-    ]
-    if not bad:
-        return None
-    if len(bad) == 2:
-        alike = was is not None and now is not None and was.reason == now.reason
-        reasons = (f"under both {_why(now)}",) if alike else tuple(bad)
-        return "not compared", reasons
-    gone = now is None or not now.outcome.is_run
-    return ("fails" if gone else "loads"), tuple(bad)
-
-
 def _why(case: Case | None) -> str:
     return "there is no such case" if case is None else f"it is {case.outcome}: {case.reason}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _JudgedPair:
-    """Two versions of a case that both were judged and measured.
-
-    Attributes:
-        then: the earlier one as an entry of a baseline.
-        measured: measurement under the earlier one.
-        again: measurement under the later one, also on the same segments.
-        difference: difference of the two, as the gate computes it.
-    """
-
-    then: AcceptedCase
-    measured: Measurement
-    again: Measurement
-    difference: Difference
-
-
-def _compared(bare: VersionCase, was: Case, now: Case, both: _Both) -> VersionCase:
-    result = _judged_pair(was, now, both)
-    if isinstance(result, str):
-        if was.outcome is not now.outcome:
-            change = f"{now.outcome} where it was {was.outcome}"
-            return replace(bare, kinds=("verdict",), messages=(change, result))
-        return replace(bare, kinds=("not compared",), messages=(result,))
-    kinds = list(_kinds(bare, result))
-    messages = list(result.difference.messages)
-    if change := _next_state(was, now):
-        kinds.append("next state")
-        messages.append(change)
-    if "verdict" in kinds or "step cost" in kinds:
-        messages += _reasons(was, now, both)
-    here = result.again.on_accepted
-    distance = None if here is None else apart(result.then, result.measured.snapshot, here)
-    return replace(
-        bare,
-        kinds=tuple(kinds),
-        messages=tuple(messages),
-        apart=None if distance is None else distance.size,
-        uncertainty=None if distance is None else distance.uncertainty,
-    )
-
-
-def _judged_pair(was: Case, now: Case, both: _Both) -> _JudgedPair | str:
-    """Return both versions of a case, or why they can't be compared."""
+def _compared(bare: Diff, was: Case, now: Case, both: _Both) -> Diff:
+    """Return the change of a case that ran under both versions."""
     measured, other = both.measured(was, now)
-    if isinstance(measured, str):
-        return measured
-    if isinstance(other, str):
-        return other
+    if isinstance(measured, str) or isinstance(other, str):
+        why = measured if isinstance(measured, str) else str(other)
+        status = Status.NOT_RUN if was.outcome is now.outcome else bare.status
+        changed = bare.messages[:1] if "verdict" in bare.changed else ()
+        return replace(bare, status=status, messages=(*changed, why))
     # The declared scenario is the same. If an engine's compiled values choose the states,
     # their last digits can lead to other states.
     again = replace(other, snapshot=measured.snapshot)
-    then = both.entry(was, measured, both.before.version)
-    present = both.entry(now, again, both.after.version)
-    difference = compare(then, present, measured.snapshot, again)
-    return _JudgedPair(then=then, measured=measured, again=again, difference=difference)
-
-
-def _kinds(bare: VersionCase, pair: _JudgedPair) -> Iterator[CaseChange]:
-    """Yield the changes of a case that was judged and measured under both."""
-    here, snapshot = pair.again.on_accepted, pair.measured.snapshot
-    has_change = False
-    if bare.before is not bare.after:
-        has_change = True
-        yield "verdict"
-    if here is not None and of_model(pair.then, snapshot, here):
-        has_change = True
-        yield "limit"
-    if here is None or of_equations(snapshot, here):
-        has_change = True
-        yield "equations"
-    if has_change or pair.difference.status not in (Status.CHANGED, Status.IMPROVED):
-        return
-    yield "step cost" if "numbers" in pair.difference.kinds else "discrepancy"
+    diff = diff_accepted(
+        both.entry(was, measured, both.before.version),
+        both.entry(now, again, both.after.version),
+        measured.snapshot,
+        again,
+    )
+    messages = list(diff.messages)
+    next_state = _next_state(was, now)
+    messages += filter(None, [next_state])
+    if _EXPLAINED.intersection(diff.changed):
+        messages += _reasons(was, now, both)
+    return replace(
+        diff,
+        folder=bare.folder,
+        changed=(*diff.changed, *(("next state",) if next_state else ())),
+        messages=tuple(messages),
+    )
 
 
 def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:

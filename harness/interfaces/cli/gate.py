@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.place import DEFAULT
 from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
@@ -31,6 +30,7 @@ from physics_crosscheck.harness.modelfiles.robot_targets import (
     robots_below,
 )
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
     print_hint,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from physics_crosscheck.harness.baseline.diff import diff_runs
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page
 from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -14,7 +15,7 @@ from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.html.badge import write_badge
 from physics_crosscheck.harness.render.html.two_runs import write_two_runs
 from physics_crosscheck.harness.render.terminal.console import terminal
-from physics_crosscheck.harness.render.terminal.two_runs import print_two_runs, two_runs
+from physics_crosscheck.harness.render.terminal.two_runs import print_two_runs
 
 DEFAULT = Path("reports/results.json")
 
@@ -34,10 +35,10 @@ def main(options: argparse.Namespace) -> int:
     page = out / ("changes.html" if len(runs) == 2 else "index.html")
     check_page(page)
     if len(runs) == 2:
-        changes = two_runs(*runs)
+        changes = diff_runs(*runs)
         write_two_runs(page, changes, (files[0].parent, files[1].parent))
         print_two_runs(terminal(), changes)
-        code = DIFFER if changes.moved else AGREE
+        code = DIFFER if changes.changed else AGREE
     else:
         write_report(page, runs[0], read_history(files[0].parent))
         code = AGREE

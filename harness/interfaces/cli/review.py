@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
-from physics_crosscheck.harness.gate.file_diffs import ChangedLine
 from physics_crosscheck.harness.gate.gate import gate
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.review import Decisions, Review
@@ -15,6 +13,8 @@ from physics_crosscheck.harness.gate.text import accepted_lines, change_lines
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, meant
 from physics_crosscheck.harness.modelfiles.folders import check_engines
+from physics_crosscheck.harness.records.baseline import ChangedLine
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.results.github import in_ci
 from physics_crosscheck.harness.results.visible import visible
@@ -64,18 +64,17 @@ def _summarize(result: GateResult, decided: Decisions) -> None:
     }
     summary_text = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
     _print_line(summary_text or "Nothing to review: every case is as accepted")
-    files = {(change.id.system, change.id.model) for change in decided.rejected}
     for diff in result.file_diffs:
-        if any(system == diff.system and model in diff.models for system, model in files):
-            for changed in diff.lines:
-                for line in wrapped(_undo(changed), terminal().width):
+        if any(diff.concerns(change.id) for change in decided.rejected):
+            for changed in diff.changes:
+                for line in wrapped(_undo(diff.path, changed), terminal().width):
                     _print_line(line)
 
 
-def _undo(line: ChangedLine) -> str:
+def _undo(path: str, line: ChangedLine) -> str:
     """Return the remedy of a rejected edit."""
     what = f"set it back to {line.old}" if line.old else "undo this edit"
-    return f"{line.file}:{line.line} {line.edit or line.message}: {what}"
+    return f"{path}:{line.line} {line.edit or line.message}: {what}"
 
 
 def _print_line(line: str) -> None:

@@ -7,7 +7,6 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
@@ -40,7 +39,7 @@ def message(results: Results) -> tuple[str, str]:
         parts = [f"{failing[one]} {word}" for one, word in labels.items() if failing[one]]
         return f"{', '.join(parts)} of {len(results.cases)}", "orange"
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
-    digits_of_cases = [digits for case in agreeing if (digits := digits_known(case)) is not None]
+    digits_of_cases = [digits for case in agreeing if (digits := case.digits) is not None]
     to = f" to {min(digits_of_cases):.1f} digits" if digits_of_cases else ""
     return f"{len(agreeing)} of {len(results.cases)} agree{to}", "green"
 

@@ -6,17 +6,13 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from physics_crosscheck.harness.records.diff import Diff, RunDiff
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.render.html import template
 from physics_crosscheck.harness.render.html.cases import SYMBOLS
 from physics_crosscheck.harness.render.html.text import percent, shown, slug
-from physics_crosscheck.harness.render.terminal.two_runs import (
-    CaseMovement,
-    TwoRuns,
-    digits_change,
-    headline,
-)
+from physics_crosscheck.harness.render.terminal.two_runs import digits_change, headline
 from physics_crosscheck.harness.results.status import counted
 
 
@@ -52,7 +48,7 @@ class TwoRunsPage:
     same: tuple[RunRow, ...]
 
 
-def write_two_runs(path: Path, runs: TwoRuns, folders: tuple[Path, Path]) -> None:
+def write_two_runs(path: Path, runs: RunDiff, folders: tuple[Path, Path]) -> None:
     """Write the page, with a relative link to each run's report if it exists.
 
     Args:
@@ -63,14 +59,14 @@ def write_two_runs(path: Path, runs: TwoRuns, folders: tuple[Path, Path]) -> Non
     write_whole(path, render_two_runs(runs, path.parent, folders))
 
 
-def render_two_runs(runs: TwoRuns, place: Path, folders: tuple[Path, Path]) -> str:
+def render_two_runs(runs: RunDiff, place: Path, folders: tuple[Path, Path]) -> str:
     """Return the page as HTML, to be saved in the folder `place`."""
     pages = [folder / "index.html" for folder in folders]
     before, after = (
         Path(os.path.relpath(page, place)).as_posix() if page.is_file() else "" for page in pages
     )
     rows = [_row(case, before, after) for case in runs.cases]
-    moved = len(runs.moved)
+    moved = len(runs.changed)
     page = TwoRunsPage(
         title=f"{moved} of {counted(len(rows), 'case')} changed",
         headline=shown(headline(runs)),
@@ -84,17 +80,18 @@ def render_two_runs(runs: TwoRuns, place: Path, folders: tuple[Path, Path]) -> s
     return template("two_runs.html", page=page)
 
 
-def _row(case: CaseMovement, before: str, after: str) -> RunRow:
+def _row(case: Diff, before: str, after: str) -> RunRow:
     name = case.id
     fragment = f"#case-{slug(name.system, name.model, name.engine, name.scenario)}"
-    then, now = case.global_error
+    then, now = case.global_errors
+    before_outcome, after_outcome = case.outcomes
     return RunRow(
         name=shown(name),
-        kinds=", ".join(case.kinds),
-        worse=case.worse,
-        before=case.before or "none",
-        after=case.after or "none",
-        symbols=(_symbol(case.before), _symbol(case.after)),
+        kinds=case.summary,
+        worse=case.is_worse,
+        before=before_outcome or "none",
+        after=after_outcome or "none",
+        symbols=(_symbol(before_outcome), _symbol(after_outcome)),
         links=(
             before + fragment if before and case.before else "",
             after + fragment if after and case.after else "",
@@ -102,8 +99,8 @@ def _row(case: CaseMovement, before: str, after: str) -> RunRow:
         digits=digits_change(*case.digits).replace("->", "→"),
         errors=(percent(then), percent(now)),
         ratio=f"× {now / then:.3g}" if then and now and then != now else "",
-        steps=(_seconds(case.step[0]), _seconds(case.step[1])),
-        reason=shown(case.reason),
+        steps=(_seconds(case.time_steps[0]), _seconds(case.time_steps[1])),
+        reason=shown(case.after.reason if case.after else ""),
     )
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, Versions
+from physics_crosscheck.harness.records.diff import Diff
+from physics_crosscheck.harness.records.versions import Upgrade, Versions
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.render.html import template
 from physics_crosscheck.harness.render.html.text import percent, sci, shown
@@ -86,7 +87,7 @@ def _section(engine: str, upgrade: Upgrade) -> Section:
     return Section(
         title=shown(f"{engine} {upgrade.before} -> {upgrade.after}"),
         counts=shown(counts(upgrade)),
-        rows=tuple(_row(case) for case in upgrade.cases if case.kinds),
+        rows=tuple(map(_row, (*upgrade.not_compared, *upgrade.changed))),
         models=tuple(
             ModelChangeView(
                 name=shown(model.id),
@@ -99,14 +100,16 @@ def _section(engine: str, upgrade: Upgrade) -> Section:
     )
 
 
-def _row(case: VersionCase) -> VersionRow:
+def _row(case: Diff) -> VersionRow:
+    before, after = case.outcomes
+    then, now = case.global_errors
     return VersionRow(
         name=shown(case.id),
-        kinds=", ".join(case.kinds),
-        before=case.before or "none",
-        after=case.after or "none",
-        apart=sci(case.apart),
+        kinds=case.summary,
+        before=before or "none",
+        after=after or "none",
+        apart=sci(case.moved),
         uncertainty=sci(case.uncertainty),
-        errors=(percent(case.global_error_before), percent(case.global_error_after)),
+        errors=(percent(then), percent(now)),
         messages=tuple(map(shown, case.messages)),
     )

@@ -16,7 +16,6 @@ from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, FullRun, ModelId
-from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.console import print_wrapped
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
@@ -172,7 +171,7 @@ def _row(model: ModelId, cases: Sequence[Case]) -> ModelRow:
         Text(f"{counts[one]} {WORDS[one]}", STYLES[one]) for one in reversed(Outcome) if counts[one]
     )
     agreeing = [case for case in cases if case.outcome is Outcome.AGREES]
-    digits = finite_values(map(digits_known, agreeing))
+    digits = finite_values(one.digits for one in agreeing)
     discrepancy, uncertainty = _sizes(cases)
     differs = bool(counts[Outcome.DIFFERS]) and discrepancy is not None
     runs = [c.full_run for c in cases if c.full_run is not None and not is_chaotic(c)]

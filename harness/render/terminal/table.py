@@ -11,7 +11,6 @@ from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, Stepping
-from physics_crosscheck.harness.records.history import digits_known
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
@@ -86,7 +85,7 @@ def summary(results: Results) -> str:
     unit = "engine" if reached and is_single_file(results) else "case"
     total = len(results.cases) - counts[Outcome.ABSENT]
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
-    digits = finite_values(map(digits_known, agreeing))
+    digits = finite_values(one.digits for one in agreeing)
     to = f" to {min(digits):.1f} digits" if digits else ""
     if agreeing and results.stopped and len(agreeing) == total:
         whole = total + len(results.not_run)
@@ -178,7 +177,7 @@ def case_line(done: int, total: int, case: Case) -> str:
     number = ""
     if case.outcome is Outcome.DIFFERS and verdict is not None and verdict.discrepancy is not None:
         number = f"  off by {percent(verdict.discrepancy)}"
-    elif (digits := digits_known(case)) is not None and case.outcome is Outcome.AGREES:
+    elif (digits := case.digits) is not None and case.outcome is Outcome.AGREES:
         number = f"  {digits:.1f} digits"
     return f"[{done}/{total}] {WORDS[case.outcome]:<10} {case.id}{number}"
 
@@ -222,7 +221,7 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         by_engine.setdefault(case.engine, []).append(case)
     width = max((len(name) for name in by_engine), default=0)
     for engine, agreeing in by_engine.items():
-        digits = finite_values(map(digits_known, agreeing))
+        digits = finite_values(one.digits for one in agreeing)
         parts = [f"{min(digits):.1f} digits"] if digits else []
         if len(cases) > len(by_engine):
             parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")

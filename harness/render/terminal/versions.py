@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
 from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.diff import WORST_FIRST, Changed, Diff
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, Versions
+from physics_crosscheck.harness.records.versions import Upgrade, Versions
 from physics_crosscheck.harness.render.terminal.console import wrapped
 from physics_crosscheck.harness.render.terminal.markup import escape
 from physics_crosscheck.harness.render.terminal.styles import STYLES
@@ -25,7 +26,7 @@ def print_versions(console: Console, versions: Versions) -> None:
     for upgrade in versions.upgrades:
         console.print()
         print_text(console, f"{versions.engine} {upgrade.before} -> {upgrade.after}", "bold")
-        changed = [case for case in upgrade.cases if case.kinds]
+        changed = [case for case in upgrade.cases if case.is_change or not case.is_compared]
         if changed:
             _print_table(console, changed[:MOST_TOLD])
             for case in changed[:MOST_TOLD]:
@@ -72,28 +73,28 @@ def advice(versions: Versions) -> str:
     return f"{text}. Reports: {reports}"
 
 
-def _alike(same: Sequence[VersionCase]) -> str:
+def _alike(same: Sequence[Diff]) -> str:
     """Return to what tolerance limits agree, and how many are bitwise equal."""
-    measured = [case for case in same if case.apart is not None and case.uncertainty is not None]
+    measured = [case for case in same if case.moved is not None and case.uncertainty is not None]
     if not measured:
         return ""
-    bitwise = sum(case.apart == 0.0 for case in measured)
+    bitwise = sum(case.moved == 0.0 for case in measured)
     if bitwise == len(measured):
         return " (identical to the last bit)"
-    size = max(case.apart or 0.0 for case in measured)
+    size = max(case.moved or 0.0 for case in measured)
     bound = max(case.uncertainty or 0.0 for case in measured)
     last = f", {bitwise} identical to the last bit" if bitwise else ""
     return f" (differ by at most {size:.1e}, uncertainty {bound:.0e}{last})"
 
 
-def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
+def _print_table(console: Console, cases: Sequence[Diff]) -> None:
     rows = [
         (
             str(case.id),
-            ", ".join(case.kinds),
-            verdicts(case.before, case.after),
+            case.summary,
+            verdicts(*case.outcomes),
             limits(case),
-            global_error(case),
+            error_change(*case.global_errors),
         )
         for case in cases
     ]
@@ -126,6 +127,16 @@ def print_changes(
         console.print(f"  {kinds}: {verdict}  {size} {number}  error at dt {error}")
 
 
+def counted_changes(counts: Mapping[Changed, int]) -> list[str]:
+    """Return how many cases changed in what, such as `2 with another verdict`, the worst first."""
+    number = {"digits": "another number of digits"}
+    return [
+        f"{counts[what]} with {number.get(what, f'another {what}')}"
+        for what in WORST_FIRST
+        if counts.get(what)
+    ]
+
+
 def verdicts(before: Outcome | None, after: Outcome | None) -> str:
     """Return the change of a verdict, in the terminal's colours."""
     if before is after:
@@ -137,16 +148,11 @@ def _styled(outcome: Outcome | None) -> str:
     return "none" if outcome is None else f"[{STYLES[outcome]}]{outcome}[/]"
 
 
-def limits(case: VersionCase) -> str:
+def limits(case: Diff) -> str:
     """Return the difference of a case's limits, and its uncertainty."""
-    if case.apart is None or case.uncertainty is None:
+    if case.moved is None or case.uncertainty is None:
         return "-"
-    return f"{case.apart:.1e} ± {case.uncertainty:.0e}"
-
-
-def global_error(case: VersionCase) -> str:
-    """Return the change of the error at the time step, and its ratio."""
-    return error_change(case.global_error_before, case.global_error_after)
+    return f"{case.moved:.1e} ± {case.uncertainty:.0e}"
 
 
 def error_change(then: Number, now: Number) -> str:
@@ -163,8 +169,8 @@ def _percent(value: Number) -> str:
     return "-" if value is None else f"{100 * value:.3g} %"
 
 
-def _print_messages(console: Console, case: VersionCase) -> None:
-    print_text(console, f"{', '.join(case.kinds)}: {case.id}")
+def _print_messages(console: Console, case: Diff) -> None:
+    print_text(console, f"{case.summary}: {case.id}")
     for message in case.messages:
         print_text(console, f"  {message}")
 

@@ -8,11 +8,15 @@ from typing import Any
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.baseline.changes import GLOBAL, Difference, Status, compare
 from physics_crosscheck.harness.baseline.classify import Change, classify
+from physics_crosscheck.harness.baseline.diff import (
+    ERROR_SHARE,
+    diff_accepted,
+    diff_cases,
+    of_model,
+)
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
-from physics_crosscheck.harness.baseline.movement import of_model
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
@@ -21,6 +25,7 @@ from physics_crosscheck.harness.records.baseline import (
     OnAccepted,
 )
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.diff import CaseNumbers, Changed, Diff, Status
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.baseline.samples import (
     ENDS,
@@ -39,11 +44,9 @@ from tests.baseline.samples import (
 DIFFERS = Outcome.DIFFERS
 
 
-def told(
-    move: float = 0.0, equations: float = 0.0, then: AcceptedCase = ENTRY, **now: Any
-) -> Difference:
+def told(move: float = 0.0, equations: float = 0.0, then: AcceptedCase = ENTRY, **now: Any) -> Diff:
     """What is told where the motion moved, and some quantities are others."""
-    return compare(then, entry(**now), SNAPSHOT, measurement(move, equations))
+    return diff_accepted(then, entry(**now), SNAPSHOT, measurement(move, equations))
 
 
 def test_a_case_that_was_run_again_is_as_accepted() -> None:
@@ -73,7 +76,7 @@ def test_of_states_that_no_motion_joins_the_state_is_told() -> None:
 def test_a_motion_that_moved_with_the_engine_alone_is_the_engines() -> None:
     change = told(move=1e-6, engine_version="e 99.0")
     assert (change.status, change.kinds) == (Status.CHANGED, ("engine",))
-    assert change.size == pytest.approx(1e-6, rel=1e-3)
+    assert change.moved == pytest.approx(1e-6, rel=1e-3)
 
 
 def test_a_motion_that_moved_with_files_and_engine_may_be_eithers() -> None:
@@ -106,14 +109,14 @@ def test_a_new_version_of_the_tools_numerics_is_told_and_passes_where_nothing_mo
 
 def test_a_limit_that_is_not_known_is_not_compared() -> None:
     unknown = entry(end_uncertainty=((None, None),) * 3)
-    assert told(move=1.0, then=unknown).size == 0.0
+    assert told(move=1.0, then=unknown).moved == 0.0
 
 
 @pytest.mark.parametrize(("share", "status"), [
     (1.0005, Status.SAME), (1.05, Status.CHANGED), (0.9, Status.IMPROVED),
 ])  # fmt: skip
 def test_a_global_error_counts_beyond_a_hundredth_of_itself(share: float, status: Status) -> None:
-    assert GLOBAL == 0.01
+    assert ERROR_SHARE == 0.01
     assert ENTRY.global_error is not None
     assert told(global_error=share * ENTRY.global_error).status is status
 
@@ -126,6 +129,54 @@ def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
     assert (change.status, change.messages) == (Status.CHANGED, ("the error at dt is not finite",))
     again = told(then=entry(global_error=None))
     assert (again.status, again.messages) == (Status.IMPROVED, ("the error at dt is finite now",))
+
+
+ERRORS: list[tuple[str, float | None, float | None, tuple[Changed, ...]]] = [
+    ("relative to the accepted one, this fall would be covered", 0.9, 0.4, ("error at dt",)),
+    ("to the error's own share, this rise would be covered", 0.05, 0.052, ("error at dt",)),
+    ("without a share of an earlier one, this rise would be lost", 0.0, 0.02, ("error at dt",)),
+    ("a run that lost its end would be lost", 0.02, None, ("error at dt",)),
+    ("to a flat 1 %, the rounding of a chaotic motion would count", 1.31, 1.42, ()),
+    ("less than 1 % of a usual error", 0.05, 0.0504, ()),
+]
+
+
+@pytest.mark.parametrize(("fault", "then", "now", "changed"), ERRORS)
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_one_rule_says_in_every_comparison_whether_an_error_changed(
+    fault: str,
+    then: float | None,
+    now: float | None,
+    changed: tuple[Changed, ...],
+    is_measured: bool,
+) -> None:
+    was = entry(global_error=then)
+    if is_measured:
+        found = told(then=was, global_error=now)
+        back = told(then=entry(global_error=now), global_error=then)
+    else:
+        numbers = was.numbers, entry(global_error=now).numbers
+        found = diff_cases(was.id, *numbers)
+        back = diff_cases(was.id, *reversed(numbers))
+    assert found.changed == back.changed == changed, fault
+
+
+def other(**numbers: Any) -> tuple[Changed, ...]:
+    """What changed of two results whose motions were not measured."""
+    was = CaseNumbers(
+        outcome=DIFFERS, discrepancy=3.0e-2, uncertainty=1e-10, component="x", digits=1.5
+    )
+    return diff_cases(ENTRY.id, was, msgspec.structs.replace(was, **numbers)).changed
+
+
+def test_a_discrepancy_that_drifts_by_less_than_half_a_digit_has_changed() -> None:
+    assert other(discrepancy=3.2e-2, digits=1.4) == ("discrepancy",)
+    assert other(discrepancy=3.0e-2 + 1.5e-10) == ()
+
+
+def test_discrepancies_of_two_components_are_not_compared_but_their_digits_are() -> None:
+    assert other(discrepancy=4e-2, component="y") == ()
+    assert other(discrepancy=4e-1, component="y", digits=0.3) == ("digits",)
 
 
 def test_a_step_an_integrator_and_orders_are_numbers() -> None:
@@ -147,14 +198,14 @@ def test_a_higher_order_at_a_higher_error_is_no_improvement() -> None:
 
 def test_a_known_differences_size_counts() -> None:
     was = entry(outcome=DIFFERS, discrepancy=1e-3)
-    assert told(then=was, outcome=DIFFERS, discrepancy=1e-3 + 1e-14).status is Status.KNOWN
+    assert told(then=was, outcome=DIFFERS, discrepancy=1e-3 + 1e-14).status is Status.EXPECTED
     assert told(then=was, outcome=DIFFERS, discrepancy=1.1e-3).status is Status.CHANGED
 
 
 def test_a_known_difference_without_a_digit_is_the_same_until_it_has_one() -> None:
     was = entry(outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
     same = told(then=was, outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
-    assert same.status is Status.KNOWN
+    assert same.status is Status.EXPECTED
     other = told(then=was, outcome=Outcome.UNRESOLVED, discrepancy=1e-3, uncertainty=1e-4)
     assert other.status is Status.CHANGED
     assert "accepted as unknown ± unknown" in other.messages[0]
@@ -180,16 +231,18 @@ def test_an_outcome_that_changed_with_the_method_alone_is_an_outcome() -> None:
 def test_another_scenario_is_told_for_what_it_is() -> None:
     measured = measurement()
     other = msgspec.structs.replace(SNAPSHOT, duration=5.0, inputs=("f = 1",))
-    change = compare(ENTRY, ENTRY, SNAPSHOT, msgspec.structs.replace(measured, snapshot=other))
+    change = diff_accepted(
+        ENTRY, ENTRY, SNAPSHOT, msgspec.structs.replace(measured, snapshot=other)
+    )
     assert (change.status, change.kinds) == (Status.CHANGED, ("scenario",))
     assert change.messages == ("the scenario changed: duration 4 s -> 5 s; input f = 0 -> f = 1",)
 
 
 def test_other_coordinates_can_t_be_compared() -> None:
     measured = msgspec.structs.replace(measurement(), on_accepted=None)
-    change = compare(ENTRY, ENTRY, SNAPSHOT, measured)
+    change = diff_accepted(ENTRY, ENTRY, SNAPSHOT, measured)
     assert (change.status, change.kinds) == (Status.CHANGED, ("equations",))
-    assert change.size == 0.0
+    assert change.moved is None
 
 
 def test_constants_that_the_motion_says_are_told_where_they_moved() -> None:

@@ -1,0 +1,253 @@
+"""Difference between two results: accepted and present, two versions of an engine, two runs."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import Literal, get_args
+
+import msgspec
+
+from physics_crosscheck.harness.records.base import Number, Record
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.codes import gate_code
+from physics_crosscheck.harness.records.outcome import Outcome
+
+Changed = Literal[
+    "verdict", "limit", "equations", "scenario", "discrepancy", "digits", "error at dt", "order",
+    "integrator", "dt", "next state", "audit",
+]  # fmt: skip
+"""Quantity of a case that changed, the worst first."""
+
+WORST_FIRST: tuple[Changed, ...] = get_args(Changed)
+
+
+class Status(StrEnum):
+    """Status of a case in a comparison of results, worst first; the value is what is printed."""
+
+    NOT_RUN = "could not run"
+    CHANGED = "changed"
+    GONE = "gone"
+    NEW = "new"
+    IMPROVED = "improved"
+    WITHIN = "no change in motion"
+    EXPECTED = "known difference"
+    SAME = "as accepted"
+
+    @property
+    def passes(self) -> bool:
+        """Return whether the gate passes such a case."""
+        return self not in (Status.NOT_RUN, Status.CHANGED, Status.GONE, Status.NEW)
+
+
+class CaseNumbers(Record, frozen=True, kw_only=True):
+    """Numbers of a case that two results are compared by.
+
+    Attributes:
+        outcome: Outcome of the case.
+        reason: Explanation of the outcome.
+        discrepancy: Discrepancy E of `component`.
+        uncertainty: Uncertainty U of `component`.
+        component: Deciding component of the verdict; empty if unknown.
+        digits: Agreeing digits in every component; None if unknown.
+        global_error: Largest position error at `time_step`, relative to the amplitude.
+        order: Observed order of the error on the segments.
+        claimed_order: Order that the engine claims; 0 if unknown.
+        integrator: Name of the integrator.
+        time_step: Time step of the model, seconds.
+    """
+
+    outcome: Outcome
+    reason: str = ""
+    discrepancy: Number = None
+    uncertainty: Number = None
+    component: str = ""
+    digits: Number = None
+    global_error: Number = None
+    order: Number = None
+    claimed_order: int = 0
+    integrator: str = ""
+    time_step: Number = None
+
+
+class Diff(Record, frozen=True, kw_only=True):
+    """One case in an earlier and in a later result.
+
+    Attributes:
+        system: Name of the system; of an accepted robot file, its path.
+        model: Name of the model file.
+        scenario: Name of the scenario.
+        engine: Name of the engine.
+        folder: System folder, or the robot file; empty if results of other folders are compared.
+        status: Status of the case.
+        kinds: Reasons for the change, such as `model`, `numbers`, `engine`, `equations`; empty if
+            unknown.
+        changed: What changed, worst first.
+        messages: Explanations, most important first.
+        before: Numbers in the earlier result; None if it lacks the case.
+        after: Numbers in the later result; None if it lacks the case.
+        moved: Largest change of the extrapolated motion, relative; None if it was not compared.
+        uncertainty: Combined uncertainty of `moved`.
+        run: Whether the case ran; unchanged cases do not.
+        code: Message code of the status and of the first reason; empty if accepted.
+    """
+
+    system: str
+    model: str
+    scenario: str
+    engine: str
+    folder: str = ""
+    status: Status
+    kinds: tuple[str, ...] = ()
+    changed: tuple[Changed, ...] = ()
+    messages: tuple[str, ...] = ()
+    before: CaseNumbers | None = None
+    after: CaseNumbers | None = None
+    moved: Number = None
+    uncertainty: Number = None
+    run: bool = True
+    code: str = ""
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "code", gate_code(self.status, self.kinds))
+
+    @property
+    def id(self) -> CaseId:
+        """Name of the case."""
+        return CaseId(
+            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
+        )
+
+    @property
+    def outcomes(self) -> tuple[Outcome | None, Outcome | None]:
+        """Outcome in each result; None if it lacks the case."""
+        then, now = (None if one is None else one.outcome for one in (self.before, self.after))
+        return then, now
+
+    @property
+    def digits(self) -> tuple[Number, Number]:
+        """Agreeing digits in each result."""
+        then, now = (None if one is None else one.digits for one in (self.before, self.after))
+        return then, now
+
+    @property
+    def global_errors(self) -> tuple[Number, Number]:
+        """Error at the time step in each result."""
+        then, now = (None if one is None else one.global_error for one in (self.before, self.after))
+        return then, now
+
+    @property
+    def time_steps(self) -> tuple[Number, Number]:
+        """Time step in each result, seconds."""
+        then, now = (None if one is None else one.time_step for one in (self.before, self.after))
+        return then, now
+
+    @property
+    def is_compared(self) -> bool:
+        """True if both results have numbers, or only one has the case."""
+        return self.status is not Status.NOT_RUN
+
+    @property
+    def is_change(self) -> bool:
+        """True if something changed."""
+        return self.is_compared and bool(self.changed or self.status in (Status.GONE, Status.NEW))
+
+    @property
+    def summary(self) -> str:
+        """Changed quantities, or the status; empty if nothing did."""
+        if self.changed:
+            return ", ".join(self.changed)
+        return self.status.value if self.is_change or not self.is_compared else ""
+
+    @property
+    def is_worse(self) -> bool:
+        """True if the verdict is worse, fewer digits agree, or the error at dt is larger."""
+        if self.before is None or self.after is None:
+            return False
+        then, now = self.before, self.after
+        if then.outcome is not now.outcome:
+            return now.outcome.severity > then.outcome.severity
+        fewer = "digits" in self.changed and (now.digits or 0.0) < (then.digits or 0.0)
+        error = math.inf if now.global_error is None else now.global_error
+        return fewer or ("error at dt" in self.changed and error > (then.global_error or 0.0))
+
+    @property
+    def size(self) -> float:
+        """Change of the extrapolated motion beyond its uncertainty; 0 without one."""
+        return (self.moved or 0.0) if {"limit", "equations"}.intersection(self.changed) else 0.0
+
+    @property
+    def rank(self) -> tuple[bool, bool, int, float]:
+        """Sort key: cases that could not run first, then worse ones, then by what changed."""
+        place = min(map(WORST_FIRST.index, self.changed), default=len(WORST_FIRST))
+        place = 1 if self.status in (Status.GONE, Status.NEW) else place
+        then, now = self.digits
+        size = self.size or abs((now or 0.0) - (then or 0.0))
+        return self.is_compared, not self.is_worse, place, -size
+
+
+def bare_diff(
+    id_: CaseId,
+    status: Status,
+    messages: tuple[str, ...] = (),
+    *,
+    before: CaseNumbers | None = None,
+    after: CaseNumbers | None = None,
+    folder: str = "",
+) -> Diff:
+    """Return the difference of a case that is not compared by its numbers."""
+    return Diff(
+        system=id_.system,
+        model=id_.model,
+        scenario=id_.scenario,
+        engine=id_.engine,
+        folder=folder,
+        status=status,
+        messages=messages,
+        before=before,
+        after=after,
+        run=after is not None,
+    )
+
+
+class RunDiff(Record, frozen=True, kw_only=True):
+    """Changes from one run to another.
+
+    Attributes:
+        before: Time of the earlier run, UTC.
+        after: Time of the later run, UTC.
+        versions: Name, earlier and later version of those that differ; `none` if not installed.
+        fixed: Causes in the earlier run only, a line each.
+        broken: Causes in the later run only, a line each.
+        cases: All cases, the worst first.
+    """
+
+    before: str
+    after: str
+    versions: tuple[tuple[str, str, str], ...]
+    fixed: tuple[str, ...]
+    broken: tuple[str, ...]
+    cases: tuple[Diff, ...]
+
+    @property
+    def changed(self) -> tuple[Diff, ...]:
+        """Cases that change."""
+        return tuple(case for case in self.cases if case.is_change)
+
+
+def numbers_of(case: Case) -> CaseNumbers:
+    """Return the numbers that a case is compared by."""
+    verdict, full_run = case.verdict, case.full_run
+    return CaseNumbers(
+        outcome=case.outcome,
+        reason=case.reason,
+        discrepancy=verdict.discrepancy if verdict else None,
+        uncertainty=verdict.uncertainty if verdict else None,
+        component=verdict.component if verdict else "",
+        digits=case.digits,
+        global_error=full_run.global_error if full_run else None,
+        order=verdict.order if verdict else None,
+        claimed_order=verdict.claimed_order if verdict else 0,
+        integrator=full_run.integrator if full_run else "",
+        time_step=full_run.time_step if full_run else None,
+    )
