@@ -26,7 +26,7 @@ from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import StepStudy
 from physics_crosscheck.harness.records.case import CaseKind, starts_at
 from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
-from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion, Segments
 
@@ -145,7 +145,7 @@ def judge(
     reason = ""
     if judged_limit.outcome is Outcome.DIFFERS:
         reason = (
-            f"{component} is off by {judged_limit.discrepancy:.2e} of its displacement at "
+            f"{component} is off by {percent(judged_limit.discrepancy)} of its displacement at "
             f"the end of the segment at {place}; the uncertainty there is "
             f"{judged_limit.uncertainty:.1e}"
         )
@@ -333,9 +333,9 @@ def with_full_runs(
 
     Both are empty for plain agreement.
     """
-    failed = failure(study.base_run, study.global_error, motion)
+    failed, kind = failure(study.base_run, study.global_error, motion)
     if failed:
-        return Outcome.FAILED, failed, _failure_kind(study)
+        return Outcome.FAILED, failed, kind
     if verdict.outcome is not Outcome.AGREES:
         return verdict.outcome, verdict.reason, verdict.kind
     check = study.full_run_check
@@ -359,34 +359,30 @@ def with_full_runs(
     return verdict.outcome, "; ".join(part for part in parts if part), verdict.kind
 
 
-def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
-    """Return why a run at the file's own time step fails; "" if it succeeds."""
+def failure(shipped: SampledRun, global_error: float, motion: Motion) -> tuple[str, CaseKind]:
+    """Return why a run at the file's own time step fails, and its kind; "" if it succeeds."""
     h = shipped.h
     if not shipped.finite:
         bad = shipped.t[~np.isfinite(shipped.states).all(axis=1)][0]
         return (
             f"at dt = {h:g} s the motion is no longer finite at t = {bad:.4g} s; choose "
-            "a smaller time step"
+            "a smaller time step",
+            "not finite",
         )
     if global_error > BLOWN_UP:
         return (
             f"at dt = {h:g} s the motion blows up, to {global_error:.0e} of its "
-            "amplitude; choose a smaller time step"
+            "amplitude; choose a smaller time step",
+            "blows up",
         )
     if global_error > 1 and not follows(motion, h):
         return (
             f"dt = {h:g} s is too coarse: {shipped.steps} steps are fewer than two "
             f"per period of the fastest rate, {motion.fastest:.3g} rad/s; the error "
-            f"is {global_error:.0%} of the amplitude, so choose a smaller time step"
+            f"is {global_error:.0%} of the amplitude, so choose a smaller time step",
+            "too coarse",
         )
-    return ""
-
-
-def _failure_kind(study: StepStudy) -> CaseKind:
-    """Return the kind of that failure."""
-    if not study.base_run.finite:
-        return "not finite"
-    return "blows up" if study.global_error > BLOWN_UP else "too coarse"
+    return "", ""
 
 
 def _reservation(study: StepStudy, motion: Motion) -> str:
@@ -491,7 +487,7 @@ def _apart(
     )
     differing = f"; these of its forces differ: {other}" if other else ""
     moved = motions_in_words(verdict)
-    amount = f"off by {judged.discrepancy:.2e} of its largest value"
+    amount = f"off by {percent(judged.discrepancy)} of its largest value"
     if judged.component >= len(names):
         amount = (
             f"off by {judged.discrepancy:.2e} of its range from the position that its "

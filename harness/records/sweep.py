@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.case import CaseId, CaseKind
+from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.diff import CaseNumbers
 from physics_crosscheck.harness.records.outcome import Outcome
 
@@ -24,6 +27,8 @@ class SweepRow(Record, frozen=True, kw_only=True):
             each.
         outcome: Outcome of the case.
         reason: One sentence that explains the outcome; empty for AGREES.
+        kind: Why the case does not agree; empty if it agrees, or for an unknown failure.
+        code: Message code of the kind; empty if the case agrees.
         discrepancy: Discrepancy E, relative to the movement over a segment.
         uncertainty: Uncertainty U, relative to the movement over a segment.
         resolution: Resolution used: the requested one, or a coarser one that the engine's precision
@@ -50,6 +55,8 @@ class SweepRow(Record, frozen=True, kw_only=True):
     constants: dict[str, float]
     outcome: Outcome
     reason: str = ""
+    kind: CaseKind = ""
+    code: str = ""
     discrepancy: Number = None
     uncertainty: Number = None
     resolution: Number = None
@@ -62,6 +69,9 @@ class SweepRow(Record, frozen=True, kw_only=True):
     loading_seconds: float = 0.0
     seconds: float = 0.0
     command: str = ""
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "code", case_code(self.outcome, self.kind))
 
     @property
     def name(self) -> str:

@@ -81,7 +81,7 @@ def test_accelerations_that_differ_differ(motion: Verdict) -> None:
     assert found.component == "phi_ddot"
     assert found.discrepancy == 1e-6
     assert found.reason.startswith(
-        "phi_ddot is off by 1.00e-06 of its largest value; the uncertainty is 1.0e-14;"
+        "phi_ddot is off by 1.0e-06 of its largest value; the uncertainty is 1.0e-14;"
         " these of its forces differ: mass matrix; "
     )
     other = "every segment agrees within 1.0e-12" if motion is AGREES else motion.reason

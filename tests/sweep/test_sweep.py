@@ -17,6 +17,7 @@ from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, re
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.bindings import with_constants
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_system
@@ -140,6 +141,7 @@ def test_a_model_that_is_wrong_differs_at_every_draw(workers: Workers, tmp_path:
     found = rows_of(folder, options("k=20:60", count=2), tmp_path / "rows", workers)
     assert [row.outcome for row in found] == [Outcome.DIFFERS] * 2
     assert all("at the end of the segment" in row.reason for row in found)
+    assert {row.code for row in found} == {case_code(Outcome.DIFFERS, "motion")}
 
 
 def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
@@ -149,6 +151,7 @@ def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
     found = rows_of(folder, asked, tmp_path / "rows", workers)
     assert [row.outcome for row in found] == [Outcome.AGREES, Outcome.FAILED] * 4
     assert all("dt = 1.5 s is too long" in row.reason for row in found[1::2])
+    assert {row.code for row in found[1::2]} == {case_code(Outcome.FAILED, "long step")}
 
 
 def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
 from physics_crosscheck.harness.extras.sweep.robot import SweptRobot
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.extras.sweep.system import Swept
+from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration
@@ -64,12 +65,13 @@ def run_block(block: Block) -> tuple[SweepRow, ...]:
 
 def _row(source: Source, block: Block, case: Planned) -> SweepRow:
     began = time.process_time()
-    record = CaseRecord(blank(block, case, ""))
+    record = CaseRecord(blank(block, case, Failure("", "")))
     with tempfile.TemporaryDirectory(prefix="drawn-") as place:
         try:
             source.run(case, block.resolution, Path(place), record)
         except Exception as error:
-            record.tell(outcome=Outcome.FAILED, reason=_error_text(error))
+            failure = failure_of(error, _error_text(error))
+            record.tell(outcome=Outcome.FAILED, reason=failure.reason, kind=failure.kind)
     record.tell(seconds=time.process_time() - began)
     named = Path(block.folder)
     folder = named.parent if named.is_file() else named

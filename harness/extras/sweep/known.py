@@ -11,12 +11,13 @@ from typing import Any
 from physics_crosscheck.harness.checks.verdict import Verdict
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, Model
 from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 
 
-def blank(block: Block, case: Planned, reason: str) -> SweepRow:
+def blank(block: Block, case: Planned, failure: Failure) -> SweepRow:
     """Return the row of a case that could not run."""
     return SweepRow(
         index=case.index,
@@ -29,7 +30,8 @@ def blank(block: Block, case: Planned, reason: str) -> SweepRow:
         step=number(case.step),
         constants=dict(case.constants),
         outcome=Outcome.FAILED,
-        reason=reason,
+        reason=failure.reason,
+        kind=failure.kind,
         command=case.command,
     )
 
@@ -50,6 +52,7 @@ class CaseRecord:
         self.tell(
             outcome=verdict.outcome,
             reason=verdict.reason,
+            kind=verdict.kind,
             discrepancy=number(verdict.discrepancy),
             uncertainty=number(verdict.uncertainty),
             resolution=number(verdict.resolution),

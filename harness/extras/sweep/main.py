@@ -137,7 +137,7 @@ def _summary(out: Path) -> int:
     write_whole(out / "summary.json", encoded(sweep_summary, indent=1))
     write_sweep(out / "index.html", sweep_summary)
     print_sweep(terminal(), sweep_summary)
-    print(f"{out / 'rows'}  {out / 'index.html'}")
+    print(f"Rows: {out / 'rows'}. Report: {out / 'index.html'}")
     return _code(sweep_summary.outcomes)
 
 

@@ -201,7 +201,7 @@ class _Running:
 
     def _lost(self, block: Block, failure: Failure) -> Iterator[Job[Any]]:
         if len(block.cases) == 1:
-            return self._store_rows((blank(block, block.cases[0], failure.reason),))
+            return self._store_rows((blank(block, block.cases[0], failure),))
         return map(self.job, block.single_blocks())
 
 
@@ -238,5 +238,5 @@ def run_single(whole: CasePlan, index: int, workers: Executor) -> SweepRow:
     block = whole.block_of(index)
     outcome = workers.outcome(workers.submit(run_block, block))
     if isinstance(outcome, Failure):
-        return blank(block, block.cases[0], outcome.reason)
+        return blank(block, block.cases[0], outcome)
     return outcome[0]

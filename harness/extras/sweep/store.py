@@ -36,7 +36,18 @@ SECONDS = 20.0
 COLUMN = "constant_"
 """Prefix of the columns of varied constants: `constant_k`."""
 
-_TEXT = ("system", "model", "engine", "scenario", "integrator", "outcome", "reason", "command")
+_TEXT = (
+    "system",
+    "model",
+    "engine",
+    "scenario",
+    "integrator",
+    "outcome",
+    "reason",
+    "kind",
+    "code",
+    "command",
+)
 _WHOLE = ("index", "draw", "steps")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from physics_crosscheck.harness.checks.case import StepError
 from physics_crosscheck.harness.checks.verdict import (
     Verdict,
     component_scale,
@@ -19,7 +20,7 @@ from physics_crosscheck.harness.checks.verdict import (
     filled,
     judged,
 )
-from physics_crosscheck.harness.engines.protocol import EngineError, Model
+from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
@@ -203,7 +204,7 @@ class Swept(Source):
             model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
         record.check_step(model, case)
         if why := why_no_run(motion.duration, model.step):
-            raise EngineError(f"{case.model}: {why}")
+            raise StepError(f"{case.model}: {why}")
         with record.stepping(model):
             coordinates = prepared.coordinates.with_constants(equations.values)
             record.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
@@ -241,9 +242,10 @@ class Swept(Source):
         amplitude = filled(np.maximum(motion.amplitude, FLOOR * self.amplitude))
         error = largest(run, amplitude[: len(self.system.coordinates)])
         record.tell(global_error=number(error))
-        if why := failure(run, error, motion):
+        why, kind = failure(run, error, motion)
+        if why:
             message = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
-            record.tell(outcome=Outcome.FAILED, reason=message)
+            record.tell(outcome=Outcome.FAILED, reason=message, kind=kind)
 
 
 def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:

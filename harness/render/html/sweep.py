@@ -27,6 +27,7 @@ from physics_crosscheck.harness.render.html.scatter import (
 )
 from physics_crosscheck.harness.render.html.text import NOTHING, percent, quantity, sci, shown
 from physics_crosscheck.harness.render.terminal.sweep import cost_line
+from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import counted
 
 FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT_MARGIN, "right": WIDTH - RIGHT}
@@ -212,6 +213,6 @@ def _row(row: SweepRow) -> SweepCaseRow:
         discrepancy=sci(row.discrepancy),
         uncertainty=sci(row.uncertainty),
         error=percent(row.global_error),
-        reason=shown(row.reason),
+        reason=shown(with_code(row.code, row.reason)),
         command=shown(row.command),
     )

@@ -84,16 +84,16 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def _wrap(text: str, width: int, first: str, rest: str) -> list[str]:
-    """Return lines that begin with `first` and `rest`, without splitting words or percentages."""
+    """Return lines that begin with `first` and `rest`, without splitting words or values."""
     lines = textwrap.wrap(
-        text.replace(" %", "\u00a0%"),
+        text.replace(" %", "\u00a0%").replace(" = ", "\u00a0=\u00a0"),
         width,
         initial_indent=first,
         subsequent_indent=rest,
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return [line.replace("\u00a0%", " %") for line in lines]
+    return [line.replace("\u00a0", " ") for line in lines]
 
 
 def wrapped_command(words: Sequence[str], width: int) -> list[str]:

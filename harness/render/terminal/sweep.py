@@ -1,8 +1,9 @@
-"""Print a sweep in a terminal: outcomes, digits, worst cases, each with its command."""
+"""Print a sweep in a terminal: the worst cases, each with its command, and all outcomes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 from rich.measure import Measurement
@@ -11,63 +12,85 @@ from rich.table import Table
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
-from physics_crosscheck.harness.render.terminal.console import print_status_lines, wrapped
+from physics_crosscheck.harness.render.terminal.console import (
+    print_hint,
+    print_status_lines,
+    wrapped,
+    wrapped_command,
+)
 from physics_crosscheck.harness.render.terminal.markup import escape
 from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.harness.results.visible import visible
 
 MAX_ROWS = 12
-"""Maximum number of listed cases without agreement."""
+"""Maximum number of listed problems."""
 
 
 def print_sweep(console: Console, sweep_summary: SweepSummary) -> None:
-    """Print the verdict, the outcomes by system and engine, and the worst cases."""
+    """Print the verdict, the worst case of each problem, and the outcomes by engine."""
     _print_line(console, verdict_line(sweep_summary))
+    bad = [row for row in sweep_summary.worst if row.outcome is not Outcome.AGREES]
+    for alike in _alike(bad)[:MAX_ROWS]:
+        _print_case(console, alike)
+    _print_outcomes(console, sweep_summary)
+    if cost := cost_line(sweep_summary):
+        _print_line(console, cost)
+    print_hint(console, explain_hint(row.code for row in bad))
+
+
+def _alike(rows: Sequence[SweepRow]) -> list[list[SweepRow]]:
+    """Group cases with one problem of a model file, the worst first."""
+    groups: dict[tuple[str, ...], list[SweepRow]] = {}
+    for row in rows:
+        key = row.system, row.model, row.engine, row.integrator, row.code
+        groups.setdefault(key, []).append(row)
+    return list(groups.values())
+
+
+def _print_case(console: Console, alike: Sequence[SweepRow]) -> None:
+    """Print the worst of some cases, and the numbers of the others."""
+    worst, *others = alike
+    for line in row_lines(worst):
+        _print_line(console, line)
+    if others:
+        _print_line(console, f"  also {', '.join(f'#{row.index}' for row in others)}")
+
+
+def _print_outcomes(console: Console, sweep_summary: SweepSummary) -> None:
+    """Print the outcomes by engine as a table, or as a list if it would be too wide."""
+    columns: dict[str, list[str]] = {
+        "system": [escape(one.system) for one in sweep_summary.groups],
+        "engine": [escape(one.engine) for one in sweep_summary.groups],
+        "integrator": [escape(one.integrator) for one in sweep_summary.groups],
+        "cases": [str(sum(one.outcomes.values())) for one in sweep_summary.groups],
+        "outcomes": [_coloured(one.outcomes) for one in sweep_summary.groups],
+        "digits": [_digits(one.least_digits) for one in sweep_summary.groups],
+        "error at dt": [_percent(one.worst_error) for one in sweep_summary.groups],
+    }
+    used = {title: cells for title, cells in columns.items() if any(cells)}
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in (
-        "system",
-        "engine",
-        "integrator",
-        "cases",
-        "outcomes",
-        "digits",
-        "error at dt",
-    ):
+    for title in used:
         table.add_column(title)
-    for group in sweep_summary.groups:
-        table.add_row(
-            escape(group.system),
-            escape(group.engine),
-            escape(group.integrator),
-            str(sum(group.outcomes.values())),
-            _coloured(group.outcomes),
-            "–" if group.least_digits is None else f"{group.least_digits:.1f}",
-            _percent(group.worst_error),
-        )
+    for cells in zip(*used.values(), strict=True):
+        table.add_row(*cells)
     wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
     if wide <= console.width:
         console.print(table)
     else:
         _print_groups(console, sweep_summary)
-    bad = [row for row in sweep_summary.worst if row.outcome is not Outcome.AGREES]
-    for row in bad[:MAX_ROWS]:
-        for line in row_lines(row):
-            _print_line(console, line)
-    if cost := cost_line(sweep_summary):
-        _print_line(console, cost)
 
 
 def _print_groups(console: Console, sweep_summary: SweepSummary) -> None:
     """Print the outcomes as a list if a table would be too wide."""
     for group in sweep_summary.groups:
-        digits = "" if group.least_digits is None else f", {group.least_digits:.1f} digits"
-        counts = ", ".join(_counts(group.outcomes))
-        _print_line(
-            console,
-            f"  {group.system} [{group.engine}], {group.integrator}: {counts}{digits},"
-            f" error at dt up to {_percent(group.worst_error)}",
-        )
+        digits, error = _digits(group.least_digits), _percent(group.worst_error)
+        parts = _counts(group.outcomes)
+        parts += [f"{digits} digits"] if digits else []
+        parts += [f"error at dt up to {error}"] if error else []
+        name = f"{group.system} [{group.engine}], {group.integrator}"
+        _print_line(console, f"  {name}: {', '.join(parts)}")
 
 
 def verdict_line(sweep_summary: SweepSummary) -> str:
@@ -104,17 +127,20 @@ def row_lines(row: SweepRow) -> Iterator[str]:
         f"{WORDS[row.outcome]}  #{row.index} {row.name}, {row.integrator}{step}"
         f"{': ' if drawn else ''}{drawn}"
     )
-    judged = (
-        f"difference {_sci(row.discrepancy)}, uncertainty {_sci(row.uncertainty)}, error at dt"
-        f" {_percent(row.global_error)}"
-    )
-    yield visible(f"  {judged}{'; ' if row.reason else ''}{row.reason}")
+    if row.reason:
+        yield visible(f"  {with_code(row.code, row.reason)}")
+    else:
+        judged = f"difference {_sci(row.discrepancy)}, uncertainty {_sci(row.uncertainty)}"
+        error = "" if row.global_error is None else f", error at dt {percent(row.global_error)}"
+        yield f"  {judged}{error}"
     yield visible(f"  {row.command}")
 
 
 def _print_line(console: Console, line: str) -> None:
     """Print a line with its status word in colour, wrapped unless it is a command."""
-    lines = [line] if line.startswith("  crosscheck ") else wrapped(line, console.width)
+    words = shlex.split(line) if line.startswith("  crosscheck ") else []
+    width = console.width
+    lines = wrapped_command(list(map(shlex.quote, words)), width) if words else wrapped(line, width)
     print_status_lines(console, lines)
 
 
@@ -132,7 +158,11 @@ def _counts(outcomes: dict[str, int]) -> list[str]:
 
 
 def _percent(value: Number) -> str:
-    return "–" if value is None else percent(value)
+    return "" if value is None else percent(value)
+
+
+def _digits(value: Number) -> str:
+    return "" if value is None else f"{value:.1f}"
 
 
 def _sci(value: Number) -> str:
