@@ -161,13 +161,12 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
 
 
 def _ranked(problem: Resolved, fits: list[Fit], slopes: Array, negligible: float) -> list[Fit]:
-    """Sort fits, best first; among indistinguishable causes the most specific comes first."""
+    """Sort fits, best first; among indistinguishable causes by `Fit.order`."""
     best = min(fit.remaining for fit in fits)
     tie_limit = max(NEGLIGIBLE, 3 * best, min(negligible, DISTINCT_RATIO * best))
 
-    def reading(fit: Fit) -> tuple[float, int, float]:
-        level = tie_limit if fit.remaining <= tie_limit else fit.remaining
-        return level, fit.hypotheses[0].rank, fit.remaining
+    def reading(fit: Fit) -> tuple[float, tuple[int, int, tuple[int, ...]]]:
+        return max(fit.remaining, tie_limit), fit.order
 
     def tied(fit: Fit, other: Fit) -> bool:
         if fit.remaining <= tie_limit and other.remaining <= tie_limit:

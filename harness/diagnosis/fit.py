@@ -23,6 +23,9 @@ HALVING_TOLERANCE = 0.2
 Steps halve in this way near a number with zero slope at its right value.
 """
 
+CONFIRMED = 0.1
+"""Largest distance of an estimate from the bound value, as a share of the number's error."""
+
 MAX_FIT_RATIO = 30.0
 MAX_FIT_SHARE = 0.05
 """Limits for pursuing other fits once a cause is found: ratio of linear fits, and share left.
@@ -45,6 +48,7 @@ class Hypothesis:
         correction: sign of the fitted fault in the estimate: a literal's right value is
             value - fault, a constant's apparent value is value + fault.
         switch: whether its fault is either 0 or 1.
+        expected: the right value by the user's bindings; None for an unbound number.
     """
 
     id: CauseId
@@ -54,6 +58,13 @@ class Hypothesis:
     where: tuple[SourceLine, ...] = ()
     correction: float = 1.0
     switch: bool = False
+    expected: float | None = None
+
+    def is_confirmed(self, estimate: float) -> bool:
+        """Return whether the number is wrong by its binding, and an estimate is the bound value."""
+        if self.expected is None or self.expected == self.value:
+            return False
+        return abs(self.expected - estimate) <= CONFIRMED * abs(self.expected - self.value)
 
 
 class FitProblem(Protocol):
@@ -140,6 +151,17 @@ class Fit:
     def causes(self) -> tuple[CauseId, ...]:
         """Identifiers of the causes."""
         return tuple(hypothesis.id for hypothesis in self.hypotheses)
+
+    @property
+    def order(self) -> tuple[int, int, tuple[int, ...]]:
+        """Order among fits that leave as little; it is the same in every engine.
+
+        A wrong number whose estimate equals its bound value comes first: two independent sources
+        agree. Then the most specific fit, then the first in the file.
+        """
+        pairs = zip(self.hypotheses, self.estimates, strict=True)
+        confirmed = sum(hypothesis.is_confirmed(estimate) for hypothesis, estimate in pairs)
+        return -confirmed, sum(hypothesis.rank for hypothesis in self.hypotheses), self.members
 
     @property
     def repair(self) -> dict[int, float]:

@@ -69,9 +69,8 @@ def pairs(
         near = [i for i in seen if np.any(after[i])]
     tie_limit = max(negligible, 3 * best.remaining)
 
-    def reading(fit: Fit) -> tuple[float, int, float]:
-        level = tie_limit if fit.remaining <= tie_limit else fit.remaining
-        return level, sum(hypothesis.rank for hypothesis in fit.hypotheses), fit.remaining
+    def reading(fit: Fit) -> tuple[float, tuple[int, int, tuple[int, ...]]]:
+        return max(fit.remaining, tie_limit), fit.order
 
     ranked = sorted(fits, key=reading)
     is_good = best.remaining <= MAX_BASE_REMAINING

@@ -10,14 +10,18 @@ bytes stay.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
-from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
+from physics_crosscheck.harness.documents.errors import (
+    LocationError,
+    RefusedFileError,
+    TruncatedFileError,
+)
 from physics_crosscheck.harness.documents.location import SourceFile, Span, apply_edits
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 
@@ -289,41 +293,67 @@ def read_elements(source: SourceFile) -> list[XmlElement]:
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
-        line, problem = _problem(source.data, error)
-        raise LocationError(problem, file=source.file, line=line) from None
+        raise _syntax_error(source.file, source.data, error, [one.tag for one in open_]) from None
     return elements
 
 
 def xml_problem(file: Path, *, strict: bool) -> str:
-    """Return why a file is not XML, with its line, using a parser that keeps nothing.
+    """Return why a file is not XML, with its line and the remedy, keeping open tags only.
 
     Args:
         file: a model file; a file that can't be read is reported elsewhere.
         strict: whether only well-formed XML is accepted. Otherwise an engine's own parser decides,
-            unless the file has no element at all, or is binary.
+            unless the file has no element at all, is binary, or ends inside an element.
 
     Returns:
         A sentence that begins with the file; empty if it may be XML.
     """
+    parser, tags = expat.ParserCreate(), list[str]()
+    parser.StartElementHandler = lambda tag, _: tags.append(tag)
+    parser.EndElementHandler = lambda _: tags.pop()
     try:
         data = repaired_xml(read_regular(file, MAX_MODEL_BYTES))
-        expat.ParserCreate().Parse(data, True)
+        parser.Parse(data, True)
     except expat.ExpatError as error:
-        if strict or b"\0" in data or not _ELEMENT.search(data):
-            line, problem = _problem(data, error)
-            return f"{file}:{line}: {problem}"
+        problem = _syntax_error(file, data, error, tags)
+        truncated = isinstance(problem, TruncatedFileError)
+        if strict or truncated or b"\0" in data or not _ELEMENT.search(data):
+            return f"{problem}; {problem.remedy}"
     except OSError:
         pass
     return ""
 
 
-def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
-    """Return the line of a parse error, and the problem: the column and the reason."""
+_TRUNCATED = (
+    expat.errors.XML_ERROR_NO_ELEMENTS,
+    expat.errors.XML_ERROR_UNCLOSED_TOKEN,
+    expat.errors.XML_ERROR_UNCLOSED_CDATA_SECTION,
+)
+
+
+def _syntax_error(
+    file: Path, data: bytes, error: expat.ExpatError, unclosed: Sequence[str]
+) -> LocationError:
+    """Return the error of a file that is not XML, with its line.
+
+    Args:
+        file: path of the file.
+        data: its bytes.
+        error: the parser's error.
+        unclosed: tags of elements that are open there, the root first.
+    """
+    text, at = expat.ErrorString(error.code), f"at column {error.offset + 1}"
     if not data.strip():
-        return 1, "not XML: the file is empty"
+        return LocationError("not XML: the file has no element", file=file, line=1)
     if b"\0" in data:
-        return error.lineno, f"not XML at column {error.offset + 1}: the file is binary"
-    return error.lineno, f"not XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
+        return LocationError(f"not XML {at}: the file is binary", file=file, line=error.lineno)
+    if text in _TRUNCATED and unclosed:
+        sentence = f"the file ends before </{unclosed[0]}>"
+        if len(unclosed) > 1:
+            sentence += f", inside <{unclosed[-1]}>"
+        line = data.rstrip().count(b"\n") + 1
+        return TruncatedFileError(sentence, file=file, line=line)
+    return LocationError(f"not XML {at}: {text}", file=file, line=error.lineno)
 
 
 def repaired_xml(data: bytes) -> bytes:

@@ -53,6 +53,16 @@ class FileError(Exception):
 class LocationError(FileError, ValueError):
     """An address that matches no number or several; the message names file, line and remedy."""
 
+    remedy = "write well-formed XML"
+
 
 class RefusedFileError(LocationError):
     """A file that is refused, though an engine might read it: a DTD, or too many elements."""
+
+    remedy = "remove that"
+
+
+class TruncatedFileError(LocationError):
+    """A file that ends inside an element."""
+
+    remedy = "restore the missing end of the file"

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement, read_elements, repaired_xml
-from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError, quote
+from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.robot import ReadError
@@ -61,11 +61,8 @@ class Document:
         try:
             self.elements = read_elements(SourceFile(path, self.data))
         except LocationError as error:
-            remedy = (
-                "remove that" if isinstance(error, RefusedFileError) else "write well-formed XML"
-            )
             problem = ReadError(
-                sentence=error.sentence, file=path, line=error.line or 0, remedy=remedy
+                sentence=error.sentence, file=path, line=error.line or 0, remedy=error.remedy
             )
             raise DocumentError(problem) from None
 

@@ -34,8 +34,6 @@ from physics_crosscheck.harness.records.case import CaseId
 MJCF = ".xml"
 """Suffix of files that their engine's own parser reads, less strictly than XML."""
 
-GIVE_XML = "write well-formed XML"
-
 
 class Plan:
     """The plan of a run; values go to `results`.
@@ -59,7 +57,7 @@ class Plan:
             self._results.expect(str(target), [stand_in(target)])
         for target in targets:
             if target.is_file() and (why := xml_problem(target, strict=target.suffix != MJCF)):
-                failure = Failure(f"{why}; {GIVE_XML}", "", kind="file")
+                failure = Failure(why, "", kind="file")
                 self._results.add(failed_case(stand_in(target), str(target), failure))
             else:
                 kept.append(target)

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.records.system import System
 Jobs = Iterable[Job[Any]]
 
 Progress = Callable[[int, int, Case | None], None]
-"""Called with (cases done, known cases, the case just done or None)."""
+"""Called with (cases done, all cases or 0 while unknown, the case just done or None)."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,8 @@ class ResultBuilder:
         """Add a finished case."""
         self.left.pop((case.folder, case.id), None)
         self.cases.append(case)
-        self._progress(len(self.cases), len(self.cases) + len(self.left), case)
+        unknown = any(one.scenario == "-" for _, one in self.left)  # a placeholder
+        self._progress(len(self.cases), 0 if unknown else len(self.cases) + len(self.left), case)
 
     def known(self, key: Work) -> Any | None:
         """Return a value from the journal, if it has one."""

@@ -377,22 +377,33 @@ def test_what_is_no_xml_fails_before_a_worker_process_is_started(
     (tmp_path / "empty.sdf").write_text("")
     (tmp_path / "binary.urdf").write_bytes(b"<robot>\0\1</robot>")
     (tmp_path / "text.xml").write_text("hello\n")
-    done = crosscheck(tmp_path, "text.urdf", "empty.sdf", "binary.urdf", "text.xml")
+    (tmp_path / "cut.urdf").write_text("<robot>\n  <link>\n    <inertial>\n")
+    (tmp_path / "tag.urdf").write_text("<robot>\n  <link name=")
+    (tmp_path / "cut.xml").write_text("<mujoco>\n")
+    (tmp_path / "none.urdf").write_text("<!-- nothing -->\n")
+    files = ("cut.urdf", "tag.urdf", "cut.xml", "none.urdf")
+    done = crosscheck(tmp_path, "text.urdf", "empty.sdf", "binary.urdf", "text.xml", *files)
     assert done.returncode == 3
     for line in (
         "text.urdf:1: not XML at column 1: syntax error; write well-formed XML",
-        "empty.sdf:1: not XML: the file is empty; write well-formed XML",
+        "empty.sdf:1: not XML: the file has no element; write well-formed XML",
         "binary.urdf:1: not XML at column 8: the file is binary; write well-formed XML",
         "text.xml:1: not XML at column 1: syntax error; write well-formed XML",
+        "cut.urdf:3: the file ends before </robot>, inside <inertial>; restore the missing end",
+        "tag.urdf:2: the file ends before </robot>; restore the missing end of the file",
+        "cut.xml:1: the file ends before </mujoco>; restore the missing end of the file",
+        "none.urdf:1: not XML: the file has no element; write well-formed XML",
     ):
-        assert line in done.stdout
+        assert line in " ".join(done.stdout.split())
 
 
 def test_what_an_engine_reads_though_it_is_no_xml_is_left_to_it(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     file.write_text("before <mujoco/>")
     assert xml_problem(file, strict=False) == ""
-    assert xml_problem(file, strict=True) == f"{file}:1: not XML at column 1: syntax error"
+    assert xml_problem(file, strict=True) == (
+        f"{file}:1: not XML at column 1: syntax error; write well-formed XML"
+    )
 
 
 def test_source_for_xacro_is_refused_with_the_commands_that_help(tmp_path: Path) -> None:

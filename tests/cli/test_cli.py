@@ -91,7 +91,7 @@ def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(("name", "old", "new", "sentence"), [
     ("mujoco.xml", "<worldbody>", "<worldbody", "mujoco.xml: MuJoCo can't load it"),
     ("mujoco.xml.toml", "engines", "motors", "unknown key 'motors'"),
-    ("robot.urdf", "</robot>", "", r"robot.urdf:\d+: not XML"),
+    ("robot.urdf", "</robot>", "", r"robot.urdf:\d+: the file ends before </robot>"),
     ("space.py", "def build():", "def build():\n    oops", r"space.py:\d+: build\(\) fails.*oops"),
     ("system.py", "k * x.q**2 / 2", "k * y.q**2 / 2", r"system.py:\d+: NameError: name 'y'"),
     ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2; expected"),

@@ -186,8 +186,8 @@ def test_files_that_are_refused_are_failures_told_before_a_worker_is_started(
         (tmp_path / name).write_text(text)
     for one, other, told in (
         ("a.urdf", "b.urdf", "a.urdf:1: refused: it declares entities or a DTD"),
-        ("b.urdf", "a.urdf", "b.urdf:1: not XML at column 1: syntax error"),
-        ("c.xml", "a.urdf", "c.xml:1: not XML: the file is empty"),
+        ("b.urdf", "a.urdf", "b.urdf:1: not XML at column 1: syntax error; write well-formed XML"),
+        ("c.xml", "a.urdf", "c.xml:1: not XML: the file has no element; write well-formed XML"),
     ):
         done = commands.crosscheck("compare", one, other, cwd=tmp_path)
         assert (done.returncode, done.stderr) == (3, f"crosscheck: {told}\n")

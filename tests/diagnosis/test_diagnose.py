@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -117,6 +117,30 @@ def test_causes_that_no_data_tell_apart_are_tied_and_the_literal_leads() -> None
     assert names(first) == ["cause 5"]
     assert [str(one) for one in first.tied_with] == ["cause 2"]
     assert first.causes[0] in found.fits[1].tied_with
+
+
+@pytest.mark.parametrize("noise", [1e-12, 1e-11, 1e-10])
+def test_numbers_of_one_sum_are_in_the_order_of_the_file_whatever_the_rounding(
+    noise: float,
+) -> None:
+    """Engines round differently, so the smallest remainder names another number in each."""
+    shapes = [SHAPES[2], 2 * SHAPES[2], -3 * SHAPES[2]]
+    causes = [cause(i, kind="literal", shape=shape) for i, shape in enumerate(shapes)]
+    for _ in range(10):
+        found = ask(noisy(1e-3 * SHAPES[2], noise), causes)
+        assert [names(fit) for fit in found.fits] == [["cause 0"], ["cause 1"], ["cause 2"]]
+        assert [str(one) for one in found.fits[0].tied_with] == ["cause 1", "cause 2"]
+
+
+def test_of_equal_causes_the_one_whose_estimate_is_its_bound_value_is_first() -> None:
+    shapes = [SHAPES[2], 2 * SHAPES[2], -3 * SHAPES[2]]
+    causes = [cause(i, kind="literal", shape=shape) for i, shape in enumerate(shapes)]
+    for i, expected in enumerate((2.0, 2.0 + 0.5e-3, 2.1)):  # right, wrong, wrong by more
+        bound = replace(causes[i].hypothesis, expected=expected)
+        causes[i] = replace(causes[i], hypothesis=bound)
+    found = ask(noisy(1e-3 * SHAPES[2]), causes)
+    assert names(found.fits[0]) == ["cause 1"]
+    assert found.fits[0].estimates[0] == pytest.approx(2.0005, abs=1e-9)
 
 
 def test_an_equal_cause_that_bends_is_fitted_too_though_another_is_straight() -> None:

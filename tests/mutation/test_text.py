@@ -104,14 +104,14 @@ def test_progress_without_a_terminal_is_a_line_every_few_seconds(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     now = [0.0]
-    with Counter("fault", clock=lambda: now[0]) as counter:
+    with Counter("fault", "planting", clock=lambda: now[0]) as counter:
         counter(1, 0, None)  # the total is not known yet
         for done in range(2, 201):
             now[0] += 0.25
             counter(done, 200, None)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 9
-    assert lines[0] == "21 of 200 faults (10 %)"
+    assert lines[0] == "planting: 21 of 200 faults done (10 %)"
 
 
 @pytest.mark.parametrize(

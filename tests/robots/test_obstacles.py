@@ -110,7 +110,7 @@ def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) 
     ("text", "line", "sentence"),
     [
         ("<robot>\n<link>\n</robot>", 3, "not XML at column 3: mismatched tag"),
-        ("", 1, "not XML: the file is empty"),
+        ("", 1, "not XML: the file has no element"),
         (b"<robot>\0<link/>\n</robot>", 1, "not XML at column 8: the file is binary"),
         ('<!DOCTYPE r [<!ENTITY x "1">]>\n<robot/>', 1, "refused: it declares entities or a DTD"),
         ("<sdf/>", 1, "the root is <sdf>, not <robot>"),

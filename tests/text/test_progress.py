@@ -22,8 +22,9 @@ def logged(capsys: pytest.CaptureFixture[str], seconds: float, *, every: bool) -
 def test_a_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     assert logged(capsys, 0.01, every=False) == []
     lines = logged(capsys, LOG_SECONDS / 2, every=False)
-    assert lines[0] == "2 of 40 cases (5 %)"
-    assert len(lines) == 19
+    assert lines[0] == "running: 2 of 40 cases done (5 %)"
+    assert len(lines) == 20
+    assert lines[-1].startswith("diagnosing ")
 
 
 def test_it_never_says_100_percent_while_there_is_work(capsys: pytest.CaptureFixture[str]) -> None:
@@ -31,10 +32,23 @@ def test_it_never_says_100_percent_while_there_is_work(capsys: pytest.CaptureFix
     assert not [line for line in logged(capsys, LOG_SECONDS, every=False) if "100 %" in line]
 
 
+def test_there_is_one_total_once_all_cases_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Systems whose scenarios are not derived yet would change it."""
+    now = [0.0]
+    with Progress(clock=lambda: now[0]) as progress:
+        for i in range(1, 41):
+            now[0] += LOG_SECONDS
+            progress(i, 0 if i < 20 else 40, case(Outcome.AGREES))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[18] == "deriving and running: 19 cases done"
+    assert lines[19] == "running: 20 of 40 cases done (50 %)"
+    assert lines[-1] == "checking coverage"
+
+
 def test_a_log_has_a_line_a_case_where_that_is_asked_for(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     lines = logged(capsys, LOG_SECONDS, every=True)
-    assert len(lines) == 40
+    assert len(lines) == 41
     assert lines[6].startswith("[7/40] FAIL ")
     assert sum("] ok " in line for line in lines) == 39

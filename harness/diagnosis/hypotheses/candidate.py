@@ -56,16 +56,10 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class TrialHypothesis:
-    """A hypothesis and its perturbation.
-
-    Attributes:
-        perturbation: repairs one unit of fault.
-        nominal: the right value of a bound literal; None for an unbound one.
-    """
+    """A hypothesis and the perturbation that repairs one unit of its fault."""
 
     hypothesis: Hypothesis
     perturbation: Perturbation
-    nominal: float | None = None
 
 
 def everything(
@@ -184,10 +178,9 @@ def _literal(kind: CauseKind, moved: Sequence[Binding]) -> TrialHypothesis:
         rank=rank(kind),
         where=tuple(dict.fromkeys(_line(b.place) for b in moved)),
         correction=-1.0,
+        expected=expected,
     )
-    return TrialHypothesis(
-        hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}), expected
-    )
+    return TrialHypothesis(hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}))
 
 
 def _line(place: Location) -> SourceLine:

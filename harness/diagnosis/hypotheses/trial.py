@@ -229,8 +229,9 @@ class TrialModel:
 
     def _nominal_signs(self, address: str) -> Iterator[float]:
         for candidate in self.candidates:
-            if address in candidate.perturbation.literals and candidate.nominal is not None:
-                yield float(np.sign(candidate.nominal))
+            expected = candidate.hypothesis.expected
+            if address in candidate.perturbation.literals and expected is not None:
+                yield float(np.sign(expected))
 
 
 @dataclass

@@ -72,7 +72,7 @@ def _sweep(options: argparse.Namespace) -> int:
             row = run_single(whole, options.only, workers)
             print("\n".join(row_lines(row)))
             return _code({row.outcome.value: 1})
-        with Counter("case") as counter:
+        with Counter("case", "running") as counter:
             sweep(whole, options.out, workers, counter, stop)
     return _stopped(stop, options.out) or _summary(options.out)
 

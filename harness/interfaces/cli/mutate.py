@@ -39,7 +39,7 @@ def main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {name} is not installed, so its models are skipped", file=sys.stderr)
     skipped: list[str] = []
     try:
-        with Counter("fault") as counter:
+        with Counter("fault", "planting") as counter:
             rows = mutate(
                 targets.paths,
                 counter,

@@ -100,7 +100,8 @@ def _refused(
     kind: CaseKind = "unsupported",
 ) -> Robot:
     """Return a robot without a tree, with these problems."""
-    remedy = "`crosscheck compare` compares it with another file, without equations"
+    compare = "`crosscheck compare` compares it with another file, without equations"
+    remedy = "correct the file" if kind == "file" else compare
     obstacles = [
         ReadError(sentence=one, file=path, line=line, remedy=remedy, kind=kind) for one in sentences
     ]

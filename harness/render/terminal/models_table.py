@@ -228,4 +228,4 @@ def _range(values: Sequence[float]) -> str:
     if not values:
         return ""
     low, high = (f"{round(value, 1) + 0.0:.1f}" for value in (min(values), max(values)))
-    return low if low == high else f"{low}-{high}"
+    return low if low == high else f"{low} to {high}"

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, Verdict
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.codes import part_code
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import Poses
@@ -30,7 +30,7 @@ from physics_crosscheck.harness.results.issues import (
 )
 from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
-from physics_crosscheck.harness.results.places import placed, shown_line
+from physics_crosscheck.harness.results.places import placed, shown_line, shown_path
 from physics_crosscheck.harness.results.status import counted, percent
 
 MAX_PROBLEMS = 40
@@ -47,6 +47,12 @@ MASSLESS = "massless"
 
 POSES_NAMED = 3
 """Number of bodies to name in a headline."""
+
+NUMBERS = ("literal", "unbound literal", "taken")
+"""Kinds of causes that are one number of the file."""
+
+NUMBERS_NAMED = 3
+"""Number of other numbers with the same effect to name."""
 
 SAME_FAULT = ("inertia", "stiffness", "damping", "acceleration", "linearization")
 """Kinds of findings without a line, about terms that the motions depend on."""
@@ -131,7 +137,7 @@ def _print_problem(console: Console, problem: PrintedProblem, width: int) -> Non
     else:
         print_wrapped(console, first, lead=lead, style=STYLES[problem.outcome], indent=INDENT)
     for label, text in problem.notes:
-        before = f"{label}:".ljust(7) if label else ""
+        before = f"{label}: ".ljust(7) if label else ""
         print_wrapped(console, text, lead=" " * INDENT + before, indent=INDENT + len(before))
     for line in problem.output:
         print_wrapped(console, line, lead=f"{' ' * INDENT}| ", indent=INDENT + 2)
@@ -145,7 +151,7 @@ def _of_trouble(issue: Issue, results: Results, short: bool, details: bool) -> P
     if case.outcome is Outcome.ABSENT:
         name = counted(len(cases), "case")
         return PrintedProblem(outcome=case.outcome, code=case.code, name=name, headline=headline)
-    name = _engine_name(cases) if short else str(case.id)
+    name = _engine_name(cases) if short else _case_name(case)
     notes = () if short or not issue.others else (("", _others(cases, details)),)
     return PrintedProblem(
         outcome=case.outcome,
@@ -161,6 +167,11 @@ def _printed(case: Case) -> list[str]:
     """Return the lines that a case printed, without those that an engine always prints."""
     banners = tuple(engine.banner for engine in engines().values() if engine.banner)
     return [line for line in case.stdout.splitlines() if not line.startswith(banners)]
+
+
+def _case_name(case: Case) -> str:
+    """Return the name of a case; of a file that no engine reached, its path."""
+    return shown_path(case.folder) if case.engine == "-" else str(case.id)
 
 
 def _engine_name(cases: Sequence[Case]) -> str:
@@ -275,7 +286,18 @@ def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
         notes.append(("", tail))
         return [*notes, *_cause_fixes(model, best.causes)]
     notes = [note for cause in best.causes for note in _brief_notes(cause, model, engines)]
-    return [*notes, *_cause_fixes(model, best.causes)]
+    return [*notes, *_tie_notes(best, model), *_cause_fixes(model, best.causes)]
+
+
+def _tie_notes(explanation: Explanation, model: Model) -> list[Note]:
+    """Return other numbers of the file with the same effect, unless the audit decides."""
+    causes = explanation.causes
+    if any(_is_same(finding, cause) for finding in model.findings for cause in causes):
+        return []
+    tied = [str(one) for one in explanation.tied_with if one.kind in NUMBERS]
+    more = f" and {len(tied) - NUMBERS_NAMED} more" if len(tied) > NUMBERS_NAMED else ""
+    names = ", ".join(tied[:NUMBERS_NAMED])
+    return [("or", f"{names}{more}: the same effect on these motions")] if tied else []
 
 
 def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:

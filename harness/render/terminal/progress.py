@@ -42,13 +42,20 @@ class Progress:
         return self
 
     def __call__(self, done: int, total: int, case: Case | None) -> None:
-        """Report a finished case; after the last one, name the remaining work."""
+        """Report a finished case; after the last one, name the remaining work.
+
+        Args:
+            done: number of finished cases.
+            total: number of all cases; 0 while some systems are not derived yet.
+            case: the case just finished.
+        """
         if case is not None:
             if case.outcome is Outcome.DIFFERS:
                 self._differing[case.model] = None
             if self._every and not self._counter.is_shown:
                 print(visible(case_line(done, total, case)), file=sys.stderr, flush=True)
-        if done < total:
+        if done < total or not total:
+            self._counter.doing = "running" if total else "deriving and running"
             self._counter(done, total, None, silent=self._every)
         else:
             names = list(self._differing)
@@ -68,17 +75,17 @@ class Counter:
 
     Args:
         thing: noun of one task's object.
-        doing: participle of the work.
+        doing: participle of the work, which may change.
         clock: returns seconds since any start.
     """
 
-    def __init__(self, thing: str, doing: str = "", clock: Clock = time.monotonic) -> None:
-        self._thing, self._doing, self._clock = thing, doing or f"{thing}s", clock
+    def __init__(self, thing: str, doing: str, clock: Clock = time.monotonic) -> None:
+        self._thing, self.doing, self._clock = thing, doing, clock
         self._bar: Bar | None = None
         self._last = clock()
 
     def __enter__(self) -> Counter:
-        self.begin(self._doing)
+        self.begin(self.doing)
         return self
 
     @property
@@ -92,20 +99,28 @@ class Counter:
             self._bar = _bar(phase)
         else:
             self._bar.update(self._bar.task_ids[0], description=phase, completed=0, total=None)
+        self._log(phase)
 
     def __call__(self, done: int, total: int, _: object, *, silent: bool = False) -> None:
         """Report the number of finished tasks; a total of 0 is unknown."""
         if self._bar is not None:
             self._bar.update(
                 self._bar.task_ids[0],
-                description=f"{self._doing} {done}/{total}" if total else self._doing,
+                description=f"{self.doing} {done}{f'/{total}' if total else ''}",
                 completed=done,
                 total=total or None,
             )
-        elif total and not silent and self._clock() - self._last >= LOG_SECONDS:
+        elif not total and not silent:
+            self._log(f"{self.doing}: {counted(done, self._thing)} done")
+        elif done < total and not silent:
+            share = f"{100 * done // total} %"
+            self._log(f"{self.doing}: {done} of {counted(total, self._thing)} done ({share})")
+
+    def _log(self, line: str) -> None:
+        """Print a line without a bar, at most every few seconds."""
+        if self._bar is None and self._clock() - self._last >= LOG_SECONDS:
             self._last = self._clock()
-            progress_text = f"{done} of {counted(total, self._thing)} ({100 * done // total} %)"
-            print(progress_text, file=sys.stderr, flush=True)
+            print(line, file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
         self.end()

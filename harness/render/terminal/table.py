@@ -172,14 +172,15 @@ def agreement(worst: Number) -> str:
 
 
 def case_line(done: int, total: int, case: Case) -> str:
-    """Return one plain line for a finished case, for logs."""
+    """Return one plain line for a finished case, for logs; a total of 0 is unknown."""
     verdict = case.verdict
     number = ""
     if case.outcome is Outcome.DIFFERS and verdict is not None and verdict.discrepancy is not None:
         number = f"  off by {percent(verdict.discrepancy)}"
     elif (digits := case.digits) is not None and case.outcome is Outcome.AGREES:
         number = f"  {digits:.1f} digits"
-    return f"[{done}/{total}] {WORDS[case.outcome]:<10} {case.id}{number}"
+    count = f"{done}/{total}" if total else f"{done}"
+    return f"[{count}] {WORDS[case.outcome]:<10} {case.id}{number}"
 
 
 def _print_header(console: Console, results: Results) -> None:
@@ -200,7 +201,8 @@ def _print_header(console: Console, results: Results) -> None:
 
 
 def _print_models(console: Console, results: Results, details: bool) -> None:
-    cases = [case for case in results.cases if case.outcome is not Outcome.ABSENT]
+    reached = [case for case in results.cases if case.engine != "-"]
+    cases = [case for case in reached if case.outcome is not Outcome.ABSENT]
     rows = len({(case.folder, case.id.of_model) for case in cases})
     red = any(case.outcome is not Outcome.AGREES for case in cases)
     one_folder = len({case.folder for case in cases}) == 1
