@@ -19,6 +19,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
+from physics_crosscheck.harness.render.terminal.styles import STYLES
 from physics_crosscheck.harness.render.terminal.table import case_line, print_results, summary
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.status import duration, percent
@@ -239,3 +240,9 @@ def test_no_percentage_is_divided() -> None:
         assert " ".join(line.strip() for line in lines) == (
             "the motion changed by 0.72 % of its displacement"
         )
+
+
+def test_colours_are_readable_on_light_and_dark_backgrounds() -> None:
+    """Yellow, cyan and white vanish on white; blue vanishes on black."""
+    readable = {"green", "red", "magenta", "bold", "dim", "reverse"}
+    assert {word for style in STYLES.values() for word in style.split()} <= readable

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.cause import Cause, CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -124,6 +125,32 @@ def test_the_first_lines_show_the_line_and_the_value(
     assert "fix: change models/disc/mujoco.xml:21 from 3.3 to 3.6" in top
     assert lines[-1] == "Explain a code: crosscheck explain XC201"
     assert lines[-2].startswith("4 of 20 cases differ, 16 agree to 11.3 digits")
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_numbers_with_the_same_effect_are_named_unless_the_audit_decides(width: int) -> None:
+    others = (
+        CauseId(kind="literal", subject=("body[a]@mass",)),
+        CauseId(kind="unbound literal", subject=("b@c",)),
+        CauseId(kind="constant", subject=("m",)),
+    )
+    tied = Explanation(causes=(WRONG,), remaining=1e-12, tied_with=others)
+    alone = model(diagnosis=Diagnosis(explanations=(tied,), explained=True))
+    text = printed(results(*differing("mujoco"), models=(alone,)), width)
+    assert "or: body[a]@mass, b@c: the same effect on these motions" in " ".join(text.split())
+    wrong = finding("mass is 3.3", location=SourceLine(file="mujoco.xml", line=21))
+    decided = model(wrong, diagnosis=alone.diagnosis)
+    assert "or:" not in printed(results(*differing("mujoco"), models=(decided,)), width)
+
+
+def test_a_cause_of_one_engine_has_a_space_after_its_label() -> None:
+    models = tuple(
+        model(engine=engine, diagnosis=diagnosis(replace(WRONG, subject=(name,))))
+        for engine, name in (("mujoco", "a@mass"), ("pybullet", "b@mass"))
+    )
+    text = printed(results(*differing("mujoco", "pybullet"), models=models), 120)
+    assert "cause [mujoco]: XC201 a@mass is 3.3" in text
+    assert "cause [pybullet]: XC201 b@mass is 3.3" in text
 
 
 def test_another_fault_beside_the_cause_is_reported_too() -> None:

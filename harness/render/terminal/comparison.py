@@ -109,7 +109,7 @@ def _print_models(console: Console, comparison: Comparison, compared: Compared) 
         if not note.startswith(NOT_COMPARED):
             print_text(console, f"   {note}", "dim")
     if line := _not_compared(compared):
-        print_text(console, line, "yellow")
+        print_text(console, line)
 
 
 def _folded(notes: Sequence[str], models: Sequence[ComparedModel]) -> list[str]:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
+from rich.theme import Theme
 
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -22,6 +23,10 @@ LOG_SECONDS = 5.0
 
 Clock = Callable[[], float]
 """Returns seconds since any start."""
+
+
+_THEME = Theme({"progress.elapsed": "dim"})
+"""The default, yellow, is not readable on a light background."""
 
 
 class Progress:
@@ -140,7 +145,7 @@ def _bar(phase: str) -> Bar | None:
         TextColumn("{task.description}"),
         BarColumn(),
         TimeElapsedColumn(),
-        console=Console(stderr=True),
+        console=Console(stderr=True, theme=_THEME),
         transient=True,
     )
     bar.add_task(phase, total=None)
