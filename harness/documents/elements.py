@@ -342,18 +342,20 @@ def _syntax_error(
         error: the parser's error.
         unclosed: tags of elements that are open there, the root first.
     """
-    text, at = expat.ErrorString(error.code), f"at column {error.offset + 1}"
+    text, place = expat.ErrorString(error.code), f"column {error.offset + 1}"
     if not data.strip():
         return LocationError("not XML: the file has no element", file=file, line=1)
     if b"\0" in data:
-        return LocationError(f"not XML {at}: the file is binary", file=file, line=error.lineno)
+        return LocationError(
+            f"not XML at {place}: the file is binary", file=file, line=error.lineno
+        )
     if text in _TRUNCATED and unclosed:
         sentence = f"the file ends before </{unclosed[0]}>"
         if len(unclosed) > 1:
             sentence += f", inside <{unclosed[-1]}>"
         line = data.rstrip().count(b"\n") + 1
         return TruncatedFileError(sentence, file=file, line=line)
-    return LocationError(f"not XML {at}: {text}", file=file, line=error.lineno)
+    return LocationError(f"not XML at {place}: {text}", file=file, line=error.lineno)
 
 
 def repaired_xml(data: bytes) -> bytes:

@@ -30,13 +30,13 @@ HEADS = {
 
 
 def mutation_lines(rows: Sequence[Mutation], width: int = 160) -> list[str]:
-    """Return the summary, tables by model and by mistake, and the faults without a right cause.
+    """Return the summary, the faults without a right cause, and tables by model and by mistake.
 
     Args:
         rows: rows of all models.
         width: columns; a table that is wider becomes a list.
     """
-    lines: list[str] = []
+    lines = _unnamed(rows)
     literal = _of(rows, FaultKind.LITERAL)
     first = max((len(row.location) for row in literal), default=10)
     for model, group in groupby(rows, _model):
@@ -47,8 +47,9 @@ def mutation_lines(rows: Sequence[Mutation], width: int = 160) -> list[str]:
             for row in _of(mine, FaultKind.NONE)
         ]
     lines += _mistakes(_of(rows, FaultKind.MISTAKE), width)
-    lines += _unnamed(rows)
-    return [part for line in (summary(rows), *lines) for part in wrapped(line, width)]
+    head, *parts = _summary_parts(rows)
+    whole = [head, *(f"  {part}" for part in parts), *lines]
+    return [part for line in whole for part in wrapped(line, width)]
 
 
 def _of(rows: Sequence[Mutation], kind: FaultKind) -> list[Mutation]:
@@ -87,12 +88,12 @@ def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
         return
     width = max(map(len, names)) + 2
     head = "".join(f"{title:>10}" for title in HEADS.values())
-    narrow = width + 6 + 10 * len(HEADS) + 27 > columns
+    narrow = width + 9 + 10 * len(HEADS) + 27 > columns
     yield ""
     if narrow:
         yield "known mistakes"
     else:
-        yield f"{'known mistakes':<{width}}{'made':>6}{head}  detected from this share"
+        yield f"{'known mistakes':<{width}}{'planted':>9}{head}  detected from this share"
     for name in names:
         mine = [row for row in rows if row.name == name]
         counts = [sum(row.verdict is verdict for row in mine) for verdict in HEADS]
@@ -102,31 +103,30 @@ def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
             parts = zip(counts, HEADS.values(), strict=True)
             verdicts = ", ".join(f"{number} {title}" for number, title in parts if number)
             limit = f"; detected from {worst.strip()}" if worst else ""
-            yield f"  {name}: {len(mine)} made, {verdicts}{limit}"
+            yield f"  {name}: {len(mine)} planted, {verdicts}{limit}"
             continue
         cells = "".join(f"{count or '.':>10}" for count in counts)
-        yield f"{name:<{width}}{len(mine):>6}{cells}{worst}"
+        yield f"{name:<{width}}{len(mine):>9}{cells}{worst}"
 
 
-def _unnamed(rows: Sequence[Mutation]) -> Iterator[str]:
-    """Yield faults with a wrong cause and missed faults, including known mistakes that were
-    refused.
-    """
+def _unnamed(rows: Sequence[Mutation]) -> list[str]:
+    """Return missed faults, those with a wrong cause, and known mistakes that were refused."""
     planted = [row for row in rows if row.kind is not FaultKind.NONE]
     none, mistakes = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
     chosen = {
-        "caught, but with another cause:": _with(planted, FaultVerdict.CAUGHT),
         "missed:": _with(rows, FaultVerdict.MISSED),
         "false alarms:": [row for row in none if row.verdict is not FaultVerdict.AGREES],
+        "caught, but with another cause:": _with(planted, FaultVerdict.CAUGHT),
         "refused by the engine:": _with(mistakes, FaultVerdict.REFUSED),
     }
+    lines: list[str] = []
     for title, some in chosen.items():
         if some:
-            yield ""
-            yield title
+            lines += ["", title]
         for row in some:
             message = f": {row.message}" if row.message else ""
-            yield f"  {_model(row)} {row.location} {row.name}{message}"
+            lines.append(f"  {_model(row)} {row.location} {row.name}{message}")
+    return lines
 
 
 def _with(rows: Sequence[Mutation], verdict: FaultVerdict) -> list[Mutation]:
@@ -135,17 +135,30 @@ def _with(rows: Sequence[Mutation], verdict: FaultVerdict) -> list[Mutation]:
 
 def summary(rows: Sequence[Mutation]) -> str:
     """Return one line: how many of the visible faults were caught, and how many named."""
+    return "; ".join(_summary_parts(rows))
+
+
+def _summary_parts(rows: Sequence[Mutation]) -> list[str]:
+    """Return the verdict, then the counts by kind of fault, without kinds that were not tried."""
     literal, mistakes = _of(rows, FaultKind.LITERAL), _of(rows, FaultKind.MISTAKE)
     small = [row for row in literal if row.name in SIZES]
     large = [row for row in literal if row.name not in SIZES]
     none = _of(rows, FaultKind.NONE)
     agree = len(_with(none, FaultVerdict.AGREES))
     unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNTESTED)}
-    return (
-        f"small faults: {_counts(small)}; mistakes: {_counts([*mistakes, *large])};"
-        f" another dt or integrator: {agree} of {len(none)} agree;"
-        f" {counted(len(unseen), 'literal')} untested (no effect on motion)"
+    missed = len(_with(rows, FaultVerdict.MISSED))
+    wrong = (
+        (f"{missed} missed", missed),
+        (counted(len(none) - agree, "false alarm"), len(none) - agree),
     )
+    bad = [text for text, number in wrong if number]
+    planted = counted(len(rows) - len(none) - len(_with(rows, FaultVerdict.UNTESTED)), "fault")
+    parts = [f"FAIL  {planted}: {', '.join(bad)}" if bad else f"ok  {planted}, none missed"]
+    for name, faults in (("small faults", small), ("mistakes", [*mistakes, *large])):
+        parts += [f"{name}: {_counts(faults)}"] if faults else []
+    parts += [f"another dt or integrator: {agree} of {len(none)} agree"] if none else []
+    parts += [f"{counted(len(unseen), 'literal')} untested (no effect on motion)"] if unseen else []
+    return parts
 
 
 def _counts(rows: Sequence[Mutation]) -> str:
@@ -153,4 +166,5 @@ def _counts(rows: Sequence[Mutation]) -> str:
     seen = len(rows) - refused - len(_with(rows, FaultVerdict.UNTESTED))
     caught = seen - len(_with(rows, FaultVerdict.MISSED))
     named = len(_with(rows, FaultVerdict.NAMED))
-    return f"{caught} of {seen} caught, {named} named, {refused} refused by the engine"
+    text = f"{caught} of {seen} caught, {named} named"
+    return f"{text}, {refused} refused by the engine" if refused else text

@@ -77,8 +77,18 @@ def code_lines(code: Code, width: int) -> Iterator[str]:
     yield f"{code.code} {code.name}: {code.title}"
     for title, text in (("Meaning", code.cause), ("Example", ""), ("What to do", code.remedy)):
         yield f"\n{title}"
-        lines = textwrap.wrap(text, max(width - 2, 20)) if text else code.example.splitlines()
-        yield from (f"  {line}" for line in lines)
+        lines = [text] if text else code.example.splitlines()
+        yield from (part for line in lines for part in _wrapped(line, width))
+
+
+def _wrapped(line: str, width: int) -> list[str]:
+    """Return a line in parts of the width, indented; its words and indentation stay whole."""
+    begin = " " * (2 + len(line) - len(line.lstrip()))
+    parts = textwrap.wrap(
+        line.strip(), max(width, 20), initial_indent=begin, subsequent_indent=begin,
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
+    return parts or [""]
 
 
 def list_lines(width: int) -> Iterator[str]:

@@ -29,7 +29,7 @@ def old(tmp_path: Path) -> Path:
 
 def test_a_folder_means_the_results_in_it(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(old)]) == 0
-    assert capsys.readouterr().out == f"{old / 'index.html'}\n"
+    assert capsys.readouterr().out == f"Report: {old / 'index.html'}\n"
     assert "2 of 2 cases agree" in (old / "index.html").read_text()
 
 
@@ -86,7 +86,7 @@ def test_what_is_no_run_is_refused_with_its_name_and_writes_nothing(
 def test_a_badge_is_written_beside(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
     badge = old / "badge.svg"
     assert main(["report", str(old), "--badge", str(badge)]) == 0
-    assert capsys.readouterr().out == f"{old / 'index.html'}  {badge}\n"
+    assert capsys.readouterr().out == f"Report: {old / 'index.html'}  Badge: {badge}\n"
     assert "2 of 2 agree to 11.3 digits" in badge.read_text()
 
 

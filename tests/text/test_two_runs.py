@@ -105,9 +105,12 @@ def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     out = StringIO()
     print_two_runs(Console(file=out, width=80), diff_runs(wrong, right))
     text = out.getvalue()
-    assert text.startswith("FAIL  1 case: 1 with another verdict\na 1 -> 2\n")
-    assert f"fixed  {line}" in text
+    begin = f"FAIL  1 case: 1 with another verdict\nfixed  {line}\na 1 -> 2\n"
+    assert text.startswith(begin)
     assert "DIFFERS -> AGREES" in text
+    out = StringIO()
+    print_two_runs(Console(file=out, width=80), two_runs(right, wrong))
+    assert out.getvalue().splitlines()[1] == f"Fix: change {line}"
 
 
 def test_what_is_worse_comes_first_and_nothing_is_cut_in_a_narrow_terminal() -> None:

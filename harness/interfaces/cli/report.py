@@ -44,5 +44,5 @@ def main(options: argparse.Namespace) -> int:
         code = AGREE
     if options.badge is not None:
         write_badge(options.badge, runs[-1])
-    print("  ".join(str(one) for one in (page, options.badge) if one is not None))
+    print(f"Report: {page}" + ("" if options.badge is None else f"  Badge: {options.badge}"))
     return code

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
@@ -213,10 +214,17 @@ def _edit_that_explains(compared: Compared) -> FileDifference | None:
 
 
 def _edit_cause(edit: FileEdit, share: str) -> tuple[str, str]:
-    a, b = line_name(edit.where_a), line_name(edit.where_b)
+    a, b = _line_names(edit.where_a, edit.where_b)
     cause = f"{a} {edit.what}: {edit.a}, {b}: {edit.b} ({share} of the difference)"
     missing = "nothing" in (edit.a, edit.b)
     return cause, "" if missing else f"set {a} to {edit.b}, or {b} to {edit.a}"
+
+
+def _line_names(where_a: SourceLine, where_b: SourceLine) -> tuple[str, str]:
+    """Return both lines without folders, or with them if the files have the same name."""
+    names = line_name(where_a), line_name(where_b)
+    alike = Path(where_a.file).name == Path(where_b.file).name and where_a.file != where_b.file
+    return (str(where_a), str(where_b)) if alike else names
 
 
 def _property_cause(
@@ -230,6 +238,8 @@ def _property_cause(
         line_name(where) if where else name
         for where, name in zip((row.where_a, row.where_b), names, strict=True)
     )
+    if row.where_a is not None and row.where_b is not None:
+        a, b = _line_names(row.where_a, row.where_b)
     match = VALUES.fullmatch(row.message)
     if match is None:
         return f"{a}, {b}: {row.message}{share}", ""

@@ -96,6 +96,17 @@ def _wrap(text: str, width: int, first: str, rest: str) -> list[str]:
     return [line.replace("\u00a0", " ") for line in lines]
 
 
+def _with_values(words: Sequence[str]) -> list[str]:
+    """Return the words of a command, each option joined with its first value."""
+    joined: list[str] = []
+    for before, word in zip(("", *words), words, strict=False):
+        if before.startswith("--") and not word.startswith("-"):
+            joined[-1] += f" {word}"
+        else:
+            joined.append(word)
+    return joined
+
+
 def wrapped_command(words: Sequence[str], width: int) -> list[str]:
     """Split a shell command into lines, each but the last ending in a backslash.
 
@@ -104,7 +115,7 @@ def wrapped_command(words: Sequence[str], width: int) -> list[str]:
         width: maximum number of columns.
     """
     lines = [f"  {words[0]}"]
-    for word in words[1:]:
+    for word in _with_values(words[1:]):
         if len(lines[-1]) + len(word) + 3 > width and lines[-1].strip():
             lines[-1] += " \\"
             lines.append(f"    {word}")

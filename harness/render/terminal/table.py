@@ -38,6 +38,9 @@ GROWS = 1e-9
 GREEN_ROWS = 6
 """Maximum number of table rows in a run without problems."""
 
+MAX_CASES = 12
+"""Maximum number of cases of a file to name."""
+
 COUNTS_AT = 44
 """Column of a header's counts if there is room."""
 
@@ -332,17 +335,27 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
     """Print changes since the baseline; only the report lists cases that were never accepted."""
     changes = [one for one in baseline.changes if one.kind != "new"]
-    alike: dict[tuple[str, str], list[BaselineChange]] = {}
-    for change in changes[:MAX_PROBLEMS]:
+    alike: dict[str, list[BaselineChange]] = {}
+    for change in changes:
         begin = f"{change.kind}  {with_code(change.code, f'{change.system}/{change.model}')}"
-        alike.setdefault((begin, change.message), []).append(change)
-    lines = [
-        f"{begin}  {', '.join(f'{one.scenario} [{one.engine}]' for one in group)}: {message}"
-        for (begin, message), group in alike.items()
-    ]
-    if (hidden := len(changes) - MAX_PROBLEMS) > 0:
-        lines.append(f"{counted(hidden, 'more change')}: see the report")
+        alike.setdefault(begin, []).append(change)
+    lines = [f"{begin}  {_changes_text(group)}" for begin, group in alike.items()]
+    if (hidden := len(lines) - MAX_PROBLEMS) > 0:
+        del lines[MAX_PROBLEMS:]
+        lines.append(f"{counted(hidden, 'more model file')}: see the report")
     _print_list(console, f"changes since {baseline.name}", lines)
+
+
+def _changes_text(changes: Sequence[BaselineChange]) -> str:
+    """Return the cases of one model file that changed, and the first one's message."""
+    first, *others = changes
+    messages = {change.message for change in changes}
+    if len(messages) == 1:
+        names = [f"{one.scenario} [{one.engine}]" for one in changes]
+        more = f" and {len(names) - MAX_CASES} more" if len(names) > MAX_CASES else ""
+        return f"{', '.join(names[:MAX_CASES])}{more}: {first.message}"
+    more = f"; {counted(len(others), 'more case')} of the file in the report"
+    return f"{first.scenario} [{first.engine}]: {first.message}{more}"
 
 
 def _print_last(console: Console, line: str, report: Path | None) -> None:

@@ -39,8 +39,12 @@ def digits_change(then: Number, now: Number) -> str:
 
 
 def print_two_runs(console: Console, runs: RunDiff) -> None:
-    """Print the summary, then what changed, worst first."""
+    """Print the summary, new causes with their remedy, then what changed, worst first."""
     print_text(console, f"{'FAIL' if runs.changed else 'ok'}  {headline(runs)}")
+    for line in runs.broken:
+        print_text(console, f"Fix: change {line}")
+    for line in runs.fixed:
+        print_text(console, f"fixed  {line}")
     for what, then, now in runs.versions:
         print_text(console, f"{what} {then} -> {now}")
     both = [case for case in runs.changed if case.before is not None and case.after is not None]
@@ -55,10 +59,6 @@ def print_two_runs(console: Console, runs: RunDiff) -> None:
                 models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
         for model, scenarios in models.items():
             print_text(console, f"{kind}  {model}: {', '.join(scenarios)}")
-    for line in runs.fixed:
-        print_text(console, f"fixed  {line}")
-    for line in runs.broken:
-        print_text(console, f"new fault  {line}")
 
 
 def _print_table(console: Console, cases: Sequence[Diff]) -> None:

@@ -124,7 +124,8 @@ def print_changes(
         return
     for name, kinds, verdict, number, error in rows:
         print_text(console, name)
-        console.print(f"  {kinds}: {verdict}  {size} {number}  error at dt {error}")
+        console.print(f"  {kinds}: {verdict}", soft_wrap=True)
+        print_text(console, f"  {size} {number}, error at dt {error}")
 
 
 def counted_changes(counts: Mapping[Changed, int]) -> list[str]:
