@@ -109,7 +109,7 @@ def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     assert text.startswith(begin)
     assert "DIFFERS -> AGREES" in text
     out = StringIO()
-    print_two_runs(Console(file=out, width=80), two_runs(right, wrong))
+    print_two_runs(Console(file=out, width=80), diff_runs(right, wrong))
     assert out.getvalue().splitlines()[1] == f"Fix: change {line}"
 
 

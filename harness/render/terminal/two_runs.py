@@ -21,10 +21,10 @@ from physics_crosscheck.harness.results.status import counted
 
 
 def headline(runs: RunDiff) -> str:
-    """Return one line: how many cases changed, and how."""
+    """Return one line: how many cases changed, each by its worst change."""
     states = Counter(case.status for case in runs.changed)
     parts = [f"{states[one]} {one}" for one in (Status.GONE, Status.NEW) if states[one]]
-    parts += counted_changes(Counter(what for case in runs.changed for what in case.changed))
+    parts += counted_changes(Counter(case.changed[0] for case in runs.changed if case.changed))
     worse = sum(case.is_worse for case in runs.cases)
     line = f"{counted(len(runs.cases), 'case')}: {', '.join(parts) or 'nothing changed'}"
     return f"{line}; {worse} worse" if worse else line
