@@ -17,7 +17,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.baseline.fingerprint import versions
 from physics_crosscheck.harness.baseline.known import (
     Accepted,
     accepted,
@@ -35,6 +35,7 @@ from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder, RunControl
 from physics_crosscheck.harness.records.baseline import Measurement, RobotOptions
 from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 
 __all__ = ["Options", "Progress", "Run", "RunControl", "Selection", "run"]
@@ -124,7 +125,7 @@ def _changes(
     builder = changes_since(cases, measured, before)
     if builder is None or options.choice.everything:
         return builder
-    kept = tuple(change for change in builder.changes if change.kind != "missing")
+    kept = tuple(change for change in builder.changes if change.status is not Status.GONE)
     return replace(builder, changes=kept)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.baseline.diff import changed_dependencies, diff_accepted
-from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
 from physics_crosscheck.harness.baseline.fingerprint import (
     Dependencies,
     FolderFiles,
@@ -17,7 +17,6 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     dependencies,
     with_reads,
 )
-from physics_crosscheck.harness.baseline.seal import snapshot_key
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.baseline import (
@@ -78,6 +77,12 @@ class Change:
 def unaccepted(case: Case) -> str:
     """Return the message about a case that is not in the baseline."""
     return f"{case.outcome}, not in the baseline yet"
+
+
+def gone(entry: AcceptedCase) -> Diff:
+    """Return the difference of an accepted case that no longer exists."""
+    message = "accepted, but the case no longer exists"
+    return bare_diff(entry.id, Status.GONE, (message,), before=entry.numbers)
 
 
 def classify(

@@ -6,6 +6,7 @@ hash of its content. So a file that was damaged, badly merged or edited by hand 
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +14,6 @@ from typing import TypeVar
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.seal import S, canonical, sealed, snapshot_key
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import (
     FORMAT,
@@ -29,6 +29,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 T = TypeVar("T")
 A = TypeVar("A", AcceptedCase, AcceptedAudit)
+S = TypeVar("S", AcceptedCase, AcceptedAudit, Declared)
 
 _RESTORE = "restore it from version control, or remove it and run `crosscheck accept` again"
 _NOT_BELIEVED = (
@@ -94,6 +95,26 @@ class _Folder(msgspec.Struct):
     """The part of the file that names the folder."""
 
     declared: Declared
+
+
+def canonical(record: Record) -> bytes:
+    """Return the canonical JSON text of a record: sorted names, no spaces, shortest numbers."""
+    return msgspec.json.encode(record, order="sorted")
+
+
+def sealed(record: S) -> S:
+    """Return a record with a seal over its other fields."""
+    bare = msgspec.structs.replace(record, seal="")
+    return msgspec.structs.replace(record, seal=_hash(canonical(bare), 16))
+
+
+def snapshot_key(snapshot: Snapshot) -> str:
+    """Return the name of a snapshot, derived from its content, such as `free@1f0a2b3c4d5e`."""
+    return f"{snapshot.scenario}@{_hash(canonical(snapshot), 12)}"
+
+
+def _hash(data: bytes, digits: int) -> str:
+    return hashlib.sha256(data).hexdigest()[:digits]
 
 
 def file_text(baseline: SystemBaseline) -> str:

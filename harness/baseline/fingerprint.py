@@ -5,14 +5,21 @@ They are read without running anything, so unchanged results are recognized at o
 
 from __future__ import annotations
 
+import dataclasses
+import importlib.metadata
 import os
+import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.registry import model_formats
+import msgspec
+import numpy as np
+
+from physics_crosscheck.harness.engines.registry import engines, model_formats
 from physics_crosscheck.harness.modelfiles.parts import included, named_files
 from physics_crosscheck.harness.modelfiles.path_states import (
+    UNREADABLE,
     digest,
     digest_of,
     is_content,
@@ -26,6 +33,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import (
 )
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.records.baseline import RobotOptions
+from physics_crosscheck.harness.records.case import ModelKey
 
 BESIDE = "(beside)"
 """Placeholder for the files of a folder that no model file names: a `space.py` may open any of
@@ -225,6 +233,56 @@ def changed_names(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
         return both[0] != both[1] and (None not in both or any(map(is_content, filter(None, both))))
 
     return [name for name in sorted({*then, *now}) if differs(name)]
+
+
+def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey, str]:
+    """Return the hash of each model of a folder in each engine; {} if a file cannot be read.
+
+    Args:
+        folder: the system folder.
+        resolution: of the run.
+        apart: an inner folder to ignore: the baseline.
+    """
+    try:
+        scan = folder_files(folder, apart)
+    except OSError:
+        return {}
+    engine_versions = versions()
+    return {
+        (str(folder), one.model, engine): _hash(
+            dependencies(one.hashes, engine, engine_versions, resolution), engine_versions
+        )
+        for one in scan.models
+        for engine in one.engines
+    }
+
+
+def with_reads_of_system(model_hash: str, key: ModelKey, reads: Mapping[str, str]) -> str:
+    """Add the files that `system.py` read or looked for to the hash of a model; "" if unknown.
+
+    Args:
+        model_hash: hash of the model.
+        key: key of the model. A model that is code may read any file while it runs.
+        reads: states of the files that were read, by name relative to the folder.
+    """
+    if not model_hash or Path(key[1]).suffix == ".py" or UNREADABLE in reads.values():
+        return ""
+    return digest_of(msgspec.json.encode([model_hash, reads], order="sorted"))
+
+
+def _hash(depends: Dependencies, engine_versions: Mapping[str, str | None]) -> str:
+    ours = engine_versions["physics-crosscheck"], engine_versions["python"], np.__version__
+    return digest_of(msgspec.json.encode([dataclasses.asdict(depends), ours], order="sorted"))
+
+
+def versions() -> dict[str, str | None]:
+    """Return the versions of this package, Python and each engine."""
+    try:
+        version = importlib.metadata.version("physics-crosscheck")
+    except importlib.metadata.PackageNotFoundError:
+        version = "not installed"
+    engine_versions = {name: engine.version() for name, engine in engines().items()}
+    return {"physics-crosscheck": version, "python": platform.python_version(), **engine_versions}
 
 
 def _together(hashes: dict[str, str]) -> str:

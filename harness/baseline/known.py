@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
 from physics_crosscheck.harness.baseline.classify import (
-    Change,
     classify,
+    gone,
     unaccepted,
     unaccepted_findings,
 )
@@ -34,10 +33,10 @@ from physics_crosscheck.harness.records.baseline import (
     Snapshot,
 )
 from physics_crosscheck.harness.records.case import Case, CaseId
-from physics_crosscheck.harness.records.diff import Status, numbers_of
+from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff, numbers_of
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges
+from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.results.status import counted
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
@@ -45,9 +44,6 @@ Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
 
 _DECISIVE = frozenset(("limit", "equations", "discrepancy"))
 """Changes after which a known difference is a different one."""
-
-Kind = Literal["regression", "improvement", "change", "new", "missing"]
-_ORDER: tuple[Kind, ...] = ("regression", "missing", "change", "new", "improvement")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,22 +228,20 @@ def changes_since(
     if baseline is None:
         return None
     changes = [change for case in cases if (change := _change(case, measured, baseline))]
-    changes += [
-        _told(case, "missing", "accepted, but the case no longer exists")
-        for case in _missing(cases, baseline)
-    ]
-    changes.sort(key=lambda change: _ORDER.index(change.kind))
+    changes += map(gone, _missing(cases, baseline))
+    changes.sort(key=lambda change: list(Status).index(change.status))
     return BaselineChanges(name=baseline.place.as_posix(), changes=tuple(changes))
 
 
-def _missing(cases: Sequence[Case], baseline: Accepted) -> Iterator[CaseId]:
+def _missing(cases: Sequence[Case], baseline: Accepted) -> Iterator[AcceptedCase]:
     """Yield accepted cases that no longer exist in the folders, unless a failure explains it."""
     seen = {baseline.id_of(case) for case in cases}
     barred = {case_id for case in cases for case_id in _stands_for(case, baseline)}
     for _, accepted_system in baseline.folders.values():
-        for case in accepted_system.cases if accepted_system is not None else ():
+        entries = {} if accepted_system is None else accepted_system.cases
+        for case, entry in entries.items():
             if baseline.meant(case.engine) and case not in seen and case not in barred:
-                yield case
+                yield entry
 
 
 def _stands_for(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
@@ -267,20 +261,22 @@ def _stands_for(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
     )
 
 
-def _change(case: Case, measured: Measured, baseline: Accepted) -> BaselineChange | None:
+def _change(case: Case, measured: Measured, baseline: Accepted) -> Diff | None:
     """Return the change of one case; None if it is as accepted."""
+    after = numbers_of(case)
     if barred := _stands_for(case, baseline):
         message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"
-        return _told(case.id, "regression", message)
+        return bare_diff(case.id, Status.NOT_RUN, (message,), after=after)
     accepted_system = baseline.system_of(case.folder, case.system)
     if accepted_system is None or baseline.id_of(case) not in accepted_system.cases:
-        return _told(case.id, "new", unaccepted(case))
+        return bare_diff(case.id, Status.NEW, (unaccepted(case),), after=after)
     this = measured.get((case.folder, case.id))
     if this is None and case.outcome.is_run:
         return None
     scan = baseline.folders[case.folder][0] if case.folder in baseline.folders else None
     if scan is None:
-        return _told(case.id, "regression", "its folder has an unreadable file")
+        message = "its folder has an unreadable file"
+        return bare_diff(case.id, Status.NOT_RUN, (message,), after=after)
     change = classify(
         accepted_system.system,
         case,
@@ -292,28 +288,5 @@ def _change(case: Case, measured: Measured, baseline: Accepted) -> BaselineChang
     )
     if change.status in (Status.SAME, Status.EXPECTED, Status.WITHIN):
         return None
-    return _told(case.id, _kind(case, change), "; ".join(change.messages))
-
-
-def _kind(case: Case, change: Change) -> Kind:
-    if change.status is Status.IMPROVED:
-        return "improvement"
-    now = case.full_run.global_error if case.full_run else None
-    then = change.entry.global_error if change.entry else None
-    worse = (
-        case.outcome is not Outcome.AGREES
-        or change.status is Status.NOT_RUN
-        or (now or 0.0) > (then or 0.0)
-    )
-    return "regression" if worse else "change"
-
-
-def _told(case: CaseId, kind: Kind, message: str) -> BaselineChange:
-    return BaselineChange(
-        system=case.system,
-        model=case.model,
-        scenario=case.scenario,
-        engine=case.engine,
-        kind=kind,
-        message=message,
-    )
+    # A run calls a robot file by the robot's name, the baseline by its path.
+    return msgspec.structs.replace(change.diff, system=case.system)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.classify import Change, classify, unaccepted_findings
+from physics_crosscheck.harness.baseline.classify import Change, classify, gone, unaccepted_findings
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, hashed_again
 from physics_crosscheck.harness.baseline.store import named_targets
@@ -44,8 +44,6 @@ from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 Progress = Callable[[int, int, Case | None], None]
 """Called with (cases done, known cases, the case just done or None)."""
-
-_GONE = "accepted, but the case no longer exists"
 
 
 def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:
@@ -179,8 +177,7 @@ def _of_the_rest(
             if scan is not None and was_left_alone(scan, system_baseline, case, state):
                 yield _as_accepted(entry)
             elif not failed & {(system, "system.py"), (system, case.model)}:
-                diff = bare_diff(case, Status.GONE, (_GONE,), before=entry.numbers)
-                yield Change(diff=diff, entry=entry)
+                yield Change(diff=gone(entry), entry=entry)
 
 
 def _as_accepted(entry: AcceptedCase) -> Change:

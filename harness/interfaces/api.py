@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.place import DEFAULT
+from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.interfaces.notebook import cases as shown
 from physics_crosscheck.harness.interfaces.notebook.optional import frame
@@ -177,7 +177,7 @@ def check(
     jobs: int = 0,
     limit: float = SECONDS,
     memory: float = MEMORY,
-    baseline: str | PathLike[str] = DEFAULT,
+    baseline: str | PathLike[str] = DEFAULT_FOLDER,
     scheduler: str = "",
     floating: bool = False,
     model: str = "",

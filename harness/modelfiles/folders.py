@@ -95,7 +95,7 @@ def _resolve(name: str) -> list[Path]:
     if not path.exists() and (builtin() / name / "system.py").is_file():
         path = builtin() / name
     if path.is_file():
-        raise FolderError(_no_folder(path))
+        raise FolderError(expected_folder(path))
     if not path.is_dir():
         builtin_names = ", ".join(p.name for p in _inside(builtin()))
         raise FolderError(
@@ -110,7 +110,7 @@ def _resolve(name: str) -> list[Path]:
     return folders
 
 
-def _no_folder(file: Path) -> str:
+def expected_folder(file: Path) -> str:
     """Return the message about a file in place of a system folder."""
     name = visible(str(file))
     wanted = f"{name}: a file; expected a system folder"

@@ -23,8 +23,7 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.fingerprint import folder_files
-from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Task
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
@@ -38,6 +37,7 @@ from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.journal import CacheKey, TaskKind
 from physics_crosscheck.harness.records.model import EngineLinearization
 from physics_crosscheck.harness.records.survey import Audit
 from physics_crosscheck.harness.records.write import write_whole
@@ -51,7 +51,7 @@ DAYS = 30
 SECONDS_A_DAY = 86_400.0
 
 
-KINDS: Mapping[str, Any] = {
+KINDS: Mapping[TaskKind, Any] = {
     "target": TargetFacts,
     "case": Case,
     "linearizations": tuple[EngineLinearization, ...],
@@ -62,23 +62,6 @@ KINDS: Mapping[str, Any] = {
     "measurement": Measurement,
 }
 """Result type of each kind of task."""
-
-
-class CacheKey(Record, frozen=True, kw_only=True):
-    """The key of a cached result: a task, and the hash of its dependencies.
-
-    Attributes:
-        kind: one of `KINDS`.
-        folder, model, engine, scenario: parts of the task's name; empty if not applicable.
-        inputs: hash of all inputs known in advance; empty if unknown.
-    """
-
-    kind: str
-    folder: str
-    model: str = ""
-    engine: str = ""
-    scenario: str = ""
-    inputs: str
 
 
 class _Entry(Record, frozen=True, kw_only=True):
@@ -193,9 +176,7 @@ def key_of_file(file: Path, options: Mapping[str, object]) -> CacheKey:
 
 
 def with_surroundings(model_hash: str, engine: str, motion: float) -> str:
-    """Extend the hash of a folder's model, from `harness.baseline.inputs`, with what else affects
-    it.
-    """
+    """Extend the hash of a folder's model by the packages and the adapter that affect it."""
     return model_hash and digest_of(
         f"{model_hash} {motion!r} {_surroundings()} {_adapter(engine)}".encode()
     )

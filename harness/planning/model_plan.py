@@ -19,6 +19,7 @@ from physics_crosscheck.harness.planning.target_plan import Done, Failed, Target
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.journal import TaskKind
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
@@ -181,7 +182,7 @@ class ModelPlan:
         return self._do("coverage", done, failed)
 
     def _do(
-        self, kind: str, done: Done, failed: Failed, *, scenario: str = ""
+        self, kind: TaskKind, done: Done, failed: Failed, *, scenario: str = ""
     ) -> Iterator[Job[Any]]:
         """Yield the job of one kind of task, unless its value is cached."""
         return self._target.do(

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
-from physics_crosscheck.harness.records.journal import Journal, Work
+from physics_crosscheck.harness.records.journal import CacheKey, Journal
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.system import System
@@ -86,11 +86,11 @@ class ResultBuilder:
         unknown = any(one.scenario == "-" for _, one in self.left)  # a placeholder
         self._progress(len(self.cases), 0 if unknown else len(self.cases) + len(self.left), case)
 
-    def known(self, key: Work) -> Any | None:
+    def known(self, key: CacheKey) -> Any | None:
         """Return a value from the journal, if it has one."""
         return None if self._journal is None else self._journal.kept.get(key)
 
-    def keep(self, key: Work, value: Any) -> None:
+    def keep(self, key: CacheKey, value: Any) -> None:
         """Store a value in the journal, if there is one."""
         if self._journal is not None:
             self._journal.keep(key, value)

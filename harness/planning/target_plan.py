@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from msgspec import structs
 
-from physics_crosscheck.harness.baseline.inputs import inputs, with_reads_of_system
+from physics_crosscheck.harness.baseline.fingerprint import inputs, with_reads_of_system
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.graph import Job, Task
@@ -19,7 +19,6 @@ from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.cache import (
-    CacheKey,
     Reading,
     TaskOutput,
     file_in_engine,
@@ -38,9 +37,7 @@ from physics_crosscheck.harness.planning.prepared import (
 from physics_crosscheck.harness.planning.result_builder import Jobs, ResultBuilder
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
-from physics_crosscheck.harness.records.journal import Kind, Work
-
-KEPT_BY_JOURNALS = frozenset(get_args(Kind))
+from physics_crosscheck.harness.records.journal import JOURNALED, CacheKey, TaskKind
 
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
@@ -144,7 +141,7 @@ class TargetPlan:
 
     def do(
         self,
-        kind: str,
+        kind: TaskKind,
         key: ModelKey,
         done: Done,
         failed: Failed,
@@ -163,7 +160,7 @@ class TargetPlan:
             scenario: scenario of a case or a measurement.
             snapshot: snapshot that a measurement repeats.
         """
-        journal_key = self._work(kind, key, scenario)
+        journal_key = self._journal_key(kind, key, scenario)
         if (
             journal_key is not None
             and (value := self._sound(self.results.known(journal_key))) is not None
@@ -253,35 +250,30 @@ class TargetPlan:
         assert self._key is not None  # only needed with a cache or a journal
         return file_in_engine(self._key, key[-1], self.options.resolution)
 
-    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
+    def _journal_key(self, kind: TaskKind, key: ModelKey, scenario: str) -> CacheKey | None:
         """Return the journal's key of a task; None without a journal."""
-        if kind not in KEPT_BY_JOURNALS or not self.results.keeps:
+        if kind not in JOURNALED or not self.results.keeps:
             return None
         hashed = self._inputs(key)
         if not self.standalone:  # a journal does not store which files the code read
             hashed = with_reads_of_system(hashed, key, self.facts.reads)
-        folder, model, engine = key
-        what: Any = kind
-        journal_entry = Work(
-            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=hashed
-        )
-        return journal_entry if hashed else None
+        return _key_of(kind, key, scenario, hashed) if hashed else None
 
     def _cache_key(
-        self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
+        self, kind: TaskKind, key: ModelKey, scenario: str, snapshot: Snapshot | None
     ) -> CacheKey | None:
         if self._cache is None:
             return None
-        folder, model, engine = key
         hashed = self._inputs(key)
-        return CacheKey(
-            kind=kind,
-            folder=folder,
-            model=model,
-            engine=engine,
-            scenario=scenario,
-            inputs=with_snapshot(hashed, snapshot) if kind == "measurement" else hashed,
-        )
+        hashed = with_snapshot(hashed, snapshot) if kind == "measurement" else hashed
+        return _key_of(kind, key, scenario, hashed)
+
+
+def _key_of(kind: TaskKind, key: ModelKey, scenario: str, inputs: str) -> CacheKey:
+    folder, model, engine = key
+    return CacheKey(
+        kind=kind, folder=folder, model=model, engine=engine, scenario=scenario, inputs=inputs
+    )
 
 
 def stand_in(place: Path) -> CaseId:

@@ -85,11 +85,6 @@ def gate_code(status: str, kinds: Sequence[str]) -> str:
     return exact or _by_kind().get(f"gate:{status}:", "")
 
 
-def baseline_code(kind: str) -> str:
-    """Return the code of a change since the baseline that a run reports."""
-    return _by_kind().get(f"baseline:{kind}", "")
-
-
 def part_code() -> str:
     """Return the code of an audit, a linearization or a diagnosis that failed."""
     return _by_kind()["part:failed"]

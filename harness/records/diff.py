@@ -160,6 +160,12 @@ class Diff(Record, frozen=True, kw_only=True):
         return self.status.value if self.is_change or not self.is_compared else ""
 
     @property
+    def label(self) -> str:
+        """The status, and whether the case is worse."""
+        is_marked = self.status is Status.CHANGED and self.is_worse
+        return f"{self.status}, worse" if is_marked else self.status.value
+
+    @property
     def is_worse(self) -> bool:
         """True if the verdict is worse, fewer digits agree, or the error at dt is larger."""
         if self.before is None or self.after is None:

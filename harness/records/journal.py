@@ -27,25 +27,31 @@ from physics_crosscheck.harness.records.read import ResultsError
 NAME = "results.partial.jsonl"
 
 
-Kind = Literal["case", "linearizations", "coverage", "diagnosis"]
+TaskKind = Literal[
+    "target", "case", "linearizations", "coverage", "diagnosis", "audit", "mechanics", "measurement"
+]
+"""Kind of a task whose result is stored."""
+
+JOURNALED: frozenset[TaskKind] = frozenset(("case", "linearizations", "coverage", "diagnosis"))
+"""Kinds of tasks whose results a journal stores."""
 
 
-class Work(Record, frozen=True, kw_only=True):
-    """One task of a run.
+class CacheKey(Record, frozen=True, kw_only=True):
+    """The key of a stored result: a task, and the hash of its dependencies.
 
     Attributes:
-        what: Type of the task.
-        folder: System folder.
-        model: Name of the model file.
-        engine: Name of the engine.
+        kind: Kind of the task.
+        folder: System folder, or the robot file.
+        model: Name of the model file; empty for the whole folder.
+        engine: Name of the engine; empty for the whole folder.
         scenario: Name of the scenario; empty for tasks other than cases.
-        inputs: Hash of all inputs of the task.
+        inputs: Hash of all inputs that are known in advance; empty if unknown.
     """
 
-    what: Kind
+    kind: TaskKind
     folder: str
-    model: str
-    engine: str
+    model: str = ""
+    engine: str = ""
     scenario: str = ""
     inputs: str
 
@@ -56,7 +62,7 @@ Value = Case | tuple[EngineLinearization, ...] | Coverage | Diagnosis
 class _Done(Record, frozen=True, kw_only=True):
     """A line: a task and its result, in the field of its kind."""
 
-    work: Work
+    key: CacheKey
     case: Case | None = None
     linearizations: tuple[EngineLinearization, ...] | None = None
     coverage: Coverage | None = None
@@ -72,16 +78,16 @@ class Journal:
         problem: why nothing is written any more; empty as long as writing works.
     """
 
-    def __init__(self, path: Path, file: int, kept: dict[Work, Value]) -> None:
+    def __init__(self, path: Path, file: int, kept: dict[CacheKey, Value]) -> None:
         self.path, self.kept, self.problem = path, kept, ""
         self._file = file
 
-    def keep(self, work: Work, value: Value) -> None:
+    def keep(self, key: CacheKey, value: Value) -> None:
         """Write the result of a task; if that fails, the run continues without a journal."""
         if self.problem:
             return
-        given: dict[str, Any] = {work.what: value}
-        line = msgspec.json.encode(_Done(work=work, **given)) + b"\n"
+        given: dict[str, Any] = {key.kind: value}
+        line = msgspec.json.encode(_Done(key=key, **given)) + b"\n"
         try:
             _write(self._file, line)
             os.fsync(self._file)
@@ -156,9 +162,9 @@ def _owner(path: Path) -> str:
         return ""
 
 
-def _read(path: Path) -> tuple[dict[Work, Value], int]:
+def _read(path: Path) -> tuple[dict[CacheKey, Value], int]:
     """Return the stored results, and the number of bytes in complete lines."""
-    kept: dict[Work, Value] = {}
+    kept: dict[CacheKey, Value] = {}
     length = 0
     with path.open("rb") as file:
         for line in file:
@@ -167,9 +173,9 @@ def _read(path: Path) -> tuple[dict[Work, Value], int]:
             length += len(line)
             with contextlib.suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
                 done = msgspec.json.decode(line, type=_Done)
-                value = getattr(done, done.work.what)
+                value = getattr(done, done.key.kind, None)
                 if value is not None:
-                    kept[done.work] = value
+                    kept[done.key] = value
     return kept, length
 
 

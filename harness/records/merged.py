@@ -8,8 +8,9 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.diff import Diff
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
 
 T = TypeVar("T", Case, Model)
 
@@ -64,7 +65,7 @@ def _baseline(
         return now.baseline
     folder = {case.id: case.folder for case in last.cases}
 
-    def stays(change: BaselineChange) -> bool:
+    def stays(change: Diff) -> bool:
         return not again(folder.get(change.id, ""), change.model)
 
     kept = tuple(change for change in last.baseline.changes if stays(change))

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal
 
-import msgspec
-
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.case import Case, CaseId
-from physics_crosscheck.harness.records.codes import baseline_code
+from physics_crosscheck.harness.records.diff import Diff
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import System
 
-SCHEMA: Literal[3] = 3
+SCHEMA: Literal[4] = 4
 
 
 def nothing_tested(engines: Iterable[str]) -> str:
@@ -27,38 +25,6 @@ def nothing_tested(engines: Iterable[str]) -> str:
     )
 
 
-class BaselineChange(Record, frozen=True, kw_only=True):
-    """A case that changed since it was accepted.
-
-    Attributes:
-        system: Name of the system.
-        model: Name of the model file.
-        scenario: Name of the scenario.
-        engine: Name of the engine.
-        kind: Type of change; `missing` means that the case no longer exists.
-        code: Message code of the kind; empty without one.
-        message: Explanation in one sentence.
-    """
-
-    system: str
-    model: str
-    scenario: str
-    engine: str
-    kind: Literal["regression", "improvement", "change", "new", "missing"]
-    message: str
-    code: str = ""
-
-    def __post_init__(self) -> None:
-        msgspec.structs.force_setattr(self, "code", baseline_code(self.kind))
-
-    @property
-    def id(self) -> CaseId:
-        """Name of the case."""
-        return CaseId(
-            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
-        )
-
-
 class BaselineChanges(Record, frozen=True, kw_only=True):
     """Changes since an accepted baseline.
 
@@ -68,7 +34,7 @@ class BaselineChanges(Record, frozen=True, kw_only=True):
     """
 
     name: str
-    changes: tuple[BaselineChange, ...]
+    changes: tuple[Diff, ...]
 
 
 class Results(Record, frozen=True, kw_only=True):
@@ -101,7 +67,7 @@ class Results(Record, frozen=True, kw_only=True):
     stopped: str = ""
     not_run: tuple[CaseId, ...] = ()
     cached: int = 0
-    schema: Literal[3] = SCHEMA
+    schema: Literal[4] = SCHEMA
 
     @property
     def untested(self) -> str:

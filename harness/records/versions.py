@@ -33,7 +33,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
 
     Attributes:
         engine: Name of the engine.
-        version: Installed version.
+        version: Installed version; empty before one is chosen.
         folders: System folders.
         robots: Standalone robot files.
         resolution: Requested resolution: the smallest relative difference that counts.
@@ -47,7 +47,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
     """
 
     engine: str
-    version: str
+    version: str = ""
     folders: tuple[str, ...]
     robots: tuple[str, ...]
     resolution: float
@@ -56,7 +56,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
     memory: float
     floating: bool
     diagnose: bool
-    repeated: tuple[Repeated, ...]
+    repeated: tuple[Repeated, ...] = ()
     out: str
 
 

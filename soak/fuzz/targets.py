@@ -12,8 +12,14 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.file import FileError, SystemBaseline, file_text, read_file
-from physics_crosscheck.harness.baseline.seal import sealed, snapshot_key
+from physics_crosscheck.harness.baseline.file import (
+    FileError,
+    SystemBaseline,
+    file_text,
+    read_file,
+    sealed,
+    snapshot_key,
+)
 from physics_crosscheck.harness.compare.candidate import CompareError
 from physics_crosscheck.harness.compare.match import declared
 from physics_crosscheck.harness.documents.elements import read_elements

@@ -7,8 +7,7 @@ from typing import Any
 import msgspec
 
 from physics_crosscheck.harness.baseline.classify import summarized
-from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.seal import snapshot_key
+from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Declared,

@@ -12,8 +12,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.baseline.file import file_text, read_file
-from physics_crosscheck.harness.baseline.seal import canonical, sealed, snapshot_key
+from physics_crosscheck.harness.baseline.file import (
+    canonical,
+    file_text,
+    read_file,
+    sealed,
+    snapshot_key,
+)
 from physics_crosscheck.harness.baseline.store import BaselineError, accepted_text, read_baseline
 from physics_crosscheck.harness.records.baseline import (
     AcceptedAudit,

@@ -15,8 +15,8 @@ from physics_crosscheck.harness.baseline.store import write_baseline
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChange
 from tests.baseline.samples import (
     ENTRY,
     FILES,
@@ -63,7 +63,7 @@ def marked(this: Case, value: Measurement | Failure) -> Case:
     return found
 
 
-def since(this: Case, value: Measurement | Failure) -> tuple[BaselineChange, ...]:
+def since(this: Case, value: Measurement | Failure) -> tuple[Diff, ...]:
     found = changes_since((this,), measured(this, value), accepted(ENTRY))
     assert found is not None
     return found.changes
@@ -114,13 +114,13 @@ def test_what_changed_since_is_told_worst_first() -> None:
     found = changes_since((new, this), measured(this, measurement()), accepted(ENTRY, gone))
     assert found is not None
     assert found.name == "reports/baseline"
-    assert [(change.kind, change.id.model) for change in found.changes] == [
-        ("regression", "m.xml"),
-        ("missing", "gone.xml"),
+    assert [(change.label, change.id.model) for change in found.changes] == [
+        ("changed, worse", "m.xml"),
+        ("gone", "gone.xml"),
         ("new", "new.xml"),
     ]
-    assert found.changes[0].message == "error at dt 0.5 % -> 5 %"
-    assert found.changes[1].message == "accepted, but the case no longer exists"
+    assert found.changes[0].messages[0] == "error at dt 0.5 % -> 5 %"
+    assert found.changes[1].messages[0] == "accepted, but the case no longer exists"
 
 
 def test_nothing_is_told_of_what_is_as_it_was_or_was_not_measured() -> None:
@@ -132,12 +132,12 @@ def test_nothing_is_told_of_what_is_as_it_was_or_was_not_measured() -> None:
     assert changes_since((this,), {}, None) is None
 
 
-def test_a_case_that_failed_is_a_regression_and_a_better_one_an_improvement() -> None:
+def test_a_case_that_failed_did_not_run_and_a_better_one_is_an_improvement() -> None:
     failed, better = case(Outcome.FAILED, reason="no XML"), case(global_error=0.001)
     (change,) = since(failed, Failure("no XML", ""))
-    assert (change.kind, change.message) == ("regression", "FAILED: no XML")
+    assert (change.status, *change.messages) == (Status.NOT_RUN, "FAILED: no XML")
     (change,) = since(better, measurement())
-    assert change.kind == "improvement"
+    assert change.status is Status.IMPROVED
 
 
 def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
@@ -145,7 +145,10 @@ def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
     found = changes_since((failed,), {}, accepted(ENTRY))
     assert found is not None
     (change,) = found.changes
-    assert (change.kind, change.message) == ("regression", "FAILED; the baseline has 1 case of it")
+    assert (change.status, *change.messages) == (
+        Status.NOT_RUN,
+        "FAILED; the baseline has 1 case of it",
+    )
 
 
 def test_a_folder_that_ran_out_of_time_is_not_said_to_be_new_whatever_it_is_called() -> None:
@@ -156,19 +159,22 @@ def test_a_folder_that_ran_out_of_time_is_not_said_to_be_new_whatever_it_is_call
     found = changes_since((failed,), {}, before)
     assert found is not None
     (change,) = found.changes
-    assert (change.kind, change.message) == ("regression", "FAILED; the baseline has 2 cases of it")
+    assert (change.status, *change.messages) == (
+        Status.NOT_RUN,
+        "FAILED; the baseline has 2 cases of it",
+    )
     unread = changes_since((failed,), {}, dataclasses.replace(before, folders={}))
     assert unread is not None
-    assert [change.kind for change in unread.changes] == ["new"]  # nothing tells what it is
+    assert [change.status for change in unread.changes] == [Status.NEW]  # nothing tells what it is
 
 
 def test_a_model_that_can_t_be_read_stands_for_its_own_accepted_cases_alone() -> None:
     failed = case(Outcome.FAILED, engine="-", scenario="-", reason="no TOML")
     found = changes_since((failed,), {}, accepted(ENTRY, entry(model="gone.xml")))
     assert found is not None
-    assert [(change.kind, change.id.model, change.message) for change in found.changes] == [
-        ("regression", "m.xml", "FAILED; the baseline has 1 case of it"),
-        ("missing", "gone.xml", "accepted, but the case no longer exists"),
+    assert [(change.status, change.id.model, *change.messages) for change in found.changes] == [
+        (Status.NOT_RUN, "m.xml", "FAILED; the baseline has 1 case of it"),
+        (Status.GONE, "gone.xml", "accepted, but the case no longer exists"),
     ]
 
 
@@ -186,6 +192,6 @@ def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accep
     this = case(Outcome.FAILED, reason="mesh.stl can't be read")
     told = changes_since((this,), {}, found)
     assert told is not None
-    assert [(c.kind, c.message) for c in told.changes] == [
-        ("regression", "its folder has an unreadable file")
+    assert [(c.status, *c.messages) for c in told.changes] == [
+        (Status.NOT_RUN, "its folder has an unreadable file")
     ]

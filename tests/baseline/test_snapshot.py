@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.baseline.file import snapshot_key
 from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
-from physics_crosscheck.harness.baseline.seal import snapshot_key
 from physics_crosscheck.harness.baseline.snapshot import (
     same_motion,
     segments_of,

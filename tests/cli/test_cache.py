@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.audits import audits
-from physics_crosscheck.harness.baseline.inputs import inputs
+from physics_crosscheck.harness.baseline.fingerprint import inputs
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.planning import cache as caches

@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.baseline.inputs import with_reads_of_system
+from physics_crosscheck.harness.baseline.fingerprint import with_reads_of_system
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.planning import cache as caches
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.journal import NAME, Work, journal
+from physics_crosscheck.harness.records.journal import NAME, CacheKey, journal
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.render.terminal.progress import Progress
 from tests.faults.known_folder import KNOWN, KNOWN_ANSWER, SYSTEM, known_folder
@@ -204,12 +204,12 @@ def test_a_robot_s_file_is_gone_on_with_too(
     assert first.cases[0] in second.cases  # its seconds too: it was not done again
 
 
-def work_of(file: Path, **options: Any) -> Work | None:
+def work_of(file: Path, **options: Any) -> CacheKey | None:
     """A case of a robot's file as a journal has it."""
     with journal(Path("out"), resume=True) as done:
         found = ResultBuilder(lambda *_: None, done)
         of_file = TargetPlan(file, Options(**options), found)
-        return of_file._work("case", (str(file), file.name, "mujoco"), "states")
+        return of_file._journal_key("case", (str(file), file.name, "mujoco"), "states")
 
 
 def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(

@@ -298,7 +298,7 @@ def test_the_gate_reads_a_file_with_the_options_it_was_accepted_with(robots: Rob
     # Read in another way, nothing of it is as accepted, nor missing.
     changes = robots.run().baseline
     assert changes is not None
-    assert [(one.scenario, one.kind) for one in changes.changes] == [("states", "new")]
+    assert [(one.scenario, one.status) for one in changes.changes] == [("states", Status.NEW)]
 
 
 def test_another_model_of_the_file_is_another_robot(robots: Robots) -> None:

@@ -15,6 +15,7 @@ from physics_crosscheck.harness.interfaces.cli.accept import main
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.help import CommandParser
 from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
@@ -85,14 +86,14 @@ def test_nothing_is_told_where_nothing_changed(repository: Told) -> None:
 def test_a_better_and_a_worse_step_are_told_apart(repository: Told) -> None:
     changed = repository.changed
     jsonschema.validate(json.loads(encoded(changed)), schema(Results))
-    kinds = {(c.model, c.kind) for c in changes(changed).changes}
-    assert kinds == {("mujoco.xml", "improvement"), ("robot.urdf", "regression")}
-    assert all("step 0.002 s -> " in c.message for c in changes(changed).changes)
+    kinds = {(c.model, c.label) for c in changes(changed).changes}
+    assert kinds == {("mujoco.xml", "improved"), ("robot.urdf", "changed, worse")}
+    assert all("step 0.002 s -> " in "; ".join(c.messages) for c in changes(changed).changes)
 
 
 def test_what_is_gone_is_told(repository: Told) -> None:
     gone = repository.gone
-    missing = [c for c in changes(gone).changes if c.kind == "missing"]
+    missing = [c for c in changes(gone).changes if c.status is Status.GONE]
     assert {c.model for c in missing} == {"robot.urdf"}
     assert len(missing) == 3
 
@@ -100,5 +101,5 @@ def test_what_is_gone_is_told(repository: Told) -> None:
 def test_the_terminal_lists_what_changed(repository: Told) -> None:
     text = repository.text
     assert "since " in text
-    assert "regression  XC508 mass_spring_damper/robot.urdf  free [mujoco]" in text
+    assert "changed, worse  XC515 mass_spring_damper/robot.urdf  free [mujoco]" in text
     assert ": step 0.002 s" in text

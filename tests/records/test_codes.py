@@ -22,7 +22,6 @@ from physics_crosscheck.harness.records.codes import GROUPS, codes
 from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChange
 from tests.records.made import case, finding
 
 HARNESS = Path(__file__).parents[2] / "harness"
@@ -41,7 +40,6 @@ def test_every_kind_has_one_code_and_every_code_a_kind() -> None:
     assert of("audit") == set(get_args(AuditKind))
     assert of("cause") == set(get_args(CauseKind))
     assert of("case") == set(get_args(CaseKind))
-    assert of("baseline") == set(msgspec.structs.fields(BaselineChange)[4].type.__args__)
     states = {kind.split(":")[1] for kind in KINDS if kind.startswith("gate:")}
     assert states == {one.value for one in Status} - {Status.SAME.value}
     assert of("gate") == {"", *CHANGES}
@@ -101,8 +99,7 @@ def test_each_record_has_the_code_of_its_kind() -> None:
         msgspec.structs.replace(bare, status=Status(status), kinds=kinds).code
         for status, kinds in (("changed", ("text", "engine")), ("gone", ()), ("as accepted", ()))
     ]
-    since = BaselineChange(**names, kind="new", message="")
-    assert (cause.code, gate, since.code) == ("XC208", ["XC511", "XC502", ""], "XC503")
+    assert (cause.code, gate) == ("XC208", ["XC511", "XC502", ""])
 
 
 CASES = [
@@ -144,6 +141,6 @@ def test_a_failure_has_the_kind_of_its_error() -> None:
 
 
 def test_every_record_with_a_kind_of_ours_has_a_code() -> None:
-    for record in (AuditFinding, Cause, Case, Diff, BaselineChange):
+    for record in (AuditFinding, Cause, Case, Diff):
         assert issubclass(record, Record)
         assert "code" in record.__struct_fields__

@@ -9,16 +9,16 @@ import pytest
 
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.journal import NAME, Kind, Value, Work, journal
+from physics_crosscheck.harness.records.journal import NAME, CacheKey, TaskKind, Value, journal
 from physics_crosscheck.harness.records.read import ResultsError
 from tests.records.made import case
 
 
-def work(what: Kind = "case", scenario: str = "", inputs: str = "i") -> Work:
-    return Work(what=what, folder="f", model="m", engine="e", scenario=scenario, inputs=inputs)
+def work(kind: TaskKind = "case", scenario: str = "", inputs: str = "i") -> CacheKey:
+    return CacheKey(kind=kind, folder="f", model="m", engine="e", scenario=scenario, inputs=inputs)
 
 
-DONE: dict[Work, Value] = {
+DONE: dict[CacheKey, Value] = {
     work(scenario="free"): case(),
     work("coverage"): Coverage(note="none"),
     work("linearizations"): (),
@@ -32,7 +32,7 @@ def filled(place: Path) -> None:
             fresh.keep(one, value)
 
 
-def kept(place: Path) -> dict[Work, Value]:
+def kept(place: Path) -> dict[CacheKey, Value]:
     with journal(place, resume=True) as again:
         return again.kept
 

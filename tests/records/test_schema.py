@@ -88,7 +88,7 @@ def test_an_example_is_valid_and_one_with_another_key_anywhere_is_not(
 
 def test_results_name_the_schema_that_they_follow() -> None:
     properties = schema(Results)["$defs"]["Results"]["properties"]
-    assert properties["schema"]["enum"] == [3]
+    assert properties["schema"]["enum"] == [4]
 
 
 def test_the_pages_have_a_row_for_every_field_and_a_section_for_every_link() -> None:

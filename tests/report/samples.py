@@ -22,6 +22,7 @@ from physics_crosscheck.harness.records.case import (
     Verdict,
 )
 from physics_crosscheck.harness.records.cause import Cause, CauseId
+from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
 from physics_crosscheck.harness.records.finding import (
     AuditFinding,
     CorrectedMotion,
@@ -36,7 +37,7 @@ from physics_crosscheck.harness.records.model import (
     Model,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.render.html.packs import Array
 from tests.report.sample_system import SCENARIOS, system
 
@@ -414,12 +415,5 @@ def mixed() -> Results:
     )
 
 
-def change(case: Case) -> BaselineChange:
-    return BaselineChange(
-        system=case.system,
-        model=case.model,
-        scenario=case.scenario,
-        engine=case.engine,
-        kind="regression",
-        message="it agreed to 11.9 digits",
-    )
+def change(case: Case) -> Diff:
+    return bare_diff(case.id, Status.CHANGED, ("it agreed to 11.9 digits",))

@@ -11,12 +11,13 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
 from physics_crosscheck.harness.render.terminal.styles import STYLES
@@ -140,11 +141,10 @@ def test_where_no_cause_explains_it_the_audit_findings_take_its_place() -> None:
 
 
 def test_many_problems_and_changes_are_counted() -> None:
-    change = BaselineChange(
-        system="disc", model="m", scenario="s", engine="e", kind="missing", message="it is gone"
-    )
+    id_ = CaseId(system="disc", model="m", scenario="s", engine="e")
+    change = bare_diff(id_, Status.GONE, ("it is gone",))
     many = tuple(replace(change, scenario=f"s{i}") for i in range(MAX_PROBLEMS + 1))
-    new = replace(change, kind="new")  # never accepted: no change
+    new = replace(change, status=Status.NEW)  # never accepted: no change
     text = printed(
         results(
             *(case(Outcome.DIFFERS, model=f"{i}.xml") for i in range(MAX_PROBLEMS + 2)),
@@ -153,7 +153,7 @@ def test_many_problems_and_changes_are_counted() -> None:
     )
     assert "2 more problems: see the report" in text
     assert "changes since reports/baseline" in text
-    assert text.count("  missing  XC502 disc/m  s0 [e], s1 [e], ") == 1
+    assert text.count("  gone  XC502 disc/m  s0 [e], s1 [e], ") == 1
     more = MAX_PROBLEMS + 1 - MAX_CASES
     assert f"s{MAX_CASES - 1} [e] and {more} more: it is gone" in " ".join(text.split())
 

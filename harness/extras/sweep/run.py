@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from physics_crosscheck.harness.baseline.fingerprint import folder_files
-from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
 from physics_crosscheck.harness.extras.sweep.case import run_block
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.known import blank

@@ -5,19 +5,21 @@ from __future__ import annotations
 import argparse
 import sys
 
+from msgspec.structs import replace
+
 from physics_crosscheck.harness.extras.versions.asked import (
     AskedModels,
     asked_models,
     asked_versions,
 )
 from physics_crosscheck.harness.extras.versions.environments import EnvironmentError_
-from physics_crosscheck.harness.extras.versions.run import VersionOptions, run_versions
+from physics_crosscheck.harness.extras.versions.run import run_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page
 from physics_crosscheck.harness.modelfiles.folders import FolderError, system_folders
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
-from physics_crosscheck.harness.records.versions import Versions
+from physics_crosscheck.harness.records.versions import Versions, VersionTask
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.html.versions import write_versions
 from physics_crosscheck.harness.render.terminal.console import terminal
@@ -33,20 +35,25 @@ def main(options: argparse.Namespace) -> int:
     models = _models(options.folders, engine)
     for line in models.left_out:
         print(f"crosscheck: {line}", file=sys.stderr, flush=True)
-    wanted = VersionOptions(
-        out=options.out,
-        environments=options.environments,
+    limits = arguments.limits_of(options)
+    task = VersionTask(
+        engine=engine,
+        folders=tuple(map(str, models.folders)),
+        robots=tuple(map(str, models.robots)),
         resolution=options.resolution,
         jobs=options.jobs,
-        limits=arguments.limits_of(options),
+        seconds=limits.seconds,
+        memory=limits.memory,
         floating=options.floating,
         diagnose=options.diagnose,
+        out=str(options.out),
     )
     try:
-        result = run_versions(engine, versions, models, wanted, _print_line)
+        result = run_versions(task, versions, options.environments, _print_line)
     except EnvironmentError_ as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
+    result = replace(result, left_out=models.left_out)
     write_versions(options.out / "index.html", result)
     if options.json:
         write_whole(options.json, encoded(result, indent=1))

@@ -10,12 +10,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from physics_crosscheck.harness.engines.registry import distribution, engines
-from physics_crosscheck.harness.extras.versions.asked import AskedModels, AskedVersion
+from physics_crosscheck.harness.extras.versions.asked import AskedVersion
 from physics_crosscheck.harness.extras.versions.compare import upgrade
 from physics_crosscheck.harness.extras.versions.environments import (
     EnvironmentError_,
@@ -25,7 +26,6 @@ from physics_crosscheck.harness.extras.versions.environments import (
     interpreter,
 )
 from physics_crosscheck.harness.extras.versions.launch import launch
-from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.modelfiles.code_reads import user_cache
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import (
@@ -44,36 +44,21 @@ main(*map(pathlib.Path, rest))
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class VersionOptions:
-    """Options of `crosscheck versions` besides models and versions.
-
-    Attributes:
-        out: folder for the report; each version has a subfolder.
-        environments: folder of all environments; None: the user's cache.
-        resolution, jobs, limits, floating: as in `harness.run.Options`.
-        diagnose: whether to diagnose models that differ, under each version.
-    """
-
-    out: Path
-    environments: Path | None = None
-    resolution: float = 1e-9
-    jobs: int = 0
-    limits: Limits = field(default_factory=Limits)
-    floating: bool = False
-    diagnose: bool = False
-
-
 def run_versions(
-    engine: str,
+    task: VersionTask,
     versions: Sequence[AskedVersion],
-    models: AskedModels,
-    options: VersionOptions,
+    environments: Path | None,
     show_line: ShowLine,
 ) -> Versions:
     """Run the models under each version, and compare each version with the one before it.
 
     All environments are created before the first run.
+
+    Args:
+        task: the work for each version; `out` gets a folder for each.
+        versions: the versions.
+        environments: folder of all environments; None: the user's cache.
+        show_line: shows progress to the user.
 
     Raises:
         EnvironmentError_: if a version is not available, or its run ended early.
@@ -81,30 +66,29 @@ def run_versions(
     """
     began = time.perf_counter()
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    pythons = [
-        interpreter_of(engine, version, options.environments, show_line) for version in versions
-    ]
+    engine = task.engine
+    pythons = [interpreter_of(engine, version, environments, show_line) for version in versions]
     runs: list[VersionRun] = []
     interpreters = [
         EngineVersion(
             version=version.version,
             python=python,
-            report=str(options.out / f"{engine}-{version.version}"),
+            report=str(Path(task.out) / f"{engine}-{version.version}"),
         )
         for version, python in zip(versions, pythons, strict=True)
     ]
     for version in interpreters:
         show_line(f"{engine} {version.version} runs")
-        task = _task(engine, version, models, options, _repeated(runs[-1:]))
-        runs.append(_run(version, task))
+        repeated = _repeated(runs[-1:])
+        this = replace(task, version=version.version, repeated=repeated, out=version.report)
+        runs.append(_run(version, this))
     return Versions(
         created=created,
         engine=engine,
-        resolution=options.resolution,
+        resolution=task.resolution,
         seconds=time.perf_counter() - began,
         versions=tuple(interpreters),
-        upgrades=tuple(upgrade(a, b, engine, options.resolution) for a, b in pairwise(runs)),
-        left_out=models.left_out,
+        upgrades=tuple(upgrade(a, b, engine, task.resolution) for a, b in pairwise(runs)),
     )
 
 
@@ -149,29 +133,6 @@ def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:
         for run in runs
         for one in run.measured
         if one.measurement is not None
-    )
-
-
-def _task(
-    engine: str,
-    version: EngineVersion,
-    models: AskedModels,
-    options: VersionOptions,
-    repeated: tuple[Repeated, ...],
-) -> VersionTask:
-    return VersionTask(
-        engine=engine,
-        version=version.version,
-        folders=tuple(map(str, models.folders)),
-        robots=tuple(map(str, models.robots)),
-        resolution=options.resolution,
-        jobs=options.jobs,
-        seconds=options.limits.seconds,
-        memory=options.limits.memory,
-        floating=options.floating,
-        diagnose=options.diagnose,
-        repeated=repeated,
-        out=version.report,
     )
 
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.place import DEFAULT
+from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.interfaces.cli.completion import (
     completed_by,
     engine_names,
@@ -176,9 +176,9 @@ def baseline(command: argparse.ArgumentParser) -> None:
     group(command, "Baseline").add_argument(
         "--baseline",
         type=Path,
-        default=DEFAULT,
+        default=DEFAULT_FOLDER,
         metavar="DIR",
-        help=f"Folder of accepted results [{DEFAULT.as_posix()}]",
+        help=f"Folder of accepted results [{DEFAULT_FOLDER.as_posix()}]",
     )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.place import DEFAULT
+from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.options import GateOptions
@@ -18,17 +18,13 @@ from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
-    NamedFolders,
     check_engines,
-    named_folders,
+    expected_folder,
 )
-from physics_crosscheck.harness.modelfiles.robot_targets import (
-    models_below,
-    robot_files,
-    robots_below,
-)
+from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robots_below
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -63,7 +59,7 @@ def main(options: argparse.Namespace) -> int:
 def _accept_options(options: argparse.Namespace) -> list[str]:
     """Return the options that `crosscheck accept` needs to find the same cases."""
     words = [f"--folder {shlex.quote(str(name))}" for name in options.folders]
-    if options.baseline != DEFAULT:
+    if options.baseline != DEFAULT_FOLDER:
         words.append(f"--baseline {shlex.quote(str(options.baseline))}")
     return words
 
@@ -113,14 +109,18 @@ def _named(names: Sequence[str], baseline: Path) -> list[Path]:
         FolderError: naming each missing one, and the remedy.
     """
     below = [file for name in names if name for file in robots_in(Path(name), baseline)]
-    models = [name for name in names if (Path(name).parent / "system.py").is_file()]
     rest = [name for name in names if not (name and robots_below(Path(name)))]
-    robots = robot_files([name for name in rest if name not in models])
-    others = [*robots.others, *(name for name in rest if name in models)]
-    folders = named_folders(others, allow_none=True) if others else NamedFolders([], {})
-    if faults := {**robots.faults, **folders.faults}:
-        raise FolderError("; ".join(faults.values()))
-    return [*folders.folders, *dict.fromkeys([*below, *robots.files])]
+    if not rest:
+        return list(dict.fromkeys(below))
+    targets = resolve_targets(rest, standalone=False)
+    models = [
+        *(one.folder / one.model for models in targets.choice.models.values() for one in models),
+        *(file for file in targets.robots if (file.parent / "system.py").is_file()),
+    ]
+    faults = [*targets.named.faults.values(), *map(expected_folder, models)]
+    if faults:
+        raise FolderError("; ".join(faults))
+    return [*targets.folders, *dict.fromkeys([*below, *targets.robots])]
 
 
 class LateProgress(ExitStack):

@@ -301,9 +301,9 @@ def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[ChangeVie
     return tuple(
         ChangeView(
             id=ids.get(change.id, ""),
-            kind=shown(change.kind),
+            kind=shown(change.label),
             name=shown(change.id),
-            message=shown(change.message),
+            message=shown("; ".join(change.messages)),
         )
         for change in baseline.changes
     )

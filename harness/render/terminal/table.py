@@ -11,9 +11,10 @@ from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.render.terminal.console import print_hint, print_wrapped
 from physics_crosscheck.harness.render.terminal.models_table import (
     finite_values,
@@ -74,7 +75,9 @@ def print_results(
     if results.baseline is not None:
         _print_changes(console, results.baseline)
         codes += [
-            one.code for one in results.baseline.changes if one.kind in ("regression", "missing")
+            one.code
+            for one in results.baseline.changes
+            if not one.status.passes and one.status is not Status.NEW
         ]
     _print_last(console, summary(results), report)
     if not quiet:
@@ -334,10 +337,10 @@ def _single_steps(models: Iterable[Model]) -> list[str]:
 
 def _print_changes(console: Console, baseline: BaselineChanges) -> None:
     """Print changes since the baseline; only the report lists cases that were never accepted."""
-    changes = [one for one in baseline.changes if one.kind != "new"]
-    alike: dict[str, list[BaselineChange]] = {}
+    changes = [one for one in baseline.changes if one.status is not Status.NEW]
+    alike: dict[str, list[Diff]] = {}
     for change in changes:
-        begin = f"{change.kind}  {with_code(change.code, f'{change.system}/{change.model}')}"
+        begin = f"{change.label}  {with_code(change.code, f'{change.system}/{change.model}')}"
         alike.setdefault(begin, []).append(change)
     lines = [f"{begin}  {_changes_text(group)}" for begin, group in alike.items()]
     if (hidden := len(lines) - MAX_PROBLEMS) > 0:
@@ -346,16 +349,16 @@ def _print_changes(console: Console, baseline: BaselineChanges) -> None:
     _print_list(console, f"changes since {baseline.name}", lines)
 
 
-def _changes_text(changes: Sequence[BaselineChange]) -> str:
+def _changes_text(changes: Sequence[Diff]) -> str:
     """Return the cases of one model file that changed, and the first one's message."""
     first, *others = changes
-    messages = {change.message for change in changes}
-    if len(messages) == 1:
+    message = "; ".join(first.messages)
+    if all(change.messages == first.messages for change in others):
         names = [f"{one.scenario} [{one.engine}]" for one in changes]
         more = f" and {len(names) - MAX_CASES} more" if len(names) > MAX_CASES else ""
-        return f"{', '.join(names[:MAX_CASES])}{more}: {first.message}"
+        return f"{', '.join(names[:MAX_CASES])}{more}: {message}"
     more = f"; {counted(len(others), 'more case')} of the file in the report"
-    return f"{first.scenario} [{first.engine}]: {first.message}{more}"
+    return f"{first.scenario} [{first.engine}]: {message}{more}"
 
 
 def _print_last(console: Console, line: str, report: Path | None) -> None:
