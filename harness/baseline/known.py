@@ -21,10 +21,10 @@ from physics_crosscheck.harness.baseline.classify import (
 )
 from physics_crosscheck.harness.baseline.diff import diff_cases, motion_of
 from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
-from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, versions
+from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale_models
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.engines.registry import absent_extras, engines
+from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
@@ -116,7 +116,7 @@ def accepted(
     systems = {} if place is None else read_baseline(place)
     if place is None or not systems:
         return None
-    versions = {name: engine.version() for name, engine in engines().items()}
+    engine_versions = versions()
     folders: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
     snapshots: dict[CaseId, Snapshot] = {}
     for target in targets:
@@ -129,37 +129,23 @@ def accepted(
             accepted_system = None  # other options make it a different robot
         folders[str(target)] = scan, accepted_system
         if accepted_system is not None:
-            for case in _to_measure(scan, accepted_system, versions, resolution):
-                if (snapshot := accepted_system.snapshot(case)) is not None:
-                    snapshots[case] = snapshot
+            changed = set(stale_models(scan, accepted_system, engine_versions, resolution))
+            snapshots |= {
+                case: snapshot
+                for case, entry in accepted_system.cases.items()
+                if entry.outcome is not Outcome.AGREES or (case.model, case.engine) in changed
+                if (snapshot := accepted_system.snapshot(case)) is not None
+            }
     return Accepted(
         place=place,
         systems=systems,
         folders=folders,
-        versions=versions,
+        versions=engine_versions,
         resolution=resolution,
         engines=only,
         absent=frozenset(absent_extras()),
         snapshots=snapshots,
     )
-
-
-def _to_measure(
-    scan: FolderFiles,
-    system_baseline: SystemBaseline,
-    versions: Mapping[str, str | None],
-    resolution: float,
-) -> Iterator[CaseId]:
-    """Yield the cases of a system that are known differences or have changed dependencies."""
-    changed = {
-        (model.model, engine)
-        for model in scan.models
-        for engine in model.engines
-        if stale(scan, model, engine, system_baseline, versions, resolution)
-    }
-    for case in system_baseline.cases:
-        if case in system_baseline.known_differences or (case.model, case.engine) in changed:
-            yield case
 
 
 def mark_known(

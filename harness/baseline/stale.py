@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.file import SystemBaseline
@@ -99,6 +99,19 @@ def match(
         if candidate.robot is None and candidate.declared.folder.rpartition("/")[2] == target.name
     ]
     return named[0] if len(named) == 1 else None
+
+
+def stale_models(
+    scan: FolderFiles,
+    accepted: SystemBaseline | None,
+    versions: Mapping[str, str | None],
+    resolution: float,
+) -> Iterator[tuple[str, str]]:
+    """Yield each model file with each engine in which a dependency of its cases changed."""
+    for model in scan.models:
+        for engine in model.engines:
+            if stale(scan, model, engine, accepted, versions, resolution):
+                yield model.model, engine
 
 
 def stale(

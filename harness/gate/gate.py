@@ -21,9 +21,9 @@ from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, hashed_again
 from physics_crosscheck.harness.baseline.store import named_targets
 from physics_crosscheck.harness.gate.file_diffs import file_diffs
-from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.survey import (
+    GateOptions,
     Survey,
     by_name,
     is_expected,

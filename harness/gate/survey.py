@@ -1,25 +1,25 @@
-"""State of the gate before a run: the baseline, the files and their changes."""
+"""Options of the gate, and its state before a run: the baseline, the files and their changes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 
 from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, versions
 from physics_crosscheck.harness.baseline.stale import (
     location,
     robot_name,
     robot_options,
     scan_target,
-    stale,
+    stale_models,
 )
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.engines.registry import absent_extras
+from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId
@@ -27,6 +27,39 @@ from physics_crosscheck.harness.records.results import Results
 
 ModelInEngine = tuple[str, str, str]
 """(folder, model file, engine)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateOptions:
+    """Options of the gate.
+
+    Attributes:
+        baseline: folder of the accepted baseline.
+        engines: engines to run; empty: all.
+        every: whether to run unchanged cases too.
+        diagnose: whether to find the cause of each difference, which takes longer.
+        resolution, jobs, limits: as in `harness.run.Options`.
+        floating, model: the same for robot files; default: as accepted.
+        parents: folders whose systems are all given, so that a missing system counts as gone; None:
+            expect every system of the baseline.
+    """
+
+    baseline: Path
+    engines: tuple[str, ...] = ()
+    every: bool = False
+    diagnose: bool = False
+    resolution: float = 1e-9
+    jobs: int = 0
+    limits: Limits = field(default_factory=Limits)
+    floating: bool = False
+    model: str = ""
+    parents: tuple[Path, ...] | None = None
+
+    def left_out(self, engines: Collection[str]) -> frozenset[str]:
+        """Return the engines to ignore: not requested, or of extras that are not installed."""
+        absent = absent_extras()
+        unasked = {name for name in engines if self.engines and name not in self.engines}
+        return frozenset(unasked | {name for name in engines if name in absent})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +112,7 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
         OSError: for an unreadable file.
     """
     baseline = read_baseline(options.baseline)
-    versions = {name: engine.version() for name, engine in engines().items()}
+    engine_versions = versions()
     pairs = [_scan(target, baseline, options) for target in targets]
     scans = tuple(scan for scan, _ in pairs)
     matched = {scan.folder: system_baseline for scan, system_baseline in pairs}
@@ -89,14 +122,14 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
     declared = {name for scan in scans for model in scan.models for name in model.engines}
     left_out = options.left_out(accepted | declared)
     chosen = frozenset(
-        model
+        (str(scan.folder), model, engine)
         for scan in scans
-        for model in _chosen(scan, matched[scan.folder], versions, options)
-        if model[2] not in left_out
+        for model, engine in _to_run(scan, matched[scan.folder], engine_versions, options)
+        if engine not in left_out
     )
     return Survey(
         baseline=baseline,
-        versions=versions,
+        versions=engine_versions,
         scans=scans,
         matched=matched,
         left_out=left_out,
@@ -112,19 +145,16 @@ def _scan(
     return scan_target(target, options.baseline, baseline, options.engines, given)
 
 
-def _chosen(
+def _to_run(
     scan: FolderFiles,
-    system_baseline: SystemBaseline | None,
+    accepted: SystemBaseline | None,
     versions: Mapping[str, str | None],
     options: GateOptions,
-) -> Iterator[ModelInEngine]:
-    """Yield the models of a folder that must run, in any engine: changed ones, or all."""
-    for model in scan.models:
-        for engine in model.engines:
-            if options.every or stale(
-                scan, model, engine, system_baseline, versions, options.resolution
-            ):
-                yield str(scan.folder), model.model, engine
+) -> Iterable[tuple[str, str]]:
+    """Return the models of a folder, in any engine, that must run: changed ones, or all."""
+    if options.every:
+        return ((model.model, engine) for model in scan.models for engine in model.engines)
+    return stale_models(scan, accepted, versions, options.resolution)
 
 
 def by_name(state: Survey, results: Results | None, baseline: Path) -> dict[str, FolderFiles]:

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.registry import (
     engines_reading,
     engines_to_run,
 )
-from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.survey import GateOptions
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines

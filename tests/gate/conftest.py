@@ -11,8 +11,8 @@ import pytest
 
 from physics_crosscheck.harness.gate.accept import Accepted, accept
 from physics_crosscheck.harness.gate.gate import gate
-from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.survey import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.standing import brief, standing_only
 

@@ -21,8 +21,8 @@ from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.gate.accept import Accepted, accept
 from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
-from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.survey import GateOptions
 from physics_crosscheck.harness.gate.text import gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE

@@ -54,6 +54,8 @@ def hostile(name: str, found: Results) -> Results:
         "label",
         "put_into",
         "severity",
+        "status",
+        "changed",
     }
 
     def spoil(value: Any, key: str = "") -> Any:

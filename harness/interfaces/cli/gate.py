@@ -13,8 +13,8 @@ from pathlib import Path
 from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
-from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.survey import GateOptions
 from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL

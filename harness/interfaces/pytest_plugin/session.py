@@ -12,7 +12,7 @@ import pytest
 from physics_crosscheck.harness.baseline.store import BaselineError
 from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
 from physics_crosscheck.harness.gate.gate import gate
-from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.survey import GateOptions
 from physics_crosscheck.harness.gate.text import accepted_lines
 from physics_crosscheck.harness.interfaces.pytest_plugin.collect import RobotFile, SystemFile
 from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER

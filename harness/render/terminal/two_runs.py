@@ -22,9 +22,9 @@ from physics_crosscheck.harness.results.status import counted
 
 def headline(runs: RunDiff) -> str:
     """Return one line: how many cases changed, each by its worst change."""
+    parts = counted_changes(Counter(case.changed[0] for case in runs.changed if case.changed))
     states = Counter(case.status for case in runs.changed)
-    parts = [f"{states[one]} {one}" for one in (Status.GONE, Status.NEW) if states[one]]
-    parts += counted_changes(Counter(case.changed[0] for case in runs.changed if case.changed))
+    parts += [f"{states[one]} {one}" for one in (Status.GONE, Status.NEW) if states[one]]
     worse = sum(case.is_worse for case in runs.cases)
     line = f"{counted(len(runs.cases), 'case')}: {', '.join(parts) or 'nothing changed'}"
     return f"{line}; {worse} worse" if worse else line
