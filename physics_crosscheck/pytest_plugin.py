@@ -41,6 +41,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="relative difference to resolve [1e-9]",
     )
     group.addoption(
+        "--crosscheck-thorough",
+        action="store_true",
+        help="run every check, also where a cheaper one decides",
+    )
+    group.addoption(
         "--crosscheck-limit",
         metavar="S",
         default="120",

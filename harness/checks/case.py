@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msgspec import structs
 
+from physics_crosscheck.harness.checks.by_steps import StepsVerdict, decide_by_steps
 from physics_crosscheck.harness.checks.case_record import (
+    SERIES,
+    DefectSeries,
     dynamics_record,
     full_run_record,
+    segment_defects,
     series_record,
     stepping_record,
     verdict_record,
@@ -28,13 +33,14 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
     forward_dynamics,
     mixed,
 )
-from physics_crosscheck.harness.numerics.full_run import why_no_run
+from physics_crosscheck.harness.numerics.full_run import CompleteRun, why_no_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
-from physics_crosscheck.harness.numerics.step_study import study_step
-from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
+from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.case import Case, SkippedCheck, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.solving.segments import Motion
 
 
@@ -116,55 +122,53 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         raise StepError(f"{_place_of_step(task)}: {why}")
     # Now: some engines unload this model when another one is loaded.
     poses = _poses(task, model, coordinates)
-    shipped, verdict = _judged(task, (model, coordinates))
-    stepping = _stepping(task, shipped)  # with the integrator that the file selects
-    followed, verdict, dynamics = _decided(task, shipped, verdict)
-    if poses is not None:
-        verdict = with_poses(verdict, poses)
+    judged = _judgement(task, (model, coordinates), None if why else motion)
+    verdict = judged.verdict if poses is None else with_poses(judged.verdict, poses)
+    study, full_run, series = None, None, None
+    if motion is not None and not why:
+        study = _study(task, (model, coordinates), motion, judged, verdict)
+        if (
+            judged.by_steps and not study.full_run_check.conclusive
+        ):  # these two contradict each other
+            judged = _by_segments(task, (model, coordinates), judged.stepping, judged.dynamics)
+            verdict = judged.verdict if poses is None else with_poses(judged.verdict, poses)
+            study = _study(task, (model, coordinates), motion, judged, verdict)
+        elif judged.by_steps:
+            verdict = replace(verdict, order=study.full_run_check.order)
     outcome, reason, kind = verdict.outcome, verdict.reason, verdict.kind
-    full_run, series = None, None
     if why:
         reason = "; ".join(filter(None, (reason, f"no motion from rest: {why}")))
-    elif motion is not None:
-        amplitude = task.target.amplitude_of(motion)
-        study = study_step(
-            model,
-            coordinates,
-            motion,
-            power=task.target.power(),
-            amplitude=amplitude,
-            claimed=shipped.claimed,
-            agrees=outcome is Outcome.AGREES,
-        )
-        outcome, reason, kind = with_full_runs(verdict, study, motion, shipped.claimed)
+    elif motion is not None and study is not None:
+        outcome, reason, kind = with_full_runs(verdict, study, motion, judged.shipped_order)
         if outcome is Outcome.FAILED:
             reason = _with_warnings(reason, task, model)
         full_run = full_run_record(study, model.step, model.integrator)
         if isinstance(task.target, PreparedSystem):
             series = series_record(
                 motion,
-                shipped.limits,
+                _defects(judged, motion),
                 study,
-                amplitude=amplitude,
+                amplitude=task.target.amplitude_of(motion),
                 components=task.target.components,
             )
-    reason = "; ".join(filter(None, (reason, *followed.model.reservations)))
+    reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
     return structs.replace(
         _case(task, outcome, reason),
         kind=kind,
         locations=_lines(task, poses) if kind == "pose" and poses is not None else (),
         poses=None if poses is None else poses.record,
-        verdict=verdict_record(verdict, followed.limits, followed.claimed),
+        verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
         full_run=full_run,
         series=series,
-        stepping=stepping,
-        forward_dynamics=dynamics_record(dynamics, tuple(followed.model.coordinates)),
+        stepping=judged.stepping_record(task.target.components),
+        forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
+        skipped=() if task.thorough else tuple(_skipped(judged, study)),
         seconds=time.perf_counter() - began,
     )
 
 
 def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None = None) -> Verdict:
-    """Judge every segment, without a run at the file's own time step.
+    """Judge the motion of a model, without a run at the file's own time step.
 
     Args:
         task: the task.
@@ -176,7 +180,139 @@ def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None 
     """
     if loaded is not None:
         return _judged(task, loaded)[1]
-    return _decided(task, *_judged(task))[1]
+    return _judgement(task, task.load(), None).verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Judgement:
+    """The verdict on a motion, and the checks behind it.
+
+    Attributes:
+        model: the model that decides: with another integrator if only that resolves the case.
+        order: order of accuracy that it claims.
+        shipped_order: order that the file's own integrator claims.
+        limits: the segments that decide; None if single steps do.
+        shipped: the segments by the file's own integrator; None if single steps decide.
+        by_steps: the single steps that decide; None if segments do.
+    """
+
+    verdict: Verdict
+    model: Model
+    order: int
+    shipped_order: int
+    stepping: StepComparison | None
+    dynamics: AccelerationComparison | None
+    limits: Extrapolated | None = None
+    shipped: Extrapolated | None = None
+    by_steps: StepsVerdict | None = None
+
+    @property
+    def base_run(self) -> CompleteRun | None:
+        """The run at the file's own time step, if single steps needed it."""
+        steps = self.by_steps and self.by_steps.motion
+        return steps.run if steps else None
+
+    @property
+    def steps_taken(self) -> int:
+        """Number of engine steps of the check that decides."""
+        if self.limits is not None:
+            return self.limits.steps
+        return self.by_steps.steps if self.by_steps else 0
+
+    def stepping_record(self, components: tuple[str, ...]) -> Stepping | None:
+        """Build the record of single steps."""
+        return None if self.stepping is None else stepping_record(self.stepping, components)
+
+
+def _judgement(
+    task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap], motion: Motion | None
+) -> _Judgement:
+    """Judge by single steps where they leave no doubt, and by segments otherwise.
+
+    Args:
+        motion: the motion of full runs; None without one.
+    """
+    model, _ = loaded
+    stepping, dynamics = _stepping(task, *loaded), _dynamics(task, *loaded)
+    if not task.thorough and (steps := decide_by_steps(task, loaded, stepping, dynamics, motion)):
+        order = model.exponents(task.target.segments(task.scenario).varying)[0]
+        return _Judgement(
+            verdict=steps.verdict,
+            model=model,
+            order=order,
+            shipped_order=order,
+            stepping=stepping,
+            dynamics=dynamics,
+            by_steps=steps,
+        )
+    return _by_segments(task, loaded, stepping, dynamics)
+
+
+def _by_segments(
+    task: ModelTask[Prepared],
+    loaded: tuple[Model, CoordinateMap],
+    stepping: StepComparison | None,
+    dynamics: AccelerationComparison | None,
+) -> _Judgement:
+    """Judge by extrapolated segments."""
+    shipped, verdict = _judged(task, loaded)
+    followed, verdict = _decided(task, shipped, verdict, dynamics)
+    return _Judgement(
+        verdict=verdict,
+        model=followed.model,
+        order=followed.claimed,
+        shipped_order=shipped.claimed,
+        stepping=stepping,
+        dynamics=dynamics,
+        limits=followed.limits,
+        shipped=shipped.limits,
+    )
+
+
+def _study(
+    task: ModelTask[Prepared],
+    loaded: tuple[Model, CoordinateMap],
+    motion: Motion,
+    judged: _Judgement,
+    verdict: Verdict,
+) -> StepStudy:
+    """Run at the file's own time step and at related steps."""
+    return study_step(
+        *loaded,
+        motion,
+        power=task.target.power(),
+        amplitude=task.target.amplitude_of(motion),
+        claimed=judged.shipped_order,
+        agrees=verdict.outcome is Outcome.AGREES,
+        thorough=task.thorough,
+        base=judged.base_run,
+    )
+
+
+def _defects(judged: _Judgement, motion: Motion) -> DefectSeries:
+    """Return the defects for plots: of segments, or of the single steps that decide."""
+    steps = judged.by_steps and judged.by_steps.motion
+    if steps:
+        return DefectSeries(*steps.picked(SERIES))
+    assert judged.shipped is not None
+    return segment_defects(motion, judged.shipped)
+
+
+def _skipped(judged: _Judgement, study: StepStudy | None) -> Iterator[SkippedCheck]:
+    """Yield the checks that did not run, since others decide."""
+    steps = judged.by_steps
+    if steps is not None:
+        reason = f"{counted(steps.steps, 'single step')} of the engine's rule decide"
+        yield SkippedCheck(check="segments", reason=reason)
+    if study is None:
+        return
+    if judged.stepping is not None:
+        what = "each step of the full run is" if steps else "segments are"
+        yield SkippedCheck(check="1000 steps", reason=f"{what} compared")
+    if all(run.h >= study.base_run.h for run in study.others):
+        reason = "coarser runs show the order and predict the error at dt"
+        yield SkippedCheck(check="finer full runs", reason=reason)
+    yield SkippedCheck(check="predicted time step", reason="the full runs predict it")
 
 
 def _case(task: ModelTask[Prepared], outcome: Outcome, reason: str) -> Case:
@@ -209,13 +345,16 @@ def _judged(
 
 
 def _decided(
-    task: ModelTask[Prepared], followed: Followed, verdict: Verdict
-) -> tuple[Followed, Verdict, AccelerationComparison | None]:
+    task: ModelTask[Prepared],
+    followed: Followed,
+    verdict: Verdict,
+    dynamics: AccelerationComparison | None,
+) -> tuple[Followed, Verdict]:
     """Refine the verdict with the engine's accelerations, and with another integrator if needed."""
-    dynamics, names = _dynamics(task, followed), tuple(followed.model.coordinates)
+    names = tuple(followed.model.coordinates)
     if isinstance(task.target, PreparedTree) and verdict.outcome is Outcome.UNRESOLVED:
         followed, verdict = _by_another_integrator(task, followed, verdict)
-    return followed, with_dynamics(verdict, dynamics, names, task.resolution), dynamics
+    return followed, with_dynamics(verdict, dynamics, names, task.resolution)
 
 
 def _by_another_integrator(
@@ -261,24 +400,27 @@ def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str
     return motion, "" if motion is None else why_no_run(motion.duration, model.step)
 
 
-def _stepping(task: ModelTask[Prepared], followed: Followed) -> Stepping | None:
-    """Compare single steps of the engine."""
+def _stepping(
+    task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap
+) -> StepComparison | None:
+    """Compare single steps of the engine, with the integrator that the file selects."""
     target, stepped = task.target, task.target.stepped
     if stepped is None:
         return None
-    stepping = step_engine(
-        followed.model,
-        followed.map,
+    return step_engine(
+        model,
+        coordinates,
         stepped,
         *target.states(task.scenario),
         task.resolution,
         fastest=target.segments(task.scenario).fastest,
-        long=isinstance(target, PreparedSystem),
+        long=task.thorough and isinstance(target, PreparedSystem),
     )
-    return None if stepping is None else stepping_record(stepping, target.components)
 
 
-def _dynamics(task: ModelTask[Prepared], followed: Followed) -> AccelerationComparison | None:
+def _dynamics(
+    task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap
+) -> AccelerationComparison | None:
     """Compare the engine's accelerations at those states, and at further states in the same
     positions.
     """
@@ -286,7 +428,7 @@ def _dynamics(task: ModelTask[Prepared], followed: Followed) -> AccelerationComp
     if stepped is None:
         return None
     states, inputs = mixed(*task.target.states(task.scenario))
-    return forward_dynamics(followed.model, followed.map, stepped, states, inputs, task.resolution)
+    return forward_dynamics(model, coordinates, stepped, states, inputs, task.resolution)
 
 
 def _with_warnings(reason: str, task: ModelTask[Prepared], model: Model) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from physics_crosscheck.harness.checks.verdict import Verdict as Judgement
@@ -46,8 +48,16 @@ fewer.
 """
 
 
-def verdict_record(judged: Judgement, limits: Extrapolated, claimed: int) -> Verdict:
-    """Build the record of a verdict."""
+def verdict_record(
+    judged: Judgement, limits: Extrapolated | None, claimed: int, steps: int
+) -> Verdict:
+    """Build the record of a verdict.
+
+    Args:
+        limits: the segments; None where single steps decide.
+        claimed: order that the engine claims.
+        steps: number of engine steps.
+    """
     return Verdict(
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
@@ -57,11 +67,12 @@ def verdict_record(judged: Judgement, limits: Extrapolated, claimed: int) -> Ver
         largest_uncertainty=number(judged.largest_uncertainty),
         order=number(judged.order),
         claimed_order=claimed,
-        rungs=tuple(limits.rungs),
-        steps=int(limits.steps),
+        rungs=() if limits is None else tuple(limits.rungs),
+        steps=int(steps),
         map_residual=number(judged.map_residual),
         map_uncertainty=number(judged.map_uncertainty),
         resolution=number(judged.resolution),
+        decided_by=judged.decided_by,
     )
 
 
@@ -110,7 +121,7 @@ def full_run_record(study: StepStudy, time_step: float, integrator: str) -> Full
         global_error=number(study.global_error),
         velocity_error=number(study.velocity_error),
         order=number(study.full_run_check.order),
-        residual=number(study.full_run_check.residual),
+        residual=number(study.full_run_check.residual) if len(study.others) > 1 else None,
         resolved_until=number(study.full_run_check.until),
         decomposition=_decomposition(study),
         steps_for=tuple(
@@ -142,9 +153,40 @@ def _checked_step(study: StepStudy) -> CheckedStep | None:
     return CheckedStep(target=float(target), step=float(step), measured=number(measured))
 
 
+@dataclass(frozen=True)
+class DefectSeries:
+    """Defects for plots, at P times: of segments, or of single steps.
+
+    Attributes:
+        t: start times, (P,), s.
+        defect, uncertainty: relative, (P, 2n).
+        convergence: convergence of the extrapolation; None for steps.
+    """
+
+    t: Array
+    defect: Array
+    uncertainty: Array
+    convergence: Convergence | None = None
+
+
+def segment_defects(motion: Motion, limits: Extrapolated) -> DefectSeries:
+    """Return the defects of the segments of a motion."""
+    segments = even_indices(len(motion.t), SERIES)
+    defect = (limits.limit.value - motion.end) / motion.unit
+    uncertainty = (limits.limit.uncertainty + motion.bound) / motion.unit
+    raw = np.sqrt(np.mean(((limits.raw - motion.end) / motion.unit) ** 2, axis=1))
+    convergence = Convergence(
+        rungs=tuple(limits.rungs),
+        h=_row(float(np.mean(motion.lengths)) / np.array(limits.rungs), 6),
+        defect=_row(np.max(raw, axis=1), 4),
+        increments=_row(limits.limit.increments, 4),
+    )
+    return DefectSeries(motion.t[segments], defect[segments], uncertainty[segments], convergence)
+
+
 def series_record(
     motion: Motion,
-    limits: Extrapolated,
+    defects: DefectSeries,
     study: StepStudy,
     *,
     amplitude: Array,
@@ -154,7 +196,7 @@ def series_record(
 
     Args:
         motion: the reference motion.
-        limits: the extrapolated segments.
+        defects: the defects of segments or steps.
         study: the full runs.
         amplitude: scale of the global errors, (2n,).
         components: names of the state's components.
@@ -162,25 +204,16 @@ def series_record(
     shipped, balance = study.base_run, study.base_run.balance
     picked = even_indices(len(shipped.t), SERIES)
     t = shipped.t[picked]
-    segments = even_indices(len(motion.t), SERIES)
-    defect = (limits.limit.value - motion.end) / motion.unit
-    uncertainty = (limits.limit.uncertainty + motion.bound) / motion.unit
-    raw = np.sqrt(np.mean(((limits.raw - motion.end) / motion.unit) ** 2, axis=1))
     return Series(
         t=_row(t, DIGITS),
         components=components,
         reference=_rows(motion.states_at(t).T, DIGITS),
         engine=_rows(shipped.states[picked].T, 6),
         error=_rows(shipped.error[picked].T, 4),
-        segment_t=_row(motion.t[segments], 6),
-        defect=_rows(defect[segments].T, 3),
-        defect_uncertainty=_rows(uncertainty[segments].T, 3),
-        convergence=Convergence(
-            rungs=tuple(limits.rungs),
-            h=_row(float(np.mean(motion.lengths)) / np.array(limits.rungs), 6),
-            defect=_row(np.max(raw, axis=1), 4),
-            increments=_row(limits.limit.increments, 4),
-        ),
+        segment_t=_row(defects.t, 6),
+        defect=_rows(defects.defect.T, 3),
+        defect_uncertainty=_rows(defects.uncertainty.T, 3),
+        convergence=defects.convergence,
         full_runs=_step_errors(study, amplitude),
         energy=EnergySeries(
             held=_row(balance.held[picked] - balance.held[0], 5),

@@ -143,6 +143,7 @@ def with_poses(verdict: Verdict, check: PoseCheck) -> Verdict:
         reason="; ".join([*(one.message for one in check.findings), motions_in_words(verdict)]),
         resolution=RESOLUTION,
         kind="pose",
+        decided_by="poses",
     )
 
 

@@ -36,6 +36,7 @@ class ModelTask(Generic[P]):
         sidecar: of a folder's model; None for a file alone.
         scenario: name of one scenario; empty for tasks of all.
         resolution: relative discrepancy to resolve.
+        thorough: whether every check runs, also those whose answer others imply.
     """
 
     target: P
@@ -44,6 +45,7 @@ class ModelTask(Generic[P]):
     sidecar: Sidecar | None = None
     scenario: str = ""
     resolution: float = RESOLUTION
+    thorough: bool = False
 
     @property
     def file(self) -> Path:
@@ -120,6 +122,7 @@ def model_task(
     *,
     scenario: str = "",
     resolution: float = RESOLUTION,
+    thorough: bool = False,
 ) -> ModelTask[Q]:
     """Build the task of a model in an engine.
 
@@ -135,6 +138,7 @@ def model_task(
         sidecar=sidecar,
         scenario=scenario,
         resolution=resolution,
+        thorough=thorough,
     )
 
 

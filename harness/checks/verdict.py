@@ -24,7 +24,7 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
 from physics_crosscheck.harness.numerics.residual import Residual
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import StepStudy
-from physics_crosscheck.harness.records.case import CaseKind, starts_at
+from physics_crosscheck.harness.records.case import CaseKind, DecidedBy, starts_at
 from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
 from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -50,6 +50,7 @@ class Verdict:
         resolution: resolution of the verdict: the requested one, or the one that the engine's
             precision allows.
         kind: kind of the reason for DIFFERS or UNRESOLVED; empty for AGREES.
+        decided_by: the check that these numbers come from.
     """
 
     outcome: Outcome
@@ -65,6 +66,7 @@ class Verdict:
     reason: str
     resolution: float
     kind: CaseKind = ""
+    decided_by: DecidedBy = "segments"
 
 
 STILL = 1e-12
@@ -468,6 +470,7 @@ def _decided(
         reason=reason,
         resolution=resolution,
         kind="acceleration" if judged.outcome is Outcome.DIFFERS else "",
+        decided_by="accelerations",
     )
 
 

@@ -132,6 +132,7 @@ def _run(state: Survey, options: GateOptions, progress: Progress) -> Run:
             limits=options.limits,
             selection=selection,
             robots=robots,
+            thorough=options.thorough,
         ),
         progress,
         robots=list(robots),

@@ -39,6 +39,7 @@ class GateOptions:
         every: whether to run unchanged cases too.
         diagnose: whether to find the cause of each difference, which takes longer.
         resolution, jobs, limits: as in `harness.run.Options`.
+        thorough: whether every check of a case runs.
         floating, model: the same for robot files; default: as accepted.
         parents: folders whose systems are all given, so that a missing system counts as gone; None:
             expect every system of the baseline.
@@ -54,6 +55,7 @@ class GateOptions:
     floating: bool = False
     model: str = ""
     parents: tuple[Path, ...] | None = None
+    thorough: bool = False
 
     def left_out(self, engines: Collection[str]) -> frozenset[str]:
         """Return the engines to ignore: not requested, or of extras that are not installed."""

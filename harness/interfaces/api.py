@@ -181,6 +181,7 @@ def check(
     scheduler: str = "",
     floating: bool = False,
     model: str = "",
+    thorough: bool = False,
 ) -> Results:
     """Run every model and robot file in every scenario, and compare it with its equations.
 
@@ -197,6 +198,7 @@ def check(
         scheduler: address of a Dask scheduler; empty: processes of this machine.
         floating: True lets the root link of a URDF move.
         model: model to read from an SDFormat file that has several.
+        thorough: True runs every check, also where a cheaper one decides.
 
     Raises:
         FolderError: if a path is not a target, or an engine is unknown.
@@ -224,6 +226,7 @@ def check(
         floating=bool(floating),
         model=model,
         choice=targets.choice,
+        thorough=bool(thorough),
     )
     with without_main():
         record = run(targets.folders, options, lambda *_: None, robots=targets.robots).results

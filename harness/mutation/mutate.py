@@ -49,6 +49,7 @@ def mutate(
     choice: CaseSelection = CaseSelection(),  # noqa: B008  # frozen
     floating: bool = False,
     model: str = "",
+    thorough: bool = False,
     warn: Callable[[str], object] = lambda _: None,
 ) -> list[Mutation]:
     """Plant every known fault in models; skip engines that are not installed.
@@ -61,13 +62,14 @@ def mutate(
         limits: limits of one fault.
         choice: the models of folders to use.
         floating, model: options for reading robot files, as in `read_robot`.
+        thorough: whether every check of a robot file runs.
         warn: called with a sentence for each engine that does not agree with a sound robot file.
 
     Raises:
         MutationError: for a model that is not sound; the message names file and remedy. A robot
             file is sound if it agrees with its equations in one engine.
     """
-    plan = _Plan(only, progress, choice)
+    plan = _Plan(only, progress, choice, thorough)
     preparing = partial(prepare, described=False, floating=floating, model=model)
     with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
         work((plan.target(one, preparing) for one in targets), pool)
@@ -91,6 +93,7 @@ class _Plan:
     only: Sequence[str]
     progress: Progress
     choice: CaseSelection
+    thorough: bool
     unsound: dict[Path, list[str]] = field(default_factory=dict)
     sound: set[Path] = field(default_factory=set)
     found: list[tuple[int, Mutation]] = field(default_factory=list)
@@ -129,7 +132,7 @@ class _Plan:
             path, sidecar = model_path(file), file if isinstance(file, Sidecar) else None
             unsound = partial(self._robot_unsound if standalone else _unsound, path)
             if isinstance(prepared, PreparedTree):
-                tree = model_task(prepared, engine, sidecar)
+                tree = model_task(prepared, engine, sidecar, thorough=self.thorough)
                 done = partial(self._tree_faults, path)
                 yield Job(task=Task(faults_of, tree), done=done, failed=unsound)
             else:

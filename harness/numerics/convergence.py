@@ -153,6 +153,11 @@ class FullRunCheck:
         """True if the run at the file's time step matches the prediction of the other runs."""
         return self.deviation <= self.deviation_bound
 
+    @property
+    def conclusive(self) -> bool:
+        """True if the runs converge, and predict the run at the file's time step."""
+        return self.converges and self.predicted
+
 
 def check_full_runs(
     runs: Sequence[SampledRun],

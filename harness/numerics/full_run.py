@@ -130,7 +130,40 @@ def full_run(
 ) -> CompleteRun:
     """Run a motion from start to end with step h, sampled every `every` steps (0: automatic)."""
     extent = _Extent.whole(motion, h, every)
-    run, zs, seconds = _rolled(model, coordinates, motion, h, extent)
+    samples = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
+    return _complete(model, coordinates, motion, power, samples, h, extent)
+
+
+def traced_run(
+    model: Model, coordinates: CoordinateMap, motion: Motion, power: VectorFunction, h: float
+) -> tuple[CompleteRun, Array, Array]:
+    """Run a motion from start to end as `full_run` does, and return all its states.
+
+    Returns:
+        The run, its states (S + 1, 2n), and their residuals of the coordinate map, (S + 1, 2nz),
+        or without columns if the map is one to one.
+    """
+    extent = _Extent.whole(motion, h, 0)
+    every_step = replace(extent, every=1)
+    samples = _stepped(model, coordinates, motion.inputs, motion.duration, h, every_step)
+    run = _complete(model, coordinates, motion, power, samples.thinned(extent.every), h, extent)
+    residuals = np.zeros((len(samples.t), 0))
+    if coordinates.redundant:
+        residuals = coordinates.residual(samples.zs, samples.ws, samples.states)
+    return run, samples.states, residuals
+
+
+def _complete(
+    model: Model,
+    coordinates: CoordinateMap,
+    motion: Motion,
+    power: VectorFunction,
+    samples: _Samples,
+    h: float,
+    extent: _Extent,
+) -> CompleteRun:
+    """Return a run with its drift and its energy balance."""
+    run = _sampled(motion, samples, h, extent, model.epsilon)
     return CompleteRun(
         h=h,
         steps=run.steps,
@@ -139,15 +172,15 @@ def full_run(
         states=run.states,
         error=run.error,
         epsilon=run.epsilon,
-        drift=coordinates.drift(zs),
+        drift=coordinates.drift(samples.zs),
         balance=energy_balance(run.t, run.states, motion, power),
-        seconds=seconds,
+        seconds=samples.seconds,
     )
 
 
 def sampled_run(model: Model, coordinates: CoordinateMap, motion: Motion, h: float) -> SampledRun:
     """Run a motion from start to end, without energy balance and drift."""
-    return _rolled(model, coordinates, motion, h, _Extent.whole(motion, h, 0))[0]
+    return _rolled(model, coordinates, motion, h, _Extent.whole(motion, h, 0))
 
 
 def beginning(
@@ -156,7 +189,7 @@ def beginning(
     """Run the beginning of a motion, of at most `limit` steps, sampled every `every` steps."""
     steps = min(steps_of(motion.duration, h), limit)
     extent = _Extent(steps - steps % every, every, motion.start[0])
-    return _rolled(model, coordinates, motion, h, extent)[0]
+    return _rolled(model, coordinates, motion, h, extent)
 
 
 def follow(
@@ -177,7 +210,7 @@ def follow(
     extent = _Extent.whole(motion, h, every)
     if moved is not None:
         extent = replace(extent, start=extent.start + moved)
-    run, *_ = _rolled(model, coordinates, motion, h, extent)
+    run = _rolled(model, coordinates, motion, h, extent)
     return run.t, run.states
 
 
@@ -226,29 +259,53 @@ class _Extent:
 
 def _rolled(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, extent: _Extent
-) -> tuple[SampledRun, Array, float]:
-    """Return a run, its samples in engine coordinates, (S, nz), and its duration in seconds."""
+) -> SampledRun:
     samples = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
-    run = SampledRun(
+    return _sampled(motion, samples, h, extent, model.epsilon)
+
+
+def _sampled(
+    motion: Motion, samples: _Samples, h: float, extent: _Extent, epsilon: float
+) -> SampledRun:
+    """Return samples with their errors."""
+    return SampledRun(
         h=h,
         steps=extent.steps,
         every=extent.every,
         t=samples.t,
         states=samples.states,
         error=samples.states - motion.states_at(samples.t),
-        epsilon=model.epsilon,
+        epsilon=epsilon,
     )
-    return run, samples.zs, samples.seconds
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Samples:
-    """Samples of a run: times (S,), states (S, 2n), engine positions (S, nz), seconds."""
+    """Samples of a run: times (S,), states (S, 2n), the engine's positions and velocities, (S, nz)
+    each, and seconds.
+    """
 
     t: Array
     states: Array
     zs: Array
+    ws: Array
     seconds: float
+
+    def thinned(self, by: int) -> _Samples:
+        """Return only every `by`-th sample."""
+        return _Samples(
+            t=self.t[::by],
+            states=self.states[::by],
+            zs=self.zs[::by],
+            ws=self.ws[::by],
+            seconds=self.seconds,
+        )
+
+
+def held_inputs(inputs: Inputs, h: float, steps: int) -> Array:
+    """Return the inputs that each step of h seconds holds, (steps, inputs)."""
+    held: Array = inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)
+    return held
 
 
 def _stepped(
@@ -260,7 +317,7 @@ def _stepped(
     extent: _Extent,
 ) -> _Samples:
     steps, every, start = extent.steps, extent.every, extent.start
-    held = inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)[None]
+    held = held_inputs(inputs, h, steps)[None]
     z, w = coordinates.to_engine(start[None])
     force = coordinates.force(held)
     began = time.perf_counter()
@@ -269,7 +326,8 @@ def _stepped(
     grid: Array = h * every * np.arange(steps // every + 1, dtype=np.float64)
     t: Array = np.minimum(grid, duration)
     zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
-    return _Samples(t=t, states=coordinates.follow(zs, ws, start), zs=zs, seconds=seconds)
+    states = coordinates.follow(zs, ws, start)
+    return _Samples(t=t, states=states, zs=zs, ws=ws, seconds=seconds)
 
 
 @dataclass(frozen=True)

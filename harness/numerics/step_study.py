@@ -90,8 +90,13 @@ def study_step(
     amplitude: Array,
     claimed: int,
     agrees: bool = True,
+    thorough: bool = True,
+    base: CompleteRun | None = None,
 ) -> StepStudy:
     """Run at the file's own time step and related steps, and report the error of the step.
+
+    Unless it is thorough, the study compares coarser runs, which together take fewer steps than the
+    first, and runs finer ones only if these leave the order or the convergence open.
 
     Args:
         amplitude: unit of relative errors, per component, (2n,), nowhere zero.
@@ -104,16 +109,19 @@ def study_step(
     def run(h: float, every: int = 0) -> CompleteRun:
         return full_run(model, coordinates, motion, power, h, every)
 
-    base = run(model.step)
+    needed = 3 if base is None else 2
+    base = base or run(model.step)
     tiny = largest(base, size) <= TINY_ERROR
-    runs = _coarser(run, base, motion, size, limit=MOST_COARSER if tiny else 1)
-    if not tiny:
-        runs.insert(1, _half(run, base))
-    evidence = check_full_runs(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
-    if evidence is None or (agrees and not (evidence.converges and evidence.predicted)):
+    limit = MOST_COARSER if tiny or not thorough else 1
+    runs = _coarser(run, base, motion, size, limit=limit)
+    evidence = _evidence(runs, claimed, size, motion, needed)
+    if not (evidence and evidence.conclusive) and (needed < 3 or not tiny):
+        runs = [base, _half(run, base), *runs[1:2]]
+        evidence = _evidence(runs, claimed, size, motion, needed)
+    if evidence is None or (agrees and not evidence.conclusive):
         runs, evidence = _finer(
             run,
-            [base] if tiny else runs[:2],
+            runs[:2] if len(runs) > 1 and runs[1].h < base.h else [base],
             model=model,
             coordinates=coordinates,
             motion=motion,
@@ -133,8 +141,15 @@ def study_step(
         full_run_check=evidence,
         decomposition=_decomposed(base, motion, size),
         steps_for=predicted,
-        checked=_check(run, predicted, motion.duration, (size, rates)),
+        checked=_check(run, predicted, motion.duration, (size, rates)) if thorough else None,
     )
+
+
+def _evidence(
+    runs: Sequence[CompleteRun], claimed: int, size: Array, motion: Motion, needed: int
+) -> FullRunCheck | None:
+    """Return the evidence of runs; None for fewer than needed."""
+    return check_full_runs(_alike(runs), claimed, size, motion) if len(runs) >= needed else None
 
 
 def _half(run: Callable[[float, int], CompleteRun], base: CompleteRun) -> CompleteRun:
@@ -205,7 +220,7 @@ def _finer(
         together.append(beginning(model, coordinates, motion, *quarter, limit=MOST_STEPS))
         evidence = check_full_runs(together, claimed, size, motion)
     usable = agrees and follows(motion, base.h) and base.finite and runs[-1].finite
-    if usable and not (evidence.converges and evidence.predicted):
+    if usable and not evidence.conclusive:
         # These runs do not converge, unless no run can follow the motion.
         sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)
         evidence = check_full_runs(together, claimed, size, motion, sensitive)

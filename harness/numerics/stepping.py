@@ -8,7 +8,7 @@ that step, such as a soft equality.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ from physics_crosscheck.reference.solving.segments import even_indices
 
 LATER_STEPS, LONG_RUN_STEPS = 10, 1000
 """Steps after which the difference is measured again."""
+
+CHUNK = 4096
+"""Steps of a run that are compared at once, which bounds the memory of their mass matrices."""
 
 LONG_RUN_STATES = 6
 """Number of states from which `LONG_RUN_STEPS` steps are taken."""
@@ -52,19 +55,28 @@ class StepComparison:
     Attributes:
         rule: as the engine documents it.
         step: seconds.
+        states: B, the number of states.
         judgement: verdict for B states and 2n components, relative to the largest movement in a
             step.
         digits: the largest difference, in last digits of the component where it is largest.
         later: the same after `LATER_STEPS` steps.
+        later_share: the same difference, relative to the largest movement in these steps.
+        off_map: the largest residual of the coordinate map after these steps, relative to the
+            largest movement of the engine's coordinates; zero if the map is one to one.
         long: after `LONG_RUN_STEPS` steps, from a few of the states; nan if not requested.
+        rounding: rounding of a step that all states share, (2n,).
     """
 
     rule: StepRule
     step: float
+    states: int
     judgement: LimitVerdict
     digits: float
     later: float
+    later_share: float
+    off_map: float
     long: float
+    rounding: Array
 
 
 def is_linear(coordinates: CoordinateMap, states: Array) -> bool:
@@ -120,31 +132,108 @@ def step_engine(
     if rule.scheme == "Runge-Kutta 4" and model.step * fastest > STABILITY_LIMIT:
         return None
     run = Steps(model, coordinates, states, inputs)
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # the engine may reach any state in a step
         took, expected = run.engine(1), run.rule(rule, stepped, 1)
-    if not np.isfinite(expected).all():
-        return None
-    digit = run.digit(expected)
-    # Values that are not a number count as infinitely far off.
-    apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
-    scale = movement(expected, states)
+        if not np.isfinite(expected).all():
+            return None
+        digit, rounding = run.digit(expected), run.rounding(took)
+        apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
+        defects = _defects(apart, movement(expected, states), digit, rounding)
+        digits = float(np.max(apart / np.max(digit, axis=0)))
+    later = run.later(rule, stepped, LATER_STEPS)
     return StepComparison(
         rule=rule,
         step=model.step,
-        judgement=judge(
-            apart / scale,
-            (ROUNDED_DIGITS * digit + ROUNDING_MARGIN * run.rounding(took)) / scale,
-            resolution,
-            None,
-        ),
-        digits=float(np.max(apart / np.max(digit, axis=0))),
-        later=run.later(rule, stepped, LATER_STEPS),
+        states=len(states),
+        judgement=judge(defects.defect, defects.uncertainty, resolution, None),
+        digits=digits,
+        later=later.digits,
+        later_share=later.share,
+        off_map=later.off_map,
         long=_long(run, rule, stepped) if long else float("nan"),
+        rounding=rounding,
     )
 
 
 def _long(run: Steps, rule: StepRule, stepped: Stepped) -> float:
-    return run.subset(LONG_RUN_STATES).later(rule, stepped, LONG_RUN_STEPS)
+    return run.subset(LONG_RUN_STATES).later(rule, stepped, LONG_RUN_STEPS).digits
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepDefects:
+    """Relative differences of B steps from a rule, and their uncertainty, (B, 2n) each.
+
+    Attributes:
+        off_map: largest change of the coordinate map's residual in a step, relative to the largest
+            movement of the engine's coordinates; zero if the map is one to one.
+    """
+
+    defect: Array
+    uncertainty: Array
+    off_map: float = 0.0
+
+
+def _defects(apart: Array, scale: Array, digit: Array, rounding: Array) -> StepDefects:
+    """Return differences relative to the largest movement of each component, (2n,)."""
+    uncertainty = (ROUNDED_DIGITS * digit + ROUNDING_MARGIN * rounding) / scale
+    return StepDefects(defect=apart / scale, uncertainty=uncertainty)
+
+
+def compare_run(
+    model: Model,
+    coordinates: CoordinateMap,
+    stepped: Stepped,
+    states: Array,
+    residuals: Array,
+    inputs: Array,
+    rounding: Array,
+) -> StepDefects:
+    """Compare each step of a run with the rule, from the state where the step starts.
+
+    No difference grows with the motion, so that chaotic motions are compared to their ends. State
+    that an engine carries from step to step shows, and so does any effect on a part of the motion.
+
+    Args:
+        model: the model; it has a rule that steps its coordinates as the equations'.
+        states: all S + 1 states of the run at the file's own time step, (S + 1, 2n).
+        residuals: their residuals of the coordinate map, (S + 1, 2nz), or without columns.
+        inputs: inputs of each step, (S, inputs).
+        rounding: rounding of a step that all states share, (2n,).
+    """
+    rule = model.step_rule
+    assert rule is not None
+    expected, digit = [], []
+    for first in range(0, len(inputs), CHUNK):
+        part = slice(first, first + CHUNK)
+        run = Steps(model, coordinates, states[:-1][part], inputs[part])
+        with np.errstate(all="ignore"):
+            expected.append(run.rule(rule, stepped, 1))
+            digit.append(run.digit(expected[-1]))
+    ends = np.concatenate(expected)
+    scale = engine_movement(coordinates, ends, states[:-1]) if residuals.size else np.ones(1)
+    with np.errstate(all="ignore"):
+        apart, moved = np.abs(states[1:] - ends), movement(ends, states[:-1])
+        defects = _defects(apart, moved, np.concatenate(digit), rounding)
+        off_map = np.max(np.abs(np.diff(residuals, axis=0)) / scale, initial=0.0)
+    return replace(defects, off_map=float(off_map))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaterSteps:
+    """Largest difference of states after some steps, in last digits, and relative to the movement.
+
+    `off_map` is the largest residual of the coordinate map, relative to the movement.
+    """
+
+    digits: float
+    share: float
+    off_map: float
+
+
+def engine_movement(coordinates: CoordinateMap, ends: Array, starts: Array) -> Array:
+    """Return the largest movement of engine positions and velocities by the map, (2nz,)."""
+    moved = (np.concatenate(coordinates.to_engine(one), axis=1) for one in (ends, starts))
+    return movement(*moved)
 
 
 class Steps:
@@ -166,14 +255,20 @@ class Steps:
         return self._after(steps, self._starts)
 
     def _after(self, steps: int, starts: Starts) -> Array:
+        return self._states_of(*self._rolled(steps, starts), starts)
+
+    def _rolled(self, steps: int, starts: Starts) -> tuple[Array, Array]:
+        """Return the engine's positions and velocities after some steps."""
         model = self._model
         held = self._inputs[starts.rows] * starts.gain[:, None]
         force = self._coordinates.force(np.repeat(held[:, None], steps, axis=1))
         z, w = model.rollout(starts.z, starts.w, model.step, steps, force, steps)
-        z, w = (
-            end[:, 0] + quantization_error(a, starts.epsilon)
-            for end, a in ((z, starts.z), (w, starts.w))
+        return (
+            z[:, 0] + quantization_error(starts.z, starts.epsilon),
+            w[:, 0] + quantization_error(starts.w, starts.epsilon),
         )
+
+    def _states_of(self, z: Array, w: Array, starts: Starts) -> Array:
         return self._coordinates.from_engine(z, w, self._states[starts.rows])
 
     def rule(self, rule: StepRule, stepped: Stepped, steps: int) -> Array:
@@ -206,13 +301,23 @@ class Steps:
         rows = even_indices(len(self._states), count)
         return Steps(self._model, self._coordinates, self._states[rows], self._inputs[rows])
 
-    def later(self, rule: StepRule, stepped: Stepped, steps: int) -> float:
-        """Return the largest difference after `steps` steps, in last digits."""
+    def later(self, rule: StepRule, stepped: Stepped, steps: int) -> LaterSteps:
+        """Compare the states after `steps` steps."""
         with np.errstate(all="ignore"):  # some models blow up at the file's own time step
             expected = self.rule(rule, stepped, steps)
             starts = without_companions(*self._coordinates.to_engine(self._states))
-            took = self._after(steps, starts)
-            return float(np.max(np.abs(took - expected) / np.max(self.digit(expected), axis=0)))
+            z, w = self._rolled(steps, starts)
+            took = self._states_of(z, w, starts)
+            apart = np.abs(took - expected)
+            off = np.zeros(1)
+            if self._coordinates.redundant:
+                scale = engine_movement(self._coordinates, expected, self._states)
+                off = np.abs(self._coordinates.residual(z, w, took)) / scale
+            return LaterSteps(
+                digits=float(np.max(apart / np.max(self.digit(expected), axis=0))),
+                share=float(np.max(apart / movement(expected, self._states))),
+                off_map=float(np.max(off)),
+            )
 
     def rounding(self, took: Array) -> Array:
         """Return the effect of rounding shared by all runs on a step, (2n,).

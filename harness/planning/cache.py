@@ -175,18 +175,18 @@ def key_of_file(file: Path, options: Mapping[str, object]) -> CacheKey:
     return CacheKey(kind="target", folder=str(file), inputs=file_hash)
 
 
-def with_surroundings(model_hash: str, engine: str, motion: float) -> str:
+def with_surroundings(model_hash: str, engine: str, motion: float, thorough: bool) -> str:
     """Extend the hash of a folder's model by the packages and the adapter that affect it."""
     return model_hash and digest_of(
-        f"{model_hash} {motion!r} {_surroundings()} {_adapter(engine)}".encode()
+        f"{model_hash} {motion!r} {thorough} {_surroundings()} {_adapter(engine)}".encode()
     )
 
 
-def file_in_engine(prepared: CacheKey, engine: str, resolution: float) -> str:
+def file_in_engine(prepared: CacheKey, engine: str, resolution: float, thorough: bool) -> str:
     """Return the hash of a robot file in an engine, based on its preparation; "" if unknown."""
     file_hash = prepared.inputs
     return file_hash and digest_of(
-        f"{file_hash} {engine} {resolution!r} {_adapter(engine)}".encode()
+        f"{file_hash} {engine} {resolution!r} {thorough} {_adapter(engine)}".encode()
     )
 
 

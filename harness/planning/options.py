@@ -134,6 +134,7 @@ class Options:
         choice: the cases to run.
         scheduler: address of a cluster's scheduler; empty for processes of this machine.
         cache: results of earlier runs, reused where their inputs have not changed.
+        thorough: whether every check of a case runs, also those whose answer others imply.
     """
 
     engines: tuple[str, ...] = ()
@@ -149,6 +150,7 @@ class Options:
     choice: CaseSelection = field(default_factory=CaseSelection)
     scheduler: str = ""
     cache: Cache | None = None
+    thorough: bool = False
 
     def robot(self, file: Path) -> RobotOptions:
         """Return the options with which a robot file is read."""

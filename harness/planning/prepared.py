@@ -53,6 +53,7 @@ class Arguments:
     Attributes:
         scenario: scenario of a case or a measurement.
         snapshot: accepted snapshot that a measurement repeats.
+        thorough: whether every check of a case runs.
     """
 
     engine: str
@@ -60,6 +61,7 @@ class Arguments:
     sidecar: Sidecar | None = None
     scenario: str = ""
     snapshot: Snapshot | None = None
+    thorough: bool = False
 
 
 @dataclass(frozen=True)

@@ -179,6 +179,7 @@ class TargetPlan:
             sidecar=sidecar,
             scenario=scenario,
             snapshot=snapshot,
+            thorough=self.options.thorough,
         )
 
         def job() -> Job[Any]:
@@ -245,10 +246,12 @@ class TargetPlan:
 
     def _inputs(self, key: ModelKey) -> str:
         """Return a hash of the dependencies of a model in an engine; "" if unknown."""
+        options = self.options
         if not self.standalone:
-            return with_surroundings(self._hashes.get(key, ""), key[-1], self.options.motion)
+            hashed = self._hashes.get(key, "")
+            return with_surroundings(hashed, key[-1], options.motion, options.thorough)
         assert self._key is not None  # only needed with a cache or a journal
-        return file_in_engine(self._key, key[-1], self.options.resolution)
+        return file_in_engine(self._key, key[-1], options.resolution, options.thorough)
 
     def _journal_key(self, kind: TaskKind, key: ModelKey, scenario: str) -> CacheKey | None:
         """Return the journal's key of a task; None without a journal."""

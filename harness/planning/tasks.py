@@ -112,5 +112,10 @@ _P = TypeVar("_P", bound=Prepared)
 
 def _task(solved: _P, given: Arguments) -> ModelTask[_P]:
     return model_task(
-        solved, given.engine, given.sidecar, scenario=given.scenario, resolution=given.resolution
+        solved,
+        given.engine,
+        given.sidecar,
+        scenario=given.scenario,
+        resolution=given.resolution,
+        thorough=given.thorough,
     )

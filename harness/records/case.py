@@ -100,12 +100,30 @@ class CaseId(Record, frozen=True, kw_only=True, order=True):
         return ModelId(system=self.system, model=self.model, engine=self.engine)
 
 
-class Verdict(Record, frozen=True, kw_only=True):
-    """Comparison of the extrapolated motion with the equations.
+DecidedBy = Literal["segments", "single steps", "accelerations", "poses"]
+"""The check whose numbers a verdict states."""
 
-    Each discrepancy and uncertainty is relative to how far its component moves over a segment.
+
+class SkippedCheck(Record, frozen=True, kw_only=True):
+    """A check that did not run, because another one decides the case; it is not passed.
 
     Attributes:
+        check: Name of the check.
+        reason: Why it was not needed.
+    """
+
+    check: Literal["segments", "finer full runs", "predicted time step", "1000 steps"]
+    reason: str
+
+
+class Verdict(Record, frozen=True, kw_only=True):
+    """Comparison of the model's motion with the equations.
+
+    Each discrepancy and uncertainty is relative to how far its component moves over a segment, or
+    over a step where single steps decide.
+
+    Attributes:
+        decided_by: Check that decides.
         discrepancy: Discrepancy E of `component`.
         uncertainty: Uncertainty U of `component`.
         component: The deciding component, such as `x` or `theta_dot`: largest E/U, or worst
@@ -115,8 +133,8 @@ class Verdict(Record, frozen=True, kw_only=True):
         largest_uncertainty: Largest uncertainty over all components and segments.
         order: Observed order of the error in the step; None if rounding hides it.
         claimed_order: Order that the engine claims.
-        rungs: Steps per segment, one number per rung of the extrapolation.
-        steps: Number of engine steps taken.
+        rungs: Steps per segment, one number per rung of the extrapolation; empty without one.
+        steps: Number of engine steps that the check took.
         map_residual: Largest violation of the coordinate map, relative to the motion; None if
             cannot be violated.
         map_uncertainty: Uncertainty of `map_residual`.
@@ -137,6 +155,7 @@ class Verdict(Record, frozen=True, kw_only=True):
     map_residual: Number = None
     map_uncertainty: Number = None
     resolution: Number = None
+    decided_by: DecidedBy = "segments"
 
 
 def starts_at(time: float | None, segment: int) -> str:
@@ -199,7 +218,8 @@ class FullRun(Record, frozen=True, kw_only=True):
         velocity_error: Largest velocity error at `time_step`, relative to the amplitude; None in
             older files.
         order: Observed order of the error.
-        residual: Error that remains after extrapolation to zero step size.
+        residual: Error that remains after extrapolation to zero step size; None for fewer than
+            three runs.
         resolved_until: End of the interval used for `order` and `residual`, seconds.
         decomposition: Parts of the error; None if the error is large.
         steps_for: Time steps for errors of 1 %, 0.1 % and 0.01 %.
@@ -343,11 +363,11 @@ class Series(Record, frozen=True, kw_only=True):
         reference: Solution of the equations.
         engine: Full run at the model's own time step.
         error: `engine` minus `reference`.
-        segment_t: Start times of the plotted segments, seconds.
-        defect: Extrapolated minus reference at each segment's end, relative to the component's
+        segment_t: Start times of the plotted segments or single steps, seconds.
+        defect: Difference from the equations after each segment or step, relative to the
             movement.
         defect_uncertainty: Uncertainty of each `defect`.
-        convergence: Convergence of the extrapolation.
+        convergence: Convergence of the extrapolation; None without segments.
         full_runs: Error against time step.
         energy: Energies of the full run; None if not recorded.
     """
@@ -360,7 +380,7 @@ class Series(Record, frozen=True, kw_only=True):
     segment_t: Numbers
     defect: Rows
     defect_uncertainty: Rows
-    convergence: Convergence
+    convergence: Convergence | None
     full_runs: StepErrors
     energy: EnergySeries | None
 
@@ -397,6 +417,7 @@ class Case(Record, frozen=True, kw_only=True):
         stepping: Check of the next state; None without a known step rule.
         forward_dynamics: Check of the accelerations; None if the engine reports none.
         poses: Check of the poses of a robot file's bodies; None for other models.
+        skipped: Checks that did not run since others decide; `--thorough` runs them.
     """
 
     system: str
@@ -418,6 +439,7 @@ class Case(Record, frozen=True, kw_only=True):
     stepping: Stepping | None = None
     forward_dynamics: ForwardDynamics | None = None
     poses: Poses | None = None
+    skipped: tuple[SkippedCheck, ...] = ()
 
     def __post_init__(self) -> None:
         msgspec.structs.force_setattr(self, "code", case_code(self.outcome, self.kind))

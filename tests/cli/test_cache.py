@@ -337,7 +337,7 @@ def test_the_source_of_an_adapter_counts(
 
     def hashes() -> dict[ModelKey, str]:
         found = inputs(folder, 1e-9, None)
-        return {key: with_surroundings(one, key[-1], 0.0) for key, one in found.items()}
+        return {key: with_surroundings(one, key[-1], 0.0, False) for key, one in found.items()}
 
     before = hashes()
     caches._adapter.cache_clear()

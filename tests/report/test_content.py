@@ -52,6 +52,7 @@ def test_the_charts_of_a_case_hold_its_series(packs: dict[str, Any], troubled: R
     work = curves(packs, "pack-case-0", "Work")
     size = np.max(np.abs(array(series.reference[0])))
     assert series.energy is not None
+    assert series.convergence is not None
     held, supplied, dissipated = (
         array(row) for row in (series.energy.held, series.energy.supplied, series.energy.dissipated)
     )

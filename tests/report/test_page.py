@@ -45,6 +45,7 @@ def hostile(name: str, found: Results) -> Results:
         "outcome",
         "created",
         "kind",
+        "decided_by",
         "verdict",
         "folder",
         "latex",

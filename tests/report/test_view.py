@@ -87,7 +87,7 @@ def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
     assert of_it["checked by a run"] == "0.957 % at 0.0021 s, 1 % predicted"
     assert of_it["phase, at the end"] == "-0.068 rad"
     assert of_it["constraint drift"] == "0 (engine units)"
-    assert of_it["engine steps for the limits"] == "48\u202f185"
+    assert of_it["engine steps for the verdict"] == "48\u202f185"
     assert of_it["integrator"] == "euler"
     assert of_it["f"] == "sin(t)"
 

@@ -121,7 +121,7 @@ def test_a_drawn_verdict_is_that_of_a_run_on_a_folder_with_those_constants(
     prepared = prepare_system(place, described=False)
     stepped = {row.engine: {**sidecar.engine_settings.get(row.engine, {}), "step": row.step}}
     given = Sidecar(**{**vars(sidecar), "engine_settings": stepped})
-    case = run_case(model_task(prepared, row.engine, given, scenario="free"))
+    case = run_case(model_task(prepared, row.engine, given, scenario="free", thorough=True))
     assert case.outcome is row.outcome
     assert case.verdict is not None
     assert case.full_run is not None

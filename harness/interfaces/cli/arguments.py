@@ -223,6 +223,15 @@ def strict(command: argparse.ArgumentParser) -> None:
     )
 
 
+def thorough(command: argparse.ArgumentParser) -> None:
+    """Add --thorough."""
+    group(command, "Checks").add_argument(
+        "--thorough",
+        action="store_true",
+        help="Run every check, also where a cheaper one decides; slower",
+    )
+
+
 def resolution_of(command: argparse.ArgumentParser) -> None:
     """Add --resolution VALUE."""
     group(command, "Checks").add_argument(

@@ -99,6 +99,7 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
         floating=getattr(options, "floating", False),
         model=getattr(options, "chosen_model", ""),
         parents=parents,
+        thorough=options.thorough,
     )
 
 

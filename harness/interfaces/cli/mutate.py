@@ -49,6 +49,7 @@ def main(options: argparse.Namespace) -> int:
                 choice=targets.choice,
                 floating=options.floating,
                 model=options.chosen_model,
+                thorough=options.thorough,
                 warn=skipped.append,
             )
     except MutationError as error:

@@ -87,6 +87,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         choice=wanted.choice,
         scheduler=options.scheduler,
         cache=cache,
+        thorough=options.thorough,
     )
     with journal(options.out, resume=options.resume) as done:
         with Progress(every=options.verbose) as progress:

@@ -49,6 +49,7 @@ class Checker:
                 limit=settings.limits.seconds,
                 memory=settings.limits.memory,
                 baseline=settings.baseline,
+                thorough=settings.thorough,
                 floating=floating,
                 model=model,
             )

@@ -23,8 +23,9 @@ from physics_crosscheck.harness.checks.not_run import (
     not_of_a_tree,
 )
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.interfaces.pytest_plugin.terms import RunSettings
 from physics_crosscheck.harness.jobs.main_module import without_main
-from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
+from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning import tasks
@@ -43,10 +44,9 @@ Value = TypeVar("Value")
 class CaseRunner:
     """Runs one case or audit at a time outside pytest, so that a crash is only an outcome."""
 
-    def __init__(self, resolution: float, limits: Limits, baseline: Path | None) -> None:
-        self._resolution, self._limits, self._baseline = resolution, limits, baseline
-        if baseline is not None:
-            read_baseline(baseline)  # an untrusted baseline ends the session at its start
+    def __init__(self, settings: RunSettings) -> None:
+        self._settings = settings
+        read_baseline(settings.baseline)  # an untrusted one ends the session at its start
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
@@ -107,7 +107,11 @@ class CaseRunner:
     def _task(self, model: Sidecar | Path, engine: str, scenario: str = "") -> Arguments:
         sidecar = model if isinstance(model, Sidecar) else None
         return Arguments(
-            engine=engine, resolution=self._resolution, sidecar=sidecar, scenario=scenario
+            engine=engine,
+            resolution=self._settings.resolution,
+            sidecar=sidecar,
+            scenario=scenario,
+            thorough=self._settings.thorough,
         )
 
     def _judged(
@@ -134,7 +138,9 @@ class CaseRunner:
         """Return the accepted results of a folder, read once; a robot file has no baseline."""
         if target not in self._accepted:
             self._accepted[target] = (
-                accepted(self._baseline, (target,), self._resolution) if target.is_dir() else None
+                accepted(self._settings.baseline, (target,), self._settings.resolution)
+                if target.is_dir()
+                else None
             )
         return self._accepted[target]
 
@@ -177,5 +183,5 @@ class CaseRunner:
     def _ask(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
         with without_main():
             if self._workers is None:
-                self._workers = Workers(1, self._limits)
+                self._workers = Workers(1, self._settings.limits)
             return self._workers.outcome(self._workers.submit(function, argument))

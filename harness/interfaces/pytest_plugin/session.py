@@ -45,7 +45,7 @@ class CrosscheckSession:
         self._folders = {path for path in paths if path.is_dir()}
         self._robots = paths - self._folders
         try:
-            self._runner = CaseRunner(settings.resolution, settings.limits, settings.baseline)
+            self._runner = CaseRunner(settings)
         except BaselineError as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         config.stash[RUNNER] = self._runner
@@ -133,6 +133,7 @@ class Accepting:
                 resolution=self._settings.resolution,
                 limits=self._settings.limits,
                 parents=(),
+                thorough=self._settings.thorough,
             ),
             lambda *_: None,
         )

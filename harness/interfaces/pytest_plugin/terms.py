@@ -20,11 +20,13 @@ class RunSettings:
         resolution: smallest relative discrepancy to detect.
         limits: limits of a task.
         baseline: folder of the accepted differences.
+        thorough: whether every check of a case runs.
     """
 
     resolution: float
     limits: Limits
     baseline: Path
+    thorough: bool
 
 
 def run_settings(config: pytest.Config) -> RunSettings:
@@ -42,6 +44,7 @@ def run_settings(config: pytest.Config) -> RunSettings:
                 options="--crosscheck-",
             ),
             baseline=config.rootpath / config.getoption("crosscheck_baseline"),
+            thorough=config.getoption("crosscheck_thorough"),
         )
     except (argparse.ArgumentTypeError, ValueError) as error:
         raise pytest.UsageError(f"--crosscheck: {error}") from None

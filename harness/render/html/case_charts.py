@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from physics_crosscheck.harness.records.case import Convergence
 from physics_crosscheck.harness.records.outcome import FLOOR
 from physics_crosscheck.harness.render.html.packs import Array, Chart, Curve
 from physics_crosscheck.harness.render.html.runs import (
@@ -138,6 +139,9 @@ def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
     size = max(largest(series.reference[i]), FLOOR * magnitude) or 1.0
     error = single(series.error[i]) / size
     defect, bound = values(series.defect[i]), values(series.defect_uncertainty[i])
+    by_steps = run.verdict.decided_by == "single steps"
+    what = "single step" if by_steps else "extrapolated segment"
+    movement = "movement in a step" if by_steps else "displacement"
     segment_t = run.pack.column(series.segment_t, 6)
     return Chart(
         part=ERROR,
@@ -152,7 +156,7 @@ def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
                 label="global", role="global_error", place=0, x=run.t, y=run.pack.column(error, 4)
             ),
             Curve(
-                label="extrapolated",
+                label="single steps" if by_steps else "extrapolated",
                 role="defect",
                 place=0,
                 x=segment_t,
@@ -162,15 +166,14 @@ def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
         key=(
             "Line: engine − reference of the full run at dt, over the amplitude "
             f"({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted "
-            "where it is behind (−). Triangles: the defect of each extrapolated "
-            "segment, over its displacement; up and filled for +, down and hollow for "
-            "−. Grey: its uncertainty; the model differs where a triangle stands above "
-            "the grey."
+            f"where it is behind (−). Triangles: the defect of each {what}, over its {movement}; "
+            "up and filled for +, down and hollow for −. Grey: its uncertainty; the model "
+            "differs where a triangle stands above the grey."
         ),
         summary=(
             f"Largest among these samples: error at dt {percent(largest(error))}, "
-            f"defect of an extrapolated segment {sci(largest(defect))}, its uncertainty "
-            f"{sci(largest(bound))}."
+            f"defect of a{'n' if not by_steps else ''} {what} {sci(largest(defect))}, its "
+            f"uncertainty {sci(largest(bound))}."
         ),
         log_y=True,
         over_time=True,
@@ -213,30 +216,71 @@ def _energy(run: CaseRun) -> Iterator[Chart]:
 
 
 def _convergence(run: CaseRun) -> Chart:
-    convergence, full = run.series.convergence, run.series.full_runs
+    full, column = run.series.full_runs, run.pack.column
     steps = values(full.h)[coarse_to_fine(full)]
-    h, defect, increments = (
-        values(convergence.h),
-        values(convergence.defect),
-        values(convergence.increments),
+    segments = run.series.convergence
+    curves = [] if segments is None else _segment_curves(run, segments)
+    curves.append(
+        Curve(label="full run", role="full_run", place=0, x=column(steps, 6), y=run.error)
     )
-    column = run.pack.column
-    curves = [
-        Curve(label="segments", role="rungs", place=0, x=column(h, 6), y=column(defect, 4)),
-        Curve(
-            label="increments of the limit",
-            role="increments",
-            place=0,
-            x=column(h[1 : len(increments) + 1], 6),
-            y=column(increments, 4),
-        ),
-        Curve(label="full run", role="full_run", place=0, x=column(steps, 6), y=run.error),
-    ]
     wanted = [(entry.step, entry.target) for entry in run.full_run.steps_for if entry.step]
     if wanted:
         x, y = np.array(wanted).T
         targets = ", ".join(f"{100 * target:g} %" for _, target in wanted)
         curves.append(Curve(label=targets, role="target", place=0, x=column(x, 6), y=column(y, 6)))
+    summary = (
+        f"At {quantity(full.h[0], 's')} the error of the full run is {percent(full.error[0])}."
+    )
+    if segments is not None:
+        curves += _slope(run, segments, steps)
+        h, defect = values(segments.h), values(segments.defect)
+        summary = (
+            f"As the step falls from {quantity(_value(h, 0), 's')} to"
+            f" {quantity(_value(h, -1), 's')}, the error of the segments falls from"
+            f" {sci(_value(defect, 0))} to {sci(_value(defect, -1))};"
+            " the last one moved the extrapolated limit by"
+            f" {sci(_value(values(segments.increments), -1))}."
+        )
+    circles = (
+        "Circles: root mean square over the segments, step by step. Triangles: how far each finer "
+        "step moved the limit. Dots: the slope. "
+    )
+    return Chart(
+        part=COST,
+        title="Convergence",
+        x_label="step h [s]",
+        y_label="relative error",
+        curves=tuple(curves),
+        key=("" if segments is None else circles)
+        + "Squares: full runs, largest error."
+        + (" Diamonds: the steps that would give these errors." if wanted else ""),
+        summary=summary,
+        log_x=True,
+        log_y=True,
+    )
+
+
+def _segment_curves(run: CaseRun, segments: Convergence) -> list[Curve]:
+    """Return the errors of segments, and the increments of their limit."""
+    column, h = run.pack.column, values(segments.h)
+    increments = values(segments.increments)
+    x, defect = column(h, 6), column(values(segments.defect), 4)
+    later = column(h[1 : len(increments) + 1], 6)
+    return [
+        Curve(label="segments", role="rungs", place=0, x=x, y=defect),
+        Curve(
+            label="increments of the limit",
+            role="increments",
+            place=0,
+            x=later,
+            y=column(increments, 4),
+        ),
+    ]
+
+
+def _slope(run: CaseRun, segments: Convergence, steps: Array) -> Iterator[Curve]:
+    """Yield a line with the slope of the errors of segments."""
+    h, defect, column = values(segments.h), values(segments.defect), run.pack.column
     slope, whose = run.verdict.order, "observed"
     if slope is None:
         slope, whose = run.verdict.claimed_order, "claimed"
@@ -244,28 +288,7 @@ def _convergence(run: CaseRun) -> Chart:
         step_range = np.array(ends(np.concatenate([h, steps])))
         guide = defect[-1] * (step_range / h[-1]) ** slope
         label = f"slope {slope:.2f} ({whose})"
-        curves.append(
-            Curve(label=label, role="guide", place=0, x=column(step_range, 6), y=column(guide, 4))
-        )
-    return Chart(
-        part=COST,
-        title="Convergence",
-        x_label="step h [s]",
-        y_label="relative error",
-        curves=tuple(curves),
-        key=(
-            "Circles: root mean square over the segments, step by step. Squares: full "
-            "runs, largest error. Triangles: how far each finer step moved the limit. "
-            "Dots: the slope."
-        )
-        + (" Diamonds: the steps that would give these errors." if wanted else ""),
-        summary=f"As the step falls from {quantity(_value(h, 0), 's')} to"
-        f" {quantity(_value(h, -1), 's')}, the error of the segments falls from"
-        f" {sci(_value(defect, 0))} to {sci(_value(defect, -1))};"
-        f" the last one moved the extrapolated limit by {sci(_value(increments, -1))}.",
-        log_x=True,
-        log_y=True,
-    )
+        yield Curve(label=label, role="guide", place=0, x=column(step_range, 6), y=column(guide, 4))
 
 
 def _work_precision(run: CaseRun, others: Sequence[CaseRun]) -> Iterator[Chart]:

@@ -221,15 +221,16 @@ def _steps_for(full_run: FullRun) -> tuple[Fact, ...]:
 def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
     if verdict.discrepancy is None and verdict.uncertainty is None:
         return ()
-    order = quantity(verdict.order, "", 4)
+    order, by_steps = quantity(verdict.order, "", 4), verdict.decided_by == "single steps"
     return (
+        ("decided by", verdict.decided_by),
         ("agreeing digits", digits),
         ("worst component", shown(verdict.component)),
         ("discrepancy E", sci(verdict.discrepancy)),
         ("uncertainty U", sci(verdict.uncertainty)),
         ("largest E", sci(verdict.largest_discrepancy)),
         ("largest U", sci(verdict.largest_uncertainty)),
-        ("segment at", quantity(verdict.time, "s")),
+        ("step at" if by_steps else "segment at", quantity(verdict.time, "s")),
         ("order", f"{order} measured, {verdict.claimed_order} claimed"),
     )
 
@@ -311,8 +312,10 @@ def _run(case: Case, scenario: Scenario | None) -> Iterator[Fact]:
         yield "integrator", shown(case.full_run.integrator)
     if case.verdict is not None:
         steps = f"{case.verdict.steps:,}".replace(",", "\u202f")
-        yield "engine steps for the limits", steps
+        yield "engine steps for the verdict", steps
         if case.verdict.rungs:
             yield "steps a segment", ", ".join(str(rung) for rung in case.verdict.rungs)
+    for skipped in case.skipped:
+        yield f"skipped: {skipped.check}", skipped.reason
     if case.seconds:
         yield "took", quantity(case.seconds, "s", 2)

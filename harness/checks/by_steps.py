@@ -1,0 +1,197 @@
+"""Verdicts from single steps, where an engine documents its stepping rule.
+
+One step by the rule on the equations gives a model's accelerations at a state, to 13 digits. An
+extrapolated segment takes 40 steps and more for 12 digits. So segments are skipped where every step
+agrees: from states of the motion, ten steps on from there, and each step of a full run. Any doubt
+leaves the decision to segments, so that single steps alone never report a difference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.prepare import Prepared
+from physics_crosscheck.harness.checks.task import ModelTask
+from physics_crosscheck.harness.checks.verdict import Verdict
+from physics_crosscheck.harness.engines.protocol import Model, StepRule
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.forward_dynamics import AccelerationComparison
+from physics_crosscheck.harness.numerics.full_run import (
+    CompleteRun,
+    held_inputs,
+    steps_of,
+    traced_run,
+)
+from physics_crosscheck.harness.numerics.judgement import judge
+from physics_crosscheck.harness.numerics.stepping import StepComparison, StepDefects, compare_run
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Motion, even_indices
+
+MARGIN = 100.0
+"""Factor by which the differences of single steps, and their uncertainty, must be below the
+resolution. A number with a small effect on a step may have a larger one on a segment."""
+
+MOST_STEPS = 100_000
+"""Largest number of steps of a run that is compared step by step; its states are kept in memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSteps:
+    """Each step of a full run at the file's own time step, compared with the rule.
+
+    Attributes:
+        run: the run.
+        t: start of each step, (S,), s.
+        defects: differences of the steps.
+    """
+
+    run: CompleteRun
+    t: Array
+    defects: StepDefects
+
+    def picked(self, limit: int) -> tuple[Array, Array, Array]:
+        """Return at most `limit` times, (P,), their defects and uncertainties, (P, 2n)."""
+        rows = even_indices(len(self.t), limit)
+        return self.t[rows], self.defects.defect[rows], self.defects.uncertainty[rows]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepsVerdict:
+    """A verdict by single steps.
+
+    Attributes:
+        verdict: the verdict; AGREES.
+        steps: number of engine steps that were compared.
+        motion: the steps of a full run; None without a motion.
+    """
+
+    verdict: Verdict
+    steps: int
+    motion: RunSteps | None
+
+
+def decide_by_steps(
+    task: ModelTask[Prepared],
+    loaded: tuple[Model, CoordinateMap],
+    stepping: StepComparison | None,
+    dynamics: AccelerationComparison | None,
+    motion: Motion | None,
+) -> StepsVerdict | None:
+    """Return the verdict that single steps allow; None if segments must decide.
+
+    Args:
+        task: the task.
+        loaded: the loaded model, and its map.
+        stepping: the comparison of single steps; None without a rule.
+        dynamics: the comparison of accelerations; None if the engine exposes none.
+        motion: the motion of full runs; None without one.
+    """
+    model, coordinates = loaded
+    decided = partial(_build, task, redundant=coordinates.redundant)
+    if stepping is None or not suffices(stepping, dynamics, task.resolution):
+        return None
+    if motion is None:
+        return decided(stepping, None)
+    if steps_of(motion.duration, model.step) > MOST_STEPS:
+        return None
+    steps = _run_steps(task, loaded, stepping, motion)
+    least, defects = task.resolution / MARGIN, steps.defects
+    largest = np.max(defects.defect), np.max(defects.uncertainty), defects.off_map
+    if not np.max(largest) <= least:
+        return None
+    return decided(stepping, steps)
+
+
+def suffices(
+    stepping: StepComparison,
+    dynamics: AccelerationComparison | None,
+    resolution: float,
+) -> bool:
+    """Return whether steps from given states leave no doubt about the model.
+
+    An equality or another effect that vanishes with the step leaves some. Where a rule evaluates
+    forces at the step's end, a wrong mass and wrong forces could cancel in a step, but not in
+    accelerations.
+    """
+    rule, judged = stepping.rule, stepping.judgement
+    largest = (
+        judged.largest_discrepancy,
+        judged.largest_uncertainty,
+        stepping.later_share,
+        stepping.off_map,
+    )
+    if rule.besides or judged.outcome is not Outcome.AGREES:
+        return False
+    if not np.max(largest) <= resolution / MARGIN:  # nan, if a run is not finite
+        return False
+    if dynamics is None:
+        return not _evaluates_later(rule)
+    return dynamics.judgement.outcome is Outcome.AGREES and dynamics.complete
+
+
+def _evaluates_later(rule: StepRule) -> bool:
+    """Return whether a rule evaluates some forces at the end of a step."""
+    return rule.damping is not None or rule.stiffness is not None or rule.by_velocity
+
+
+def _run_steps(
+    task: ModelTask[Prepared],
+    loaded: tuple[Model, CoordinateMap],
+    stepping: StepComparison,
+    motion: Motion,
+) -> RunSteps:
+    """Compare each step of a full run."""
+    model, coordinates = loaded
+    stepped = task.target.stepped
+    assert stepped is not None  # there is a comparison of single steps
+    run, states, residuals = traced_run(model, coordinates, motion, task.target.power(), model.step)
+    inputs = held_inputs(motion.inputs, model.step, len(states) - 1)
+    if not inputs.size:  # the motion of a robot from rest, without forces
+        inputs = np.zeros((len(inputs), task.target.states(task.scenario)[1].shape[1]))
+    compared = states, residuals, inputs, stepping.rounding
+    return RunSteps(
+        run=run,
+        t=model.step * np.arange(len(inputs), dtype=np.float64),
+        defects=compare_run(model, coordinates, stepped, *compared),
+    )
+
+
+def _build(
+    task: ModelTask[Prepared],
+    stepping: StepComparison,
+    motion: RunSteps | None,
+    *,
+    redundant: bool,
+) -> StepsVerdict:
+    """Build the verdict: the largest differences of all steps.
+
+    Args:
+        redundant: whether the engine has more coordinates than the equations.
+    """
+    judged, time, steps = stepping.judgement, float("nan"), stepping.states
+    if motion is not None:
+        defects = motion.defects
+        judged = judge(defects.defect, defects.uncertainty, task.resolution, None)
+        time, steps = float(motion.t[judged.segment]), steps + len(motion.t)
+    off_map = max(stepping.off_map, 0.0 if motion is None else motion.defects.off_map)
+    each = stepping.judgement, judged
+    verdict = Verdict(
+        outcome=Outcome.AGREES,
+        discrepancy=judged.discrepancy,
+        uncertainty=judged.uncertainty,
+        largest_discrepancy=max(one.largest_discrepancy for one in each),
+        largest_uncertainty=max(one.largest_uncertainty for one in each),
+        component=task.target.components[judged.component],
+        time=time,
+        order=float("nan"),
+        map_residual=off_map if redundant else float("nan"),
+        map_uncertainty=float("nan"),
+        reason="",
+        resolution=task.resolution,
+        decided_by="single steps",
+    )
+    return StepsVerdict(verdict=verdict, steps=steps, motion=motion)
