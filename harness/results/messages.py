@@ -17,8 +17,8 @@ from physics_crosscheck.harness.records.write import write_whole
 
 _INDEX = """# Messages
 
-Every message of crosscheck has a code. Look it up here, or print its page with
-`crosscheck explain XC104`. A code never changes its meaning.
+This page is for users who see a code such as XC104. Afterwards you know its cause and remedy.
+`crosscheck explain XC104` prints the same in a terminal. A code never changes its meaning.
 """
 
 

@@ -22,7 +22,8 @@ from physics_crosscheck.harness.records.write import write_whole
 _CONFIGURATION = """\
 # Configuration
 
-A project sets defaults of command options in its `pyproject.toml`. This page lists every setting.
+This page is for projects that set defaults of command options in `pyproject.toml`.
+Afterwards you know every setting.
 
 ```toml
 [tool.crosscheck]
@@ -68,7 +69,8 @@ def command_line_page() -> str:
     lines = [
         "# Command line",
         "",
-        "This page lists every command with its options, examples and exit codes.",
+        "This page is for users of the command line. Afterwards you know every command with its"
+        " options, examples and exit codes.",
         "`crosscheck COMMAND --help` prints the same in a terminal. `python -m physics_crosscheck`"
         " works like `crosscheck`.",
         "",
