@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -78,3 +79,11 @@ def test_every_how_to_page_shows_a_command_its_meaning_and_a_remedy() -> None:
 
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text().split()) <= 400
+
+
+def test_each_page_begins_with_its_reader_and_the_result() -> None:
+    """The pages of message codes begin with the message."""
+    for path in (ROOT / "docs").rglob("*.md"):
+        first = path.read_text().split("\n\n")[1]
+        named = re.search(r"Afterwards|needs? this page|you have", first)
+        assert named or path.name.startswith("XC"), f"{path}: {first}"
