@@ -37,7 +37,7 @@ from benchmarks.bench_segments import certification, overhead
 from benchmarks.lasting import keep, this_version
 from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.compare import CompareOptions, compare
-from physics_crosscheck.harness.compare.execute import at_once
+from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
@@ -176,12 +176,14 @@ def comparisons(console: Console) -> None:
         for b, engine in ((path, "mujoco"), (other, "mujoco"), (other, "pybullet")):
             began = time.process_time()
             pair = CompareOptions(a=candidate("A", path, "pybullet"), b=candidate("B", b, engine))
-            found = compare(pair, at_once)
+            comparison = compare(pair, InThisProcess())
+            found = comparison.found
+            assert found is not None
             table.add_row(
                 f"{b.name} in {engine}",
-                str(found.judgement.outcome),
-                f"{found.judgement.discrepancy:.1e}",
-                f"{found.judgement.uncertainty:.1e}",
+                str(comparison.outcome),
+                f"{found.discrepancy:.1e}",
+                f"{found.uncertainty:.1e}",
                 "; ".join(one.message for one in found.properties) or "nothing",
                 f"{time.process_time() - began:.2f} s",
             )

@@ -13,14 +13,15 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
 from physics_crosscheck.harness.compare.diff import SourceEdit, applied, edits
-from physics_crosscheck.harness.compare.excitation import Recorded, unwrapped
-from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
-from physics_crosscheck.harness.compare.judge import TargetEnds
+from physics_crosscheck.harness.compare.execute import FailureError, ask, ask_each
+from physics_crosscheck.harness.compare.judge import Recorded
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.runs import Runs, quick
+from physics_crosscheck.harness.compare.prepared import PreparedComparison
+from physics_crosscheck.harness.compare.segments import Ends, Runs, quick, unwrapped
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
@@ -55,23 +56,19 @@ class Attribution:
 
 
 def attributed(
-    execute: Execute,
-    models: tuple[Candidate, Candidate],
+    executor: Executor,
+    prepared: PreparedComparison,
     recorded: Recorded,
-    runs: Runs,
-    followed: TargetEnds,
-    matched: Match,
+    followed: Ends,
     is_known: bool,
 ) -> Attribution:
     """Apply the differences of the files to copies of A, one by one and together.
 
     Args:
-        execute: runs the engines.
-        models: A and B.
+        executor: runs the engines.
+        prepared: both models.
         recorded: runs of the source.
-        runs: the same in the target's coordinates.
         followed: the target's end states.
-        matched: the coordinates.
         is_known: whether bodies or joints are known to differ; then many differences are not tried
             one by one.
 
@@ -79,7 +76,7 @@ def attributed(
         FailureError: if a file cannot be read, or an engine fails with the unchanged files.
     """
     try:
-        differences = edits(*models)
+        differences = edits(*prepared.models)
     except LocationError as error:
         raise FailureError(Failure(str(error), "")) from None
     can = [edit for edit in differences if edit.changes or edit.settings]
@@ -88,12 +85,12 @@ def attributed(
         for edit in differences
         if not edit.changes and not edit.settings
     ]
-    engine, root = engines()[models[0].engine], _root(models[0].sidecar.model)
+    engine, root = engines()[prepared.models[0].engine], _root(prepared.models[0].sidecar.model)
     visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
     quiet = [edit.record for edit in differences if not _is_physical(edit, root, visual)]
     if not can:
         return Attribution(trials=tuple(rest), silent=_silent(rest, quiet))
-    bench = _Bench.prepare(execute, models, recorded, runs, followed, matched, len(can))
+    bench = _Bench.prepare(executor, prepared, recorded, followed, len(can))
     looks = [re.compile(pattern) for pattern in engine.non_physical]
     ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
@@ -156,11 +153,16 @@ def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]
     return bool(edit.changes) and any(one.fullmatch(path) for one in looks for path in paths)
 
 
-def _actuation(candidate: Candidate) -> dict[str, list[float]]:
-    """Return the settings that hold a model's actuators in the comparison."""
-    spec = candidate.sidecar.spec(candidate.engine)
-    given = candidate.given & {"controls", "activations"}
-    return {key: list(spec.settings[key]) for key in given}  # type: ignore[call-overload]
+def _actuation(a: Candidate, b: Candidate) -> dict[str, list[float]]:
+    """Return the settings that hold B's actuators; A's if as many, since they keep their order."""
+    mine, its = (one.settings for one in (a, b))
+    held: dict[str, list[float]] = {}
+    for key in sorted(b.given & {"controls", "activations"}):
+        values, values_of_a = its[key], mine.get(key)
+        assert isinstance(values, list)
+        is_alike = isinstance(values_of_a, list) and len(values_of_a) == len(values)
+        held[key] = list(values_of_a if is_alike else values)  # type: ignore[call-overload]
+    return held
 
 
 def _size(edit: SourceEdit) -> float:
@@ -185,7 +187,7 @@ class _Bench:
         count: number of differences that can be applied.
     """
 
-    execute: Execute
+    executor: Executor
     task: TrialTask
     a: Array
     b: Array
@@ -195,48 +197,42 @@ class _Bench:
 
     @staticmethod
     def prepare(
-        execute: Execute,
-        models: tuple[Candidate, Candidate],
+        executor: Executor,
+        prepared: PreparedComparison,
         recorded: Recorded,
-        runs: Runs,
-        followed: TargetEnds,
-        matched: Match,
+        followed: Ends,
         count: int,
     ) -> _Bench:
         """Run both models, unmodified, on some of the runs."""
-        doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
+        doubt = (recorded.bound + followed.uncertainty) / recorded.scale
         # Elsewhere than in smooth runs nothing is certain.
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
         some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
 
-        def task(candidate: Candidate, source: bool) -> TrialTask:
-            source_runs = recorded.runs if source else runs
-            part = Runs(
-                length=source_runs.length,
-                z=source_runs.z[some],
-                w=source_runs.w[some],
-                push=source_runs.push[some],
-            )
+        match = prepared.match
+
+        def task(candidate: Candidate) -> TrialTask:
+            source = candidate.label == match.source
+            runs = recorded.runs if source else recorded.compared
             return TrialTask(
                 candidate=candidate,
                 edits=(),
-                runs=part,
-                match=matched if source else None,
-                joints=source_runs.z.shape[1],
+                runs=runs.rows(some),
+                match=match if source else None,
+                joints=runs.z.shape[1],
                 near=recorded.end[some],
-                periodic=matched.periodic,
-                other=_actuation(models[1]),
+                periodic=match.periodic,
+                other=_actuation(*prepared.models),
             )
 
-        is_source = matched.source == "A"
-        of_a, of_b = task(models[0], is_source), task(models[1], not is_source)
+        of_a, of_b = map(task, prepared.models)
         relevant = doubt[some]
         return _Bench(
-            execute=execute,
+            executor=executor,
             task=of_a,
-            a=ask(execute, models[0], tried, of_a),
-            b=ask(execute, models[1], tried, of_b),
+            a=ask(executor, prepared.models[0], tried, of_a),
+            b=ask(executor, prepared.models[1], tried, of_b),
             scale=recorded.scale,
             count=count,
             floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
@@ -245,7 +241,7 @@ class _Bench:
     def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[FileDifference]:
         """Apply each set of differences at once."""
         tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
-        values = self.execute(self.task.candidate.name, tried, tasks)
+        values = ask_each(self.executor, self.task.candidate, tried, tasks)
         return [
             _difference(made, not_tried=value.reason)
             if isinstance(value, Failure)
@@ -323,27 +319,14 @@ def _loaded(task: TrialTask, edited: Candidate) -> Model:
     Raises:
         EngineError: if it cannot be loaded, or its number of actuators is neither A's nor B's.
     """
-    as_b = edited.with_settings(**task.other) if task.other else edited
-    try:
-        return (
-            edited.with_settings(**_completed(task)) if task.whole and task.other else edited
-        ).load()
-    except EngineError as error:
-        if not UNLIKE_ACTUATORS.search(str(error)):
-            raise
-    try:
-        return as_b.load()
-    except EngineError:
-        raise EngineError("it changes which actuators there are") from None
-
-
-def _completed(task: TrialTask) -> dict[str, object]:
-    """Return B's settings, or A's of equal length, since its actuators keep their order."""
-    settings = task.candidate.sidecar.spec(task.candidate.engine).settings
-    return {
-        key: mine if isinstance(mine := settings.get(key), list) and len(mine) == len(its) else its
-        for key, its in task.other.items()
-    }
+    held = [{}, task.other] if task.other else [{}]
+    for settings in reversed(held) if task.whole else held:
+        try:
+            return edited.with_settings(**settings).load()
+        except EngineError as error:
+            if not UNLIKE_ACTUATORS.search(str(error)):
+                raise
+    raise EngineError("it changes which actuators there are")
 
 
 UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")

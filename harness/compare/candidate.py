@@ -13,18 +13,21 @@ from physics_crosscheck.harness.engines.compiled import CompiledActuator, Compil
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
 from physics_crosscheck.harness.modelfiles.folders import FORMATS
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
+from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, read_as_it_runs
+from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.reference.mechanism.tree import Tree
 
 
 class CompareError(ValueError):
     """Wrong usage: a missing file, an engine that cannot read it, or joints without a match."""
+
+    usage = True
 
 
 class UnreadableModelError(CompareError):
@@ -60,6 +63,11 @@ class Candidate:
         """The name in messages."""
         return f"{self.sidecar.model} [{self.engine}]"
 
+    @property
+    def settings(self) -> Mapping[str, object]:
+        """The settings that it runs with."""
+        return self.sidecar.spec(self.engine).settings
+
     def load(self) -> Model:
         """Load the model; in some engines this unloads the previous one.
 
@@ -76,8 +84,8 @@ class Candidate:
         return replace(self, sidecar=sidecar, given=self.given | set(settings))
 
 
-FOLLOWERS = "joints that follow others"
-"""Description of released followers."""
+COUPLED = ("mimic", "equality", FOLLOWERS)
+"""Start of omissions that couple joints."""
 
 
 def smooth(a: Candidate, b: Candidate) -> tuple[Candidate, Candidate]:
@@ -94,7 +102,7 @@ def smooth(a: Candidate, b: Candidate) -> tuple[Candidate, Candidate]:
 
 def _switched(model: Candidate, wanted: Mapping[str, object]) -> Candidate:
     switches = engines()[model.engine].switches
-    stated = model.sidecar.spec(model.engine).settings
+    stated = model.settings
     settings = {k: v for k, v in wanted.items() if k in switches and k not in stated}
     return model.with_settings(**settings) if settings else model
 
@@ -104,6 +112,7 @@ class Facts:
     """Properties of a loaded model, and its file as read without the engine.
 
     Attributes:
+        candidate: as it was loaded.
         coordinates: of the engine, nz of them.
         integrator, step: of the engine.
         gravity: empty if the engine does not report it.
@@ -111,11 +120,12 @@ class Facts:
         sampling_range: the engine's sampling range of positions, (nz, 2).
         limits: bounds of the positions, infinite where there is no limit, (nz, 2).
         places: frames with a pose in the engine, as `kind:name`.
-        robot: the file as a tree of bodies; None for a format without a reader.
+        robot: the file as a tree of bodies, with the settings and springs that it runs with; None
+            for a format without a reader.
         compiled: the file as compiled by an engine; None for a format that is not compiled.
-        states_move: whether actuator states move.
     """
 
+    candidate: Candidate
     coordinates: tuple[str, ...]
     integrator: str
     step: float
@@ -126,7 +136,22 @@ class Facts:
     places: tuple[str, ...]
     robot: Robot | None
     compiled: CompiledTree | None
-    states_move: bool
+
+    @property
+    def states_move(self) -> bool:
+        """True if actuator states move."""
+        return bool(self.candidate.settings.get("activations"))
+
+    @property
+    def sampled_tree(self) -> Tree | None:
+        """The tree to sample states with; None if the engine couples more joints than the tree."""
+        robot = self.robot
+        if robot is None or robot.tree is None:
+            return None
+        coupled = bool(self.candidate.settings.get("couplings", True))
+        coupled = coupled and any(one.what.startswith(COUPLED) for one in robot.left_out)
+        fits = set(names_of(robot.tree)) == set(self.coordinates)
+        return robot.tree if fits and not coupled else None
 
     @property
     def actuators(self) -> tuple[CompiledActuator, ...]:
@@ -141,10 +166,16 @@ def facts(candidate: Candidate) -> Facts:
         EngineError: with file, place and remedy.
     """
     model, file = candidate.load(), candidate.sidecar.model
-    settings = candidate.sidecar.spec(candidate.engine).settings
-    robot = _robot(file, settings) if file.suffix in FORMATS else None
+    settings = candidate.settings
+    robot = None
+    if file.suffix in FORMATS:
+        robot = read_as_it_runs(file, settings, candidate.sidecar.springs)
+        if robot.tree is not None and len(model.gravity) == 3:
+            tree = replace(robot.tree, gravity=np.array(model.gravity))
+            robot = replace(robot, tree=tree)
     file_compiler = compiler(file.suffix)
     return Facts(
+        candidate=candidate,
         coordinates=tuple(model.coordinates),
         integrator=model.integrator,
         step=model.step,
@@ -155,27 +186,7 @@ def facts(candidate: Candidate) -> Facts:
         places=tuple(model.places),
         robot=robot,
         compiled=None if file_compiler is None else file_compiler.compiled(file),
-        states_move=bool(settings.get("activations")),
     )
-
-
-def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
-    """Read the file with the effect of its settings."""
-    if file.suffix == ".urdf":
-        robot = read_robot(file, floating=bool(settings.get("floating", False)))
-    elif file.suffix == ".sdf":
-        robot = read_robot(file, model=str(settings.get("model", "")))
-    else:
-        actuated = bool(settings.get("actuators", True))
-        controls = settings.get("controls") if actuated else None
-        listed = controls if isinstance(controls, list) else None
-        robot = read_compiled_robot(file, actuated=actuated, controls=listed)
-    if settings.get("couplings", True) or robot.tree is None or not robot.tree.couplings:
-        return robot
-    count = len(robot.tree.couplings)
-    free = Omission(what=FOLLOWERS, count=count, where=())
-    tree = replace(robot.tree, couplings=())
-    return replace(robot, tree=tree, left_out=(free, *robot.left_out))
 
 
 def _limits(model: Model, robot: Robot | None) -> Array:

@@ -1,10 +1,10 @@
 """`crosscheck compare`: from two files to one outcome and their differences.
 
-    prepare ─> record (source) ─> follow (target) ─> judge ─> properties of the files ─> explained
-                                                         ├> mechanics of both ─> terms
-                                                         └> edits ─> trials (literals)
+    prepare ─> states (source) ─> run both ─> judge ─> differences of the files ─> explained
+                                                    ├> each engine and its own file: `own_file`
+                                                    ├> terms of both, if nothing else explains it
+                                                    └> edits ─> trials (literals)
 
-Besides, each engine is checked against its own file: `own_file`.
 Each engine runs in a worker process, so that a crash only ends the comparison.
 """
 
@@ -12,30 +12,24 @@ from __future__ import annotations
 
 import datetime
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
+from msgspec import structs
 
 from physics_crosscheck.harness.compare.attribution import Attribution, attributed
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.compare.excitation import Recorded, SourceTask, record
-from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
+from physics_crosscheck.harness.compare.execute import FailureError, ask
 from physics_crosscheck.harness.compare.explained import Explained, explained
 from physics_crosscheck.harness.compare.file_comparison import FileComparison, compare_files
-from physics_crosscheck.harness.compare.judge import (
-    Judgement,
-    TargetEnds,
-    TargetTask,
-    follow,
-    judge,
-)
+from physics_crosscheck.harness.compare.judge import Judgement, Recorded, judge, recorded_runs
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.own_file import OwnFile, check_own_files
 from physics_crosscheck.harness.compare.prepared import PreparedComparison, prepare
-from physics_crosscheck.harness.compare.ranges import range_notes, start_range, taut_starts
-from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.ranges import StartRange, range_notes, start_range
+from physics_crosscheck.harness.compare.segments import Ends, Runs, RunTask, run_source, run_target
+from physics_crosscheck.harness.compare.states import StatesTask, sampled_states
 from physics_crosscheck.harness.compare.terms import (
     MechanicsTask,
     TermFrame,
@@ -44,17 +38,16 @@ from physics_crosscheck.harness.compare.terms import (
 )
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.records.base import number, numbers
 from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
-    ComparedProperty,
     ComparedRuns,
     ComparedTerm,
     Comparison,
-    FileDifference,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
@@ -64,19 +57,19 @@ from physics_crosscheck.reference.solving.segments import even_indices
 MIN_REVERSED_DISCREPANCY = 1e-4
 """Minimum discrepancy at which joints of opposite direction are sought."""
 
-KNOWN_FILE_STATES = 1
-"""States at which terms are measured where the files' bodies are known.
-
-Elsewhere a linear fit of the forces on all joints needs more.
-"""
-
 MIN_EXPLAINED_SHARE = 0.99
 """Share of a discrepancy above which both files' equations explain it; then no term is measured."""
+
+LIMIT_MARGIN = 0.1
+"""Share of a joint's range near its limits where no run starts if the limits act."""
+
+MORE_STATES = 6
+"""SampledStates at which terms are measured, beyond the number of independent coordinates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompareOptions:
-    """Models to compare, and how: see `harness.compare.match` and `excitation`.
+    """Models to compare, and how: see `harness.compare.match` and `states`.
 
     Attributes:
         include_constraints: whether contacts, joint limits, dry friction and couplings act.
@@ -92,45 +85,9 @@ class CompareOptions:
     strict: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class Findings:
-    """Result of a comparison.
-
-    Attributes:
-        facts: of A and B, as loaded.
-        own_files: each engine against the equations of its own file, which have no constraints.
-        turned: joints of opposite direction in B; the terms exclude that effect.
-        remaining: the discrepancy that remains after turning these.
-        properties: differences between the files' contents.
-        explained: the share of the discrepancy that follows from these; None if unknown.
-        differing_terms: worst first; empty if nothing differs or the properties explain it.
-        trials: of each difference of the files, and of all together; the largest effect first.
-        untried: number of file differences that were not tried.
-        untested: real or possible differences without effect on any run.
-        impossible: messages about physically impossible inertias, without duplicates.
-        notes: assumptions and omissions.
-    """
-
-    options: CompareOptions
-    facts: tuple[Facts, Facts]
-    own_files: tuple[OwnFile, OwnFile]
-    match: Match
-    recorded: Recorded
-    judgement: Judgement
-    turned: tuple[str, ...]
-    remaining: float
-    properties: tuple[ComparedProperty, ...]
-    explained: Explained | None
-    differing_terms: tuple[ComparedTerm, ...]
-    trials: tuple[FileDifference, ...]
-    untried: int
-    untested: tuple[str, ...]
-    impossible: tuple[str, ...]
-    notes: tuple[str, ...]
-    seconds: float
-
-
-def compare(options: CompareOptions, execute: Execute) -> Findings:
+def compare(
+    options: CompareOptions, executor: Executor, created: datetime.datetime | None = None
+) -> Comparison:
     """Compare two models.
 
     Raises:
@@ -138,78 +95,311 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         FailureError: if an engine fails, with its output.
     """
     began = time.perf_counter()
-    prepared = prepare(execute, options.a, options.b, options.joints, options.include_constraints)
-    options = replace(options, a=prepared.a, b=prepared.b)
-    a, b, matched = prepared.a, prepared.b, prepared.match
-    is_a = matched.source == "A"
-    source, target = (a, b) if is_a else (b, a)
-    both = prepared.facts if is_a else prepared.facts[::-1]
-    home, sampling_range, strangers, limits = start_range(*both, matched)
-    task = SourceTask(
-        candidate=source,
-        match=matched,
-        given=options.starts,
-        resolution=options.resolution,
-        home=home,
-        sampling_range=sampling_range,
-        taut=taut_starts(*both, matched, home, sampling_range, limits),
+    prepared = prepare(executor, options.a, options.b, options.joints, options.include_constraints)
+    motions = _motions(executor, options, prepared)
+    own_files = (OwnFile(), OwnFile())
+    if not options.include_constraints:
+        own_files = check_own_files(executor, prepared.facts, options.resolution)
+    share, measured = _causes(executor, prepared, motions, own_files, options.resolution)
+    attribution = attributed(
+        executor, prepared, motions.recorded, motions.followed, motions.files.moving
     )
-    recorded = ask(execute, source, record, task)
+    judged = motions.judgement
+    compared = _compared(prepared, motions, share, measured, attribution)
+    return Comparison(
+        created=_spelled(created),
+        resolution=options.resolution,
+        models=tuple(map(_model, prepared.models, prepared.facts, own_files)),
+        outcome=judged.outcome,
+        strict=options.strict,
+        reason=judged.verdict.reason,
+        kind=judged.verdict.kind,
+        found=structs.replace(compared, seconds=time.perf_counter() - began),
+    )
+
+
+def failed_comparison(
+    options: CompareOptions, failure: Failure, created: datetime.datetime | None = None
+) -> Comparison:
+    """Return the record of a comparison that could not run."""
+    return Comparison(
+        created=_spelled(created),
+        resolution=options.resolution,
+        models=tuple(_model(one, None, OwnFile()) for one in (options.a, options.b)),
+        outcome=Outcome.FAILED,
+        strict=options.strict,
+        reason=failure.reason,
+        kind=failure.kind,
+        stdout=failure.stdout,
+    )
+
+
+def _spelled(created: datetime.datetime | None) -> str:
+    return (created or datetime.datetime.now(datetime.UTC)).isoformat(timespec="seconds")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Turned:
+    """Joints of opposite direction in B, and the target's motion without that effect.
+
+    Attributes:
+        names: of these joints.
+        signs: -1 for each, (m,).
+        remaining: the largest discrepancy then.
+        followed: the target's end states then.
+    """
+
+    names: tuple[str, ...]
+    signs: Array
+    remaining: float
+    followed: Ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Motions:
+    """Motions of both models from the same states, and what their files state."""
+
+    start: StartRange
+    recorded: Recorded
+    followed: Ends
+    judgement: Judgement
+    files: FileComparison
+    turned: _Turned
+
+
+def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComparison) -> _Motions:
+    """Run both models, and compare their motions and their files."""
+    match = prepared.match
+    start = start_range(*prepared.source_first(prepared.facts), match)
+    recorded = _recorded(executor, options, prepared, start)
+    trial = _Trial(executor, prepared, recorded, options.resolution)
+    followed, judgement = trial.judged(np.ones(len(match.names)))
+    files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
+    return _Motions(
+        start=start,
+        recorded=recorded,
+        followed=followed,
+        judgement=judgement,
+        files=files,
+        turned=_reversed_joints(trial, judgement, followed, files),
+    )
+
+
+def states_task(
+    options: CompareOptions, prepared: PreparedComparison, start: StartRange
+) -> StatesTask:
+    """Return the input that samples the source's states."""
+    facts, _ = prepared.source_first(prepared.facts)
+    limits = start.limits
+    if options.include_constraints:
+        width = np.where(np.isinf(limits).any(axis=1), 0.0, np.ptp(limits, axis=1))
+        limits = limits + LIMIT_MARGIN * np.outer(width, [1.0, -1.0])
+    return StatesTask(
+        candidate=prepared.source_first(prepared.models)[0],
+        names=facts.coordinates,
+        tree=facts.sampled_tree,
+        match=prepared.match,
+        given=options.starts,
+        home=start.home,
+        limits=limits,
+        taut=start.taut,
+    )
+
+
+def _recorded(
+    executor: Executor, options: CompareOptions, prepared: PreparedComparison, start: StartRange
+) -> Recorded:
+    """Run the source from states of its own.
+
+    Raises:
+        FailureError: if no run is resolved.
+    """
+    task = states_task(options, prepared, start)
+    source, match = task.candidate, task.match
+    states = ask(executor, source, sampled_states, task)
+    ones = np.ones(len(match.names))
+    ran = ask(
+        executor, source, run_source, RunTask(source, states.runs, match, options.resolution, ones)
+    )
+    recorded = recorded_runs(states, ran, match, options.resolution)
     if not len(recorded.runs.z):
         lost = counted(recorded.lost, "run")
         reason = f"its motion is resolved in none of {lost} (contact, limit, friction)"
         raise FailureError(Failure(f"{source.name}: {reason}", ""))
-    z, w = matched.over(recorded.runs.z, recorded.runs.w)
-    runs = replace(recorded.runs, z=z, w=w)
-    trial = _Following(
-        execute=execute,
-        target=target,
-        recorded=recorded,
-        runs=runs,
-        match=matched,
-        resolution=options.resolution,
+    return recorded
+
+
+def _runs_of_a(recorded: Recorded, match: Match) -> Runs | None:
+    """Return A's runs with forces on its own coordinates; None if these vary."""
+    if match.source == "B":
+        return recorded.compared
+    if not match.constant:
+        return None
+    return replace(recorded.runs, push=recorded.runs.push @ match.slopes(recorded.runs.z[:1])[0])
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Runs of the target from the source's states, optionally with reversed joints."""
+
+    executor: Executor
+    prepared: PreparedComparison
+    recorded: Recorded
+    resolution: float
+
+    def judged(self, signs: Array) -> tuple[Ends, Judgement]:
+        target = self.prepared.source_first(self.prepared.models)[1]
+        task = RunTask(target, self.recorded.compared, None, self.resolution, signs)
+        followed = ask(self.executor, target, run_target, task)
+        return followed, judge(self.recorded, followed, self.prepared.match, self.resolution)
+
+
+def _reversed_joints(
+    trial: _Trial, judgement: Judgement, followed: Ends, files: FileComparison
+) -> _Turned:
+    """Return the joints of opposite direction.
+
+    Use the axes where both files have them. Otherwise reverse joints one after the other while that
+    removes most of the discrepancy.
+    """
+    names = trial.prepared.match.names
+    plain = _Turned(
+        names=(), signs=np.ones(len(names)), remaining=judgement.largest, followed=followed
     )
-    ones = np.ones(len(matched.names))
-    followed, judgement = trial.judged(ones)
-    read = compare_files(
-        execute, prepared, home, _own_runs(recorded.runs, matched) if is_a else runs
-    )
-    turned, signs, remaining, final = _turned(trial, judgement, followed, read)
-    mends = bool(turned) and remaining <= options.resolution
+    differs = judgement.outcome is Outcome.DIFFERS
+    if not differs or plain.remaining < MIN_REVERSED_DISCREPANCY:
+        return plain
+    if files.sides is None:
+        return _sought(trial, plain)
+    turned = tuple(name for name in names if name in files.turned)
+    if not turned:
+        return plain
+    signs = np.where([name in turned for name in names], -1.0, 1.0)
+    followed, judgement = trial.judged(signs)
+    return _Turned(names=turned, signs=signs, remaining=judgement.largest, followed=followed)
+
+
+def _sought(trial: _Trial, best: _Turned) -> _Turned:
+    """Reverse one joint after the other while that removes most of the discrepancy."""
+    names = trial.prepared.match.names
+    while tried := list(_with_one_more(trial, best)):
+        nearest = min(tried, key=lambda one: one[1].remaining)[1]
+        if nearest.remaining > 0.1 * best.remaining:
+            break
+        # In a mechanism that is its own mirror image, several joints explain the difference alike.
+        largest = max(1.5 * nearest.remaining, trial.resolution)
+        alike = " or ".join(names[i] for i, one in tried if one.remaining <= largest)
+        best = replace(nearest, names=(*best.names, alike))
+    return best
+
+
+def _with_one_more(trial: _Trial, base: _Turned) -> Iterator[tuple[int, _Turned]]:
+    """Yield each joint that is not reversed yet, and the result of reversing it too."""
+    for i in np.flatnonzero(base.signs > 0):
+        signs = base.signs.copy()
+        signs[i] = -1.0
+        try:
+            followed, judgement = trial.judged(signs)
+        except FailureError:
+            continue
+        yield int(i), replace(base, signs=signs, remaining=judgement.largest, followed=followed)
+
+
+def _causes(
+    executor: Executor,
+    prepared: PreparedComparison,
+    motions: _Motions,
+    own_files: tuple[OwnFile, OwnFile],
+    resolution: float,
+) -> tuple[Explained | None, tuple[ComparedTerm, ...]]:
+    """Return what the files explain of a difference, and measured terms if nothing explains it."""
+    turned, files = motions.turned, motions.files
+    is_mapped = bool(turned.names) and turned.remaining <= resolution
+    if motions.judgement.outcome is Outcome.AGREES or is_mapped:
+        return None, ()
     share: Explained | None = None
-    measured: tuple[ComparedTerm, ...] = ()
-    is_explained = False
-    if judgement.outcome is not Outcome.AGREES and not mends:
-        if read.sides is not None:
-            sides = read.sides if is_a else read.sides[::-1]
-            share = explained(sides, matched, recorded, runs, final, signs)
-        is_explained = read.moving and share is not None and share.share >= MIN_EXPLAINED_SHARE
-        if not is_explained:
-            count = len(recorded.independent) + 6 if share is None else KNOWN_FILE_STATES
-            measured = _measure_terms(
-                execute, (source, target), recorded, runs, matched, signs, count
-            )
-    attribution = attributed(execute, (a, b), recorded, runs, followed, matched, read.moving)
-    return Findings(
-        options=options,
-        facts=prepared.facts,
-        own_files=check_own_files(execute, (a, b), prepared.facts, options.resolution)
-        if not options.include_constraints
-        else (OwnFile(), OwnFile()),
-        match=matched,
-        recorded=recorded,
-        judgement=judgement,
-        turned=turned,
-        remaining=remaining,
-        properties=read.properties,
-        explained=share,
-        differing_terms=measured,
-        trials=attribution.trials,
+    if files.sides is not None:
+        sides = prepared.source_first(files.sides)
+        share = explained(sides, prepared.match, motions.recorded, turned.followed, turned.signs)
+    by_files = files.moving and share is not None and share.share >= MIN_EXPLAINED_SHARE
+    if by_files or any(own.explains for own in own_files):
+        return share, ()
+    return share, _measured_terms(executor, prepared, motions.recorded, turned.signs)
+
+
+def _measured_terms(
+    executor: Executor, prepared: PreparedComparison, recorded: Recorded, signs: Array
+) -> tuple[ComparedTerm, ...]:
+    """Return the differing terms of A and B, measured at some states."""
+    states, match = recorded.states, prepared.match
+    (going,) = np.nonzero(np.max(np.abs(recorded.compared.w), axis=1) > 0)
+    if not len(going):
+        return ()
+    chosen = list(states.independent)
+    picked = going[even_indices(len(going), len(chosen) + MORE_STATES)]
+    source, target = recorded.runs.rows(picked), recorded.compared.rows(picked).reversed(signs)
+    measured = [
+        ask(
+            executor,
+            candidate,
+            mechanics,
+            MechanicsTask(
+                candidate=candidate, match=map_, signs=turns, z=runs.z, w=runs.w, states=states
+            ),
+        )
+        for candidate, map_, turns, runs in zip(
+            prepared.source_first(prepared.models), (match, None), (np.ones(len(signs)), signs),
+            (source, target), strict=True,
+        )
+    ]  # fmt: skip
+    a, b = prepared.source_first((measured[0], measured[1]))
+    frame = TermFrame(
+        [match.names[i] for i in chosen],
+        recorded.compared.z[picked][:, chosen],
+        states.unit[chosen],
+        states.typical,
+    )
+    return differing_terms(a, b, frame)
+
+
+def _compared(
+    prepared: PreparedComparison,
+    motions: _Motions,
+    share: Explained | None,
+    measured: tuple[ComparedTerm, ...],
+    attribution: Attribution,
+) -> Compared:
+    """Return the record of the motions and their differences."""
+    judged, recorded, match = motions.judgement, motions.recorded, prepared.match
+    turned, files = motions.turned, motions.files
+    shown = judged.certain | (judged.outcome is not Outcome.DIFFERS)
+    return Compared(
+        discrepancy=number(judged.verdict.discrepancy),
+        uncertainty=number(judged.verdict.uncertainty),
+        component=judged.verdict.component,
+        joints=match.names,
+        by_component=tuple(numbers(np.where(shown, judged.by_component, 0.0).tolist())),
+        map=match.pairing,
+        left_out=match.left_out,
+        states_of=match.source,
+        runs=ComparedRuns(
+            count=len(recorded.runs.z),
+            length=recorded.runs.length,
+            driven=int(recorded.runs.push.any(axis=1).sum()),
+            lost=recorded.lost,
+        ),
+        turned=turned.names,
+        left_when_turned=number(turned.remaining) if turned.names else None,
+        properties=files.properties,
+        explained=None if share is None else number(share.share),
+        off=None if share is None else tuple(numbers(prepared.source_first(share.off))),
+        terms=measured,
+        differences=attribution.trials,
         untried=attribution.untried,
-        untested=_untested(prepared, judgement, read, attribution),
+        untested=_untested(prepared, judged, files, attribution),
         impossible=_impossible(prepared),
-        notes=_notes(prepared, recorded, strangers),
-        seconds=time.perf_counter() - began,
+        notes=_notes(prepared, recorded, motions.start),
+        seconds=0.0,
     )
 
 
@@ -228,252 +418,30 @@ def _impossible(prepared: PreparedComparison) -> tuple[str, ...]:
 def _untested(
     prepared: PreparedComparison,
     judgement: Judgement,
-    read: FileComparison,
+    files: FileComparison,
     attribution: Attribution,
 ) -> tuple[str, ...]:
     """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
-    messages = [one.message for one in read.properties if agrees or not one.moves]
+    messages = [one.message for one in files.properties if agrees or not one.moves]
     messages += attribution.silent
     if attribution.untried:
         messages.append(f"{attribution.untried} differences of the files that were not tried alone")
     return (*dict.fromkeys(messages), *prepared.uncompared)
 
 
-def _notes(
-    prepared: PreparedComparison, recorded: Recorded, strangers: tuple[str, ...]
-) -> tuple[str, ...]:
+def _notes(prepared: PreparedComparison, recorded: Recorded, start: StartRange) -> tuple[str, ...]:
     """Return assumptions and actions, without duplicates."""
-    notes = (
-        *prepared.a.notes,
-        *prepared.b.notes,
-        *prepared.notes,
-        *range_notes(strangers, prepared.match.source),
-        *_lost(recorded, prepared.match),
-    )
+    source, lost = prepared.match.source, recorded.lost
+    notes = [*(note for one in prepared.models for note in one.notes), *prepared.notes]
+    notes += range_notes(start.strangers, source)
+    if lost:
+        every = counted(lost + len(recorded.runs.z), "run")
+        notes.append(
+            f"{lost} of {every} left out: there the motion of {source} is not resolved (a contact,"
+            " a limit, friction, or too quick)"
+        )
     return tuple(dict.fromkeys(notes))
-
-
-def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
-    """Return a note about states whose runs are left out."""
-    if not recorded.lost:
-        return ()
-    return (
-        f"{recorded.lost} of {counted(recorded.lost + len(recorded.runs.z), 'run')} left out: there"
-        f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
-        " too quick)",
-    )
-
-
-def _own_runs(runs: Runs, matched: Match) -> Runs | None:
-    """Return the source's runs with forces on its own coordinates; None if these vary."""
-    if not matched.constant:
-        return None
-    return replace(runs, push=runs.push @ matched.slopes(runs.z[:1])[0])
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Following:
-    """Runs of the target from the source's states, optionally with reversed joints."""
-
-    execute: Execute
-    target: Candidate
-    recorded: Recorded
-    runs: Runs
-    match: Match
-    resolution: float
-
-    def judged(self, signs: Array) -> tuple[TargetEnds, Judgement]:
-        task = TargetTask(self.target, self.runs, self.resolution, signs)
-        followed = ask(self.execute, self.target, follow, task)
-        return followed, judge(self.recorded, followed, self.match, self.resolution)
-
-
-def _turned(
-    trial: _Following, judgement: Judgement, followed: TargetEnds, read: FileComparison
-) -> tuple[tuple[str, ...], Array, float, TargetEnds]:
-    """Return reversed joints, all signs, the remaining discrepancy, and the target's runs then.
-
-    Use the axes where both files have them. Otherwise reverse joints one after the other while that
-    removes most of the discrepancy.
-    """
-    names = trial.match.names
-    signs = np.ones(len(names))
-    remaining = float(np.max(judgement.by_component))
-    if judgement.outcome is not Outcome.DIFFERS or remaining < MIN_REVERSED_DISCREPANCY:
-        return (), signs, remaining, followed
-    if read.sides is not None:
-        turned = [i for i, name in enumerate(names) if name in read.turned]
-        if not turned:
-            return (), signs, remaining, followed
-        signs[turned] = -1.0
-        followed, judgement = trial.judged(signs)
-        remaining = float(np.max(judgement.by_component))
-        return tuple(names[i] for i in turned), signs, remaining, followed
-    return _sought(trial, remaining, followed)
-
-
-def _sought(
-    trial: _Following, remaining: float, followed: TargetEnds
-) -> tuple[tuple[str, ...], Array, float, TargetEnds]:
-    names = trial.match.names
-    signs = np.ones(len(names))
-    turned: list[str] = []
-    while len(turned) < len(names):
-        sizes: dict[int, float] = {}
-        runs: dict[int, TargetEnds] = {}
-        for i in range(len(names)):
-            if signs[i] > 0:
-                guess = signs.copy()
-                guess[i] = -1.0
-                try:
-                    runs[i], verdict = trial.judged(guess)
-                except FailureError:
-                    continue
-                sizes[i] = float(np.max(verdict.by_component))
-        best = min(sizes, key=lambda i: sizes[i], default=None)
-        if best is None or sizes[best] > 0.1 * remaining:
-            break
-        # In a mechanism that is its own mirror image, several joints explain the difference alike.
-        like = [i for i, size in sizes.items() if size <= max(1.5 * sizes[best], trial.resolution)]
-        remaining, followed = sizes[best], runs[best]
-        signs[best] = -1.0
-        turned.append(" or ".join(names[i] for i in like))
-    return tuple(turned), signs, remaining, followed
-
-
-def _measure_terms(
-    execute: Execute,
-    models: tuple[Candidate, Candidate],
-    recorded: Recorded,
-    runs: Runs,
-    matched: Match,
-    signs: Array,
-    count: int,
-) -> tuple[ComparedTerm, ...]:
-    """Return the differing terms of source and target, measured at `count` states."""
-    source, target = models
-    going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
-    if not len(going):
-        return ()
-    picked = going[even_indices(len(going), count)]
-    task = partial(
-        MechanicsTask,
-        independent=recorded.independent,
-        unit=recorded.unit,
-        fastest=recorded.fastest,
-        typical=recorded.typical,
-    )
-    recorded_runs = recorded.runs
-    ones = np.ones(len(signs))
-    measured_a = ask(
-        execute,
-        source,
-        mechanics,
-        task(
-            candidate=source,
-            match=matched,
-            signs=ones,
-            z=recorded_runs.z[picked],
-            w=recorded_runs.w[picked],
-        ),
-    )
-    measured_b = ask(
-        execute,
-        target,
-        mechanics,
-        task(
-            candidate=target,
-            match=None,
-            signs=signs,
-            z=runs.z[picked] * signs,
-            w=runs.w[picked] * signs,
-        ),
-    )
-    if matched.source == "B":
-        measured_a, measured_b = measured_b, measured_a
-    chosen = list(recorded.independent)
-    frame = TermFrame(
-        [matched.names[i] for i in chosen],
-        runs.z[picked][:, chosen],
-        recorded.unit[chosen],
-        recorded.typical,
-    )
-    return differing_terms(measured_a, measured_b, frame)
-
-
-def comparison_record(findings: Findings, created: datetime.datetime) -> Comparison:
-    """Build the record of a comparison."""
-    options, judged, recorded = findings.options, findings.judgement, findings.recorded
-    return Comparison(
-        created=_spelled(created),
-        resolution=options.resolution,
-        models=tuple(
-            _model(*model)
-            for model in zip(
-                (options.a, options.b), findings.facts, findings.own_files, strict=True
-            )
-        ),
-        outcome=judged.outcome,
-        strict=options.strict,
-        reason=judged.reason,
-        kind=judged.kind,
-        found=Compared(
-            discrepancy=number(judged.discrepancy),
-            uncertainty=number(judged.uncertainty),
-            component=judged.component,
-            joints=tuple(findings.match.names),
-            by_component=numbers(_by_component(judged)),
-            map=tuple(findings.match.pairing),
-            left_out=tuple(findings.match.left_out),
-            states_of=findings.match.source,
-            runs=ComparedRuns(
-                count=len(recorded.runs.z),
-                length=recorded.runs.length,
-                driven=int(recorded.driven.sum()),
-                lost=recorded.lost,
-            ),
-            turned=findings.turned,
-            left_when_turned=number(findings.remaining) if findings.turned else None,
-            properties=findings.properties,
-            explained=None if findings.explained is None else number(findings.explained.share),
-            off=_off(findings),
-            terms=findings.differing_terms,
-            differences=findings.trials,
-            untried=findings.untried,
-            untested=findings.untested,
-            impossible=findings.impossible,
-            notes=findings.notes,
-            seconds=findings.seconds,
-        ),
-    )
-
-
-def _by_component(judged: Judgement) -> list[float]:
-    """Return the largest discrepancy of each component, or only of differing ones if any."""
-    differs = judged.outcome is Outcome.DIFFERS
-    shown = np.where(judged.certain | (not differs), judged.by_component, 0.0)
-    return [float(one) for one in shown]
-
-
-def failed_record(
-    options: CompareOptions, failure: Failure, created: datetime.datetime
-) -> Comparison:
-    """Build the record of a comparison that could not run."""
-    return Comparison(
-        created=_spelled(created),
-        resolution=options.resolution,
-        models=tuple(_model(candidate, None, OwnFile()) for candidate in (options.a, options.b)),
-        outcome=Outcome.FAILED,
-        strict=options.strict,
-        reason=failure.reason,
-        kind=failure.kind,
-        stdout=failure.stdout,
-    )
-
-
-def _spelled(created: datetime.datetime) -> str:
-    return created.isoformat(timespec="seconds")
 
 
 def _model(candidate: Candidate, facts: Facts | None, own_file: OwnFile) -> ComparedModel:
@@ -489,11 +457,3 @@ def _model(candidate: Candidate, facts: Facts | None, own_file: OwnFile) -> Comp
         case=own_file.case,
         diagnosis=own_file.diagnosis,
     )
-
-
-def _off(findings: Findings) -> tuple[float | None, ...] | None:
-    """Return the deviations from the equations, of A and of B."""
-    if findings.explained is None:
-        return None
-    off = findings.explained.off
-    return tuple(numbers(off if findings.match.source == "A" else off[::-1]))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.compare.candidate import Candidate
@@ -182,53 +182,58 @@ def _aligned(
 
 def _python(a: Path, b: Path) -> Iterator[SourceEdit]:
     """Yield differing numbers of two files whose code is otherwise the same."""
-    trees, data = [], a.read_bytes()
-    for path in (a, b):
-        try:
-            trees.append(ast.parse(path.read_bytes(), filename=str(path)))
-        except SyntaxError as error:
-            raise LocationError(
-                f"no Python: {error.msg}", file=path, line=error.lineno or 1
-            ) from None
-    shapes = [_Shape() for _ in trees]
-    for shape, tree in zip(shapes, trees, strict=True):
-        shape.visit(_without_docstrings(tree))
-    if shapes[0].text != shapes[1].text:
-        both = list(zip(shapes[0].text, shapes[1].text, strict=False))
-        first = next((i for i, (x, y) in enumerate(both) if x != y), len(both) - 1)
-        lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
+    tree_a, tree_b = _parsed(a), _parsed(b)
+    names = {
+        id(s.value): s.targets[0].id
+        for s in tree_a.body
+        if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)
+    }
+    numbers_a, numbers_b = _Numbers(), _Numbers()
+    code_a, code_b = (
+        [(ast.dump(numbers.visit(s)), s.lineno) for s in tree.body]
+        for numbers, tree in ((numbers_a, tree_a), (numbers_b, tree_b))
+    )
+    data = a.read_bytes()
+    if [text for text, _ in code_a] != [text for text, _ in code_b]:
+        same = zip(code_a, code_b, strict=False)
+        least = min(len(code_a), len(code_b))
+        first = next((i for i, (x, y) in enumerate(same) if x[0] != y[0]), least)
         yield _edit(
             what="code",
-            where_a=SourceLine(file=str(a), line=lines[0]),
-            where_b=SourceLine(file=str(b), line=lines[1]),
+            where_a=_code_line(a, code_a, first),
+            where_b=_code_line(b, code_b, first),
             a="this",
             b="other code than numbers",
             changes=((0, len(data), b.read_bytes()),),
         )
         return
-    names = {
-        id(s.value): s.targets[0].id
-        for s in trees[0].body
-        if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)
-    }
-    starts = [0]
-    for line in data.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    for number_a, number_b in zip(shapes[0].numbers, shapes[1].numbers, strict=True):
-        old, new = ast.unparse(number_a), ast.unparse(number_b)
-        if ast.literal_eval(number_a) == ast.literal_eval(number_b):
-            continue
-        first = starts[number_a.lineno - 1] + number_a.col_offset
-        last = starts[(number_a.end_lineno or 1) - 1] + (number_a.end_col_offset or 0)
-        name = names.get(id(number_a), "number")
-        yield _edit(
-            what=name,
-            where_a=SourceLine(file=str(a), line=number_a.lineno),
-            where_b=SourceLine(file=str(b), line=number_b.lineno),
-            a=old,
-            b=new,
-            changes=((first, last, new.encode()),),
-        )
+    starts = [0, *accumulate(map(len, data.splitlines(keepends=True)))]
+    for number_a, number_b in zip(numbers_a.nodes, numbers_b.nodes, strict=True):
+        if ast.literal_eval(number_a) != ast.literal_eval(number_b):
+            first = starts[number_a.lineno - 1] + number_a.col_offset
+            last = starts[(number_a.end_lineno or 1) - 1] + (number_a.end_col_offset or 0)
+            old, new = ast.unparse(number_a), ast.unparse(number_b)
+            yield _edit(
+                what=names.get(id(number_a), "number"),
+                where_a=SourceLine(file=str(a), line=number_a.lineno),
+                where_b=SourceLine(file=str(b), line=number_b.lineno),
+                a=old,
+                b=new,
+                changes=((first, last, new.encode()),),
+            )
+
+
+def _parsed(path: Path) -> ast.Module:
+    try:
+        return _without_docstrings(ast.parse(path.read_bytes(), filename=str(path)))
+    except SyntaxError as error:
+        sentence = f"no Python: {error.msg}"
+        raise LocationError(sentence, file=path, line=error.lineno or 1) from None
+
+
+def _code_line(file: Path, code: Sequence[tuple[str, int]], index: int) -> SourceLine:
+    """Return the line of a statement, or of the last one of shorter code."""
+    return SourceLine(file=str(file), line=code[min(index, len(code) - 1)][1] if code else 1)
 
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
@@ -241,36 +246,20 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
     return tree
 
 
-class _Shape(ast.NodeVisitor):
-    """A syntax tree as words, with its signed numbers apart."""
+class _Numbers(ast.NodeTransformer):
+    """Replaces numbers by zeros, and keeps the originals with their signs."""
 
     def __init__(self) -> None:
-        self.text: list[str] = []
-        self.lines: list[int] = []
-        self.numbers: list[ast.expr] = []
+        self.nodes: list[ast.expr] = []
 
-    def generic_visit(self, node: ast.AST) -> None:
-        inner = node.operand if isinstance(node, ast.UnaryOp) else node
-        signed = not isinstance(node, ast.UnaryOp) or isinstance(node.op, ast.USub | ast.UAdd)
-        if signed and isinstance(inner, ast.Constant) and type(inner.value) in (int, float):
+    def visit(self, node: ast.AST) -> ast.AST:
+        signed = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd)
+        inner = node.operand if isinstance(node, ast.UnaryOp) and signed else node
+        if isinstance(inner, ast.Constant) and type(inner.value) in (int, float):
             assert isinstance(node, ast.expr)
-            self.numbers.append(node)
-            self._append("number", node)
-            return
-        plain = [repr(value) for _, value in ast.iter_fields(node) if not _holds_nodes(value)]
-        self._append(f"{type(node).__name__} {plain}", node)
-        super().generic_visit(node)
-        self._append("end", node)
-
-    def _append(self, word: str, node: ast.AST) -> None:
-        self.text.append(word)
-        self.lines.append(getattr(node, "lineno", self.lines[-1] if self.lines else 1))
-
-
-def _holds_nodes(value: object) -> bool:
-    return isinstance(value, ast.AST) or (
-        isinstance(value, list) and any(isinstance(item, ast.AST) for item in value)
-    )
+            self.nodes.append(node)
+            return ast.Constant(0)
+        return self.generic_visit(node)
 
 
 def _settings(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:

@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.compare.excitation import Recorded
-from physics_crosscheck.harness.compare.judge import TargetEnds
+from physics_crosscheck.harness.compare.equations import FileEquations
+from physics_crosscheck.harness.compare.judge import Recorded
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.property import Difference
-from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.segments import Ends, Runs
 from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.ladder import movement
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import tree_system
-from physics_crosscheck.reference.solving.collocation import ReferenceError
-from physics_crosscheck.reference.solving.samples import ends_of
 from physics_crosscheck.reference.solving.segments import even_indices
 
 SOLVED_RUNS = 24
 """Runs over which the equations are solved."""
-
-PIECES = (1, 8, 64)
-"""Numbers of pieces that a run is divided into, tried until its equations can be solved."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +43,7 @@ def explained(
     sides: tuple[ModelSide, ModelSide],
     match: Match,
     recorded: Recorded,
-    target: Runs,
-    followed: TargetEnds,
+    followed: Ends,
     signs: Array,
 ) -> Explained | None:
     """Solve both files' equations over the runs.
@@ -60,16 +52,13 @@ def explained(
         sides: source and target.
         match: of the coordinates.
         recorded: runs of the source.
-        target: the same in the coordinates of the comparison.
         followed: the target's end states, with joints reversed by `signs`, (m,).
 
-    Return None if that is impossible, with forces that depend on the state, springs of a sidecar,
-    coupled joints, or moving actuator states.
+    Return None if that is impossible, with forces that depend on the state, or moving
+    actuator states.
     """
     source, other = sides
-    if not match.constant or source.springs or other.springs:
-        return None
-    if source.tree.couplings or other.tree.couplings:
+    if not match.constant:
         return None
     if source.facts.states_move or other.facts.states_move:
         return None
@@ -77,16 +66,14 @@ def explained(
     if not len(finite):
         return None
     some = finite[even_indices(len(finite), SOLVED_RUNS)]
-    source_runs, target = _select(recorded.runs, some), _select(target, some)
+    source_runs = recorded.runs.rows(some)
+    turned = recorded.compared.rows(some).reversed(signs)
     ends = recorded.end[some]
     slopes = match.slopes(source_runs.z[:1])[0]
     both = np.concatenate([signs, signs])
     with np.errstate(all="ignore"):
-        source_ends = _ends(source, source_runs, source_runs.push @ slopes)
-        turned = Runs(
-            length=target.length, z=target.z * signs, w=target.w * signs, push=target.push * signs
-        )
-        target_ends = _ends(other, turned, turned.push) * both
+        source_ends = source.equations.ends(source_runs, source_runs.push @ slopes)
+        target_ends = other.equations.ends(turned, turned.push) * both
     n = source_runs.z.shape[1]
     source_ends = np.hstack(match.over(source_ends[:, :n], source_ends[:, n:]))
     if not (np.isfinite(source_ends).all() and np.isfinite(target_ends).all()):
@@ -116,14 +103,14 @@ def weighed(
         runs: of A, with forces on its own coordinates; None if these are unknown.
     """
     effects: list[float | None] = [None] * len(differences)
-    if runs is not None and not a.tree.couplings:
-        part = _select(runs, even_indices(len(runs.z), SOLVED_RUNS))
+    if runs is not None:
+        part = runs.rows(even_indices(len(runs.z), SOLVED_RUNS))
         with np.errstate(all="ignore"):
-            ends = _ends(a, part, part.push)
+            ends = a.equations.ends(part, part.push)
             scale = movement(ends, np.hstack([part.z, part.w]))
             for i, (_, tree) in enumerate(differences):
                 if tree is not None:
-                    changed = _ends(replace(a, tree=tree), part, part.push)
+                    changed = FileEquations(tree, a.facts.coordinates).ends(part, part.push)
                     effects[i] = float(np.max(np.abs(changed - ends) / scale))
     rows = [
         structs.replace(row, effect=number(effect))
@@ -140,39 +127,16 @@ def _least_effect_last(row: ComparedProperty) -> tuple[bool, bool, float]:
     return not row.moves, row.kind in ("tendon", "actuator", "actuators"), -rounded
 
 
-def _reached(followed: TargetEnds) -> tuple[NDArray[np.intp], Array]:
+def _reached(followed: Ends) -> tuple[NDArray[np.intp], Array]:
     """Return which runs have known end states, and all end states, (K, 2m).
 
     Where few runs have a limit, as under holding motors, use the end states of the finest rung.
     """
-    if followed.mostly_known:
-        finite = np.isfinite(followed.limit.uncertainty).all(axis=1)
-        return np.flatnonzero(finite), followed.limit.value
+    if followed.mostly_limited:
+        finite = np.isfinite(followed.uncertainty).all(axis=1)
+        return np.flatnonzero(finite), followed.value
     return np.flatnonzero(np.isfinite(followed.finest).all(axis=1)), followed.finest
-
-
-def _select(runs: Runs, some: NDArray[np.intp]) -> Runs:
-    """Return some of the runs."""
-    return replace(runs, z=runs.z[some], w=runs.w[some], push=runs.push[some])
 
 
 def _size(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _ends(model: ModelSide, runs: Runs, push: Array) -> Array:
-    """Return the end states of a file's equations, (K, 2nz), in the engine's order."""
-    order, n = model.order, runs.z.shape[1]
-    system = tree_system(name=model.label, title="", source=str(model.file), tree=model.tree)
-    equations, start = TreeEquations(system), np.hstack([runs.z[:, order], runs.w[:, order]])
-    for pieces in PIECES:
-        reached = start
-        try:
-            for _ in range(pieces):
-                reached = ends_of(equations, reached, push[:, order], runs.length / pieces)
-        except ReferenceError:
-            continue
-        ends = np.empty_like(reached)
-        ends[:, [*order, *(n + i for i in order)]] = reached
-        return ends
-    return np.full_like(start, np.nan)

@@ -9,14 +9,15 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.alignment import SAME
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.compare.execute import Execute, ask
+from physics_crosscheck.harness.compare.execute import ask
 from physics_crosscheck.harness.compare.explained import weighed
 from physics_crosscheck.harness.compare.prepared import PreparedComparison
 from physics_crosscheck.harness.compare.properties import properties
 from physics_crosscheck.harness.compare.property import make_property
-from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.segments import Runs
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide, model_side, pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 
 POSE_ACCURACY = 1e-9
@@ -44,12 +45,12 @@ class FileComparison:
 
 
 def compare_files(
-    execute: Execute, prepared: PreparedComparison, home: Array, runs: Runs | None
+    executor: Executor, prepared: PreparedComparison, home: Array, runs: Runs | None
 ) -> FileComparison:
     """Compare both files at one position.
 
     Args:
-        execute: runs the engines, which compute frames.
+        executor: runs the engines, which compute frames.
         prepared: both models.
         home: positions of the source, (nz,).
         runs: of A, with forces on its own coordinates, to weigh differences; None if unknown.
@@ -64,7 +65,7 @@ def compare_files(
     sides = _sides(prepared, z)
     if sides is None:
         return FileComparison(
-            sides=None, properties=_compare_frames(execute, prepared, z, 1.0), turned=()
+            sides=None, properties=_compare_frames(executor, prepared, z, 1.0), turned=()
         )
     differences, opposite = properties(*sides, pairs)
     turned = tuple(p.a if prepared.match.source == "B" else p.b for p in pairs if p.a in opposite)
@@ -80,15 +81,15 @@ def compare_files(
     rows = weighed(differences, sides[0], runs)
     moving = [row for row in rows if row.moves]
     rest = [row for row in rows if not row.moves]
-    every = (*moving, *_compare_frames(execute, prepared, z, size), *rest)
+    every = (*moving, *_compare_frames(executor, prepared, z, size), *rest)
     return FileComparison(sides=sides, properties=every, turned=turned)
 
 
 def _sides(
     prepared: PreparedComparison, z: tuple[Array, Array]
 ) -> tuple[ModelSide, ModelSide] | None:
-    side_a = model_side(prepared.a, prepared.facts[0], prepared.still[0], z[0])
-    side_b = model_side(prepared.b, prepared.facts[1], prepared.still[1], z[1])
+    side_a = model_side(prepared.facts[0], z[0])
+    side_b = model_side(prepared.facts[1], z[1])
     return None if side_a is None or side_b is None else (side_a, side_b)
 
 
@@ -107,14 +108,14 @@ def _posed(
 
 
 def _compare_frames(
-    execute: Execute, prepared: PreparedComparison, z: tuple[Array, Array], size: float
+    executor: Executor, prepared: PreparedComparison, z: tuple[Array, Array], size: float
 ) -> tuple[ComparedProperty, ...]:
     places = shared_frames(*prepared.facts)
-    if not places[0] or prepared.a == prepared.b:
+    if not places[0] or prepared.models[0] == prepared.models[1]:
         return ()
     frames_a, frames_b = (
-        ask(execute, candidate, frames, FramesTask(candidate, its, at))
-        for candidate, its, at in zip((prepared.a, prepared.b), places, z, strict=True)
+        ask(executor, candidate, frames, FramesTask(candidate, its, at))
+        for candidate, its, at in zip(prepared.models, places, z, strict=True)
     )
     return frame_properties(places[0], frames_a, frames_b, size)
 

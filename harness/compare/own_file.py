@@ -10,8 +10,9 @@ from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.compare.execute import Execute
+from physics_crosscheck.harness.compare.execute import ask_each
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
+from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -30,11 +31,15 @@ class OwnFile:
     case: Case | None = None
     diagnosis: Diagnosis | None = None
 
+    @property
+    def explains(self) -> bool:
+        """True if a cause of a difference is known."""
+        return self.diagnosis is not None and self.diagnosis.explained
+
 
 def check_own_files(
-    execute: Execute,
-    models: tuple[Candidate, Candidate],
-    facts: tuple[Facts, Facts],
+    executor: Executor,
+    models: tuple[Facts, Facts],
     resolution: float,
 ) -> tuple[OwnFile, OwnFile]:
     """Judge and diagnose both engines, each against its own file.
@@ -44,8 +49,9 @@ def check_own_files(
     prepared: dict[object, PreparedTree] = {}
     checked: dict[object, OwnFile] = {}
     keys = []
-    for model, model_facts in zip(models, facts, strict=True):
-        settings = model.sidecar.spec(model.engine).settings
+    for model_facts in models:
+        model = model_facts.candidate
+        settings = model.settings
         floating = bool(settings.get("floating", False))
         place = model.sidecar.model, floating, str(settings.get("model", ""))
         keys.append((*place, model.engine))
@@ -54,22 +60,25 @@ def check_own_files(
             continue
         if place not in prepared:
             read = partial(prepare_tree, floating=floating, model=place[-1])
-            (target,) = execute(model.name, read, [model.sidecar.model])
+            (target,) = ask_each(executor, model, read, [model.sidecar.model])
             if isinstance(target, Failure):
                 continue  # no joint moves, or one moves no mass; the comparison reports it
             prepared[place] = target
-        checked[keys[-1]] = _check(execute, model, prepared[place], resolution)
+        checked[keys[-1]] = _check(executor, model, prepared[place], resolution)
     a, b = (checked.get(key, OwnFile()) for key in keys)
     return a, b
 
 
-def _check(execute: Execute, model: Candidate, target: PreparedTree, resolution: float) -> OwnFile:
+def _check(
+    executor: Executor, model: Candidate, target: PreparedTree, resolution: float
+) -> OwnFile:
     task = model_task(target, model.engine, resolution=resolution)
-    (case,) = execute(model.name, run_case, [task])
+    (case,) = ask_each(executor, model, run_case, [task])
     if isinstance(case, Failure):
         return OwnFile(case=failed_case(task.id, str(task.file), case))
     if case.outcome is not Outcome.DIFFERS:
         return OwnFile(case=case)
-    (causes,) = execute(model.name, partial(diagnose_robot, is_reference=True), [task])
+    diagnose = partial(diagnose_robot, is_reference=True)
+    (causes,) = ask_each(executor, model, diagnose, [task])
     diagnosis = Diagnosis(failure=causes.reason) if isinstance(causes, Failure) else causes
     return OwnFile(case=case, diagnosis=diagnosis)

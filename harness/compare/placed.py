@@ -11,18 +11,10 @@ from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
-from physics_crosscheck.reference.mechanism.force_paths import JointForce, LinkFrame
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place, SpatialInertia
-from physics_crosscheck.reference.mechanism.tree import (
-    WORLD,
-    Immersed,
-    Kind,
-    Tree,
-    TreeForce,
-    TreeLink,
-)
+from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Tree
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,58 +99,6 @@ def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:
     return values
 
 
-def held(tree: Tree, locked: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
-    """Return the tree with some joints locked, and the new index of each link, or `WORLD`.
-
-    Args:
-        tree: the links.
-        locked: positions of the locked hinges and slides, by name.
-    """
-    links: list[TreeLink] = []
-    # The new link that contains each old link, and its frame there.
-    now: list[tuple[int, Place]] = []
-    still = Place(np.eye(3), np.zeros(3))
-    for link in tree.links:
-        within, frame = (WORLD, still) if link.parent == WORLD else now[link.parent]
-        place = frame.compose(Place(link.rotation, link.position))
-        if link.name not in locked:
-            links.append(
-                replace(link, parent=within, rotation=place.rotation, position=place.origin)
-            )
-            now.append((len(links) - 1, still))
-            continue
-        place = place.compose(_moved(link, locked[link.name]))
-        now.append((within, place))
-        if within != WORLD:
-            links[within] = _joined(links[within], link, place)
-    pulls = tuple(
-        _pulled(pull, now)
-        for pull in tree.pulls
-        if not any(tree.links[i].name in locked for i, _ in pull.joints)
-    )
-    couplings = tuple(
-        replace(
-            one,
-            follower=now[one.follower][0],
-            leader=None if one.leader is None else now[one.leader][0],
-            others=tuple((now[link][0], share) for link, share in one.others),
-        )
-        for one in tree.couplings
-        if not {tree.links[i].name for i in (one.follower, *dict(one.leaders))} & set(locked)
-    )
-    whole = Tree(
-        links=tuple(links),
-        gravity=tree.gravity,
-        pulls=pulls,
-        couplings=couplings,
-        fluid=tree.fluid,
-        bushings=tuple(replace(one, link=now[one.link][0]) for one in tree.bushings),
-        immersed=tuple(_carried(one, *now[one.link]) for one in tree.immersed
-                       if now[one.link][0] != WORLD),
-    )  # fmt: skip
-    return whole, tuple(i for i, _ in now)
-
-
 def with_link(tree: Tree, i: int, **changes: object) -> Tree:
     """Return the tree with other values of one link."""
     links = list(tree.links)
@@ -174,52 +114,3 @@ def with_joint(placed: PlacedTree, i: int, motion: Place) -> Tree:
     rotation = outer.rotation.T
     position = rotation @ (place.origin - outer.origin)
     return with_link(tree, i, rotation=rotation @ place.rotation, position=position)
-
-
-def _pulled(force: TreeForce, now: list[tuple[int, Place]]) -> TreeForce:
-    """Return a force element with updated link indices and frames."""
-    if force.along is None:
-        return replace(force, joints=tuple((now[i][0], share) for i, share in force.joints))
-    if isinstance(force.along, JointForce):
-        return replace(force, along=force.along.mapped(lambda link: now[link][0]))
-    return replace(force, along=force.along.mapped(lambda mark: _marked(mark, now)))
-
-
-def _marked(mark: LinkFrame, now: list[tuple[int, Place]]) -> LinkFrame:
-    if mark.link == WORLD:
-        return mark
-    link, frame = now[mark.link]
-    pose = frame.compose(Place(mark.rotation, mark.position))
-    return LinkFrame(link=link, position=pose.origin, rotation=pose.rotation)
-
-
-def _carried(box: Immersed, link: int, frame: Place) -> Immersed:
-    """Return a submerged box whose link is now part of another link."""
-    pose = frame.compose(Place(box.rotation, box.position))
-    return replace(box, link=link, position=pose.origin, rotation=pose.rotation)
-
-
-def _joined(carrier: TreeLink, link: TreeLink, place: Place) -> TreeLink:
-    """Return a link with another welded to it in the given frame, including buoyancy points."""
-    whole = SpatialInertia(carrier.mass, carrier.center, carrier.inertia).combined(
-        SpatialInertia(link.mass, link.center, link.inertia).in_frame(place)
-    )
-    none = np.zeros((3, 3))
-    lifts = SpatialInertia(carrier.lifted, carrier.lift, none).combined(
-        SpatialInertia(link.lifted, link.lift, none).in_frame(place)
-    )
-    return replace(
-        carrier,
-        mass=whole.mass,
-        center=whole.center,
-        inertia=whole.inertia,
-        lifted=lifts.mass,
-        lift=lifts.center,
-    )
-
-
-def _moved(link: TreeLink, by: float) -> Place:
-    """Return a joint's motion from zero."""
-    if link.kind == "hinge":
-        return Place(about_axis(link.axis, np.array(by), DOUBLES), np.zeros(3))
-    return Place(np.eye(3), link.axis * by)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.compare.candidate import Facts
+from physics_crosscheck.harness.compare.equations import FileEquations
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.placed import PlacedTree, held, placed, positions, tree_of
+from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positions, tree_of
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
@@ -25,7 +25,6 @@ class ModelSide:
         label: "A" or "B".
         file: that was read.
         facts: of the model as it runs.
-        tree: with the locked joints.
         placed: the tree at the common position.
         parts: the file's links, by the link of the tree that contains them.
         springs: whether a sidecar adds springs to the file.
@@ -34,54 +33,50 @@ class ModelSide:
     label: str
     file: Path
     facts: Facts
-    tree: Tree
     placed: PlacedTree
     parts: tuple[tuple[LinkPart, ...], ...]
     springs: bool
+
+    @property
+    def tree(self) -> Tree:
+        """The bodies and joints."""
+        return self.placed.tree
+
+    @property
+    def equations(self) -> FileEquations:
+        """The equations of the tree."""
+        return FileEquations(self.tree, self.facts.coordinates)
 
     def limits(self, name: str) -> tuple[float, float]:
         """Return the bounds of a joint."""
         low, high = self.facts.limits[self.facts.coordinates.index(name)]
         return float(low), float(high)
 
-    @property
-    def order(self) -> list[int]:
-        """Indices of the tree's joints among the engine's coordinates."""
-        return [self.facts.coordinates.index(name) for name in names_of(self.tree)]
 
-
-def model_side(
-    candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Array
-) -> ModelSide | None:
+def model_side(facts: Facts, z: Array) -> ModelSide | None:
     """Return a file at a position, or None if it is not a tree with the engine's coordinates.
 
     Args:
-        candidate: as it runs.
-        facts: of it.
-        still: locked joints, with their positions.
+        facts: of the model as it runs.
         z: positions of its coordinates, (nz,).
     """
     robot = facts.robot
     tree = tree_of(robot, facts.coordinates)
     if robot is None or tree is None:
         return None
-    if set(names_of(tree)) - set(still) != set(facts.coordinates):
+    if set(names_of(tree)) != set(facts.coordinates):
         return None
-    tree, now = held(tree, still) if still else (tree, tuple(range(len(tree.links))))
-    if len(facts.gravity) == 3:
-        tree = replace(tree, gravity=np.array(facts.gravity))
     parts: list[list[LinkPart]] = [[] for _ in tree.links]
     for part in robot.parts:
-        if part.body != WORLD and now[part.body] != WORLD:
-            parts[now[part.body]].append(part)
+        if part.body != WORLD:
+            parts[part.body].append(part)
     return ModelSide(
-        label=candidate.label,
-        file=candidate.sidecar.model,
+        label=facts.candidate.label,
+        file=facts.candidate.sidecar.model,
         facts=facts,
-        tree=tree,
         placed=placed(tree, positions(tree, facts.coordinates, z)),
         parts=tuple(map(tuple, parts)),
-        springs=bool(candidate.sidecar.springs),
+        springs=bool(facts.candidate.sidecar.springs),
     )
 
 

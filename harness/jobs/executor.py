@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar, cast
 
-from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 
 MOMENT = 0.2
 """Interval between two checks of the clock, seconds."""
@@ -90,3 +90,20 @@ class Executor(ABC):
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+class InThisProcess(Executor):
+    """Runs tasks one after the other in this process, without isolation and limits."""
+
+    def turn(self) -> list[Pending[Any]]:
+        """Run the next task; a `RuntimeError` or `ValueError` is its failure."""
+        pending = self._waiting.popleft()
+        try:
+            pending.end(pending.function(pending.argument))
+        except (RuntimeError, ValueError) as error:
+            pending.end(failure_of(error))
+        return [pending]
+
+    def close(self) -> None:
+        """Drop the tasks that wait."""
+        self._waiting.clear()

@@ -56,7 +56,8 @@ def failure_of(error: BaseException, reason: str = "") -> Failure:
     )
     kind: CaseKind = getattr(error, "kind", "")  # other engines may define kinds
     kind = kind if kind in get_args(CaseKind) else ""
-    return Failure(reason or str(error), "", locations=locations, kind=kind)
+    usage = bool(getattr(error, "usage", False))
+    return Failure(reason or str(error), "", usage, locations, kind)
 
 
 def _sentence(text: str) -> str:

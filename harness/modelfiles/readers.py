@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+from physics_crosscheck.harness.engines.protocol import Spring
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
 from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
-from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.bodies import ForceElement, RigidBody
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+
+FOLLOWERS = "joints that follow others"
+"""Omission of couplings that a setting releases."""
 
 
 class Numbers(Protocol):
@@ -56,6 +63,79 @@ def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
     if file.suffix == ".urdf":
         return read_urdf_robot(file, floating=floating)
     return read_compiled_robot(file)
+
+
+def read_as_it_runs(
+    file: Path, settings: Mapping[str, object], springs: Sequence[Spring] = ()
+) -> Robot:
+    """Read a robot's file with the settings of an engine, and the springs of a sidecar.
+
+    Joints named by `held` are fixed where the file draws them. Without `couplings`, followers move
+    freely; without `actuators`, no actuator acts.
+    """
+    if file.suffix in (".urdf", ".sdf"):
+        floating, model = bool(settings.get("floating", False)), str(settings.get("model", ""))
+        robot = read_robot(file, floating=floating, model=model)
+    else:
+        actuated = bool(settings.get("actuators", True))
+        controls = settings.get("controls") if actuated else None
+        listed = controls if isinstance(controls, list) else None
+        robot = read_compiled_robot(file, actuated=actuated, controls=listed)
+    held = settings.get("held")
+    names = held if isinstance(held, list) else []
+    released = not settings.get("couplings", True)
+    if not (names or springs or (released and robot.tree and robot.tree.couplings)):
+        return robot
+    try:
+        return _changed(robot, names, springs, released=released)
+    except TreeError:
+        return replace(robot, tree=None)
+
+
+def _changed(
+    robot: Robot, names: Collection[str], springs: Sequence[Spring], *, released: bool
+) -> Robot:
+    """Return a robot with joints fixed, springs added, and couplings released.
+
+    Raises:
+        TreeError: for a spring on a joint that the robot lacks.
+    """
+    model = robot.body_model
+    if robot.tree is None or model is None:
+        return robot
+    bodies = [_without(body, names) for body in model.bodies]
+    couplings = tuple(
+        one
+        for one in model.couplings
+        if not released and not {one.follower, one.leader, *dict(one.others)} & set(names)
+    )
+    pulls = [one for one in model.pulls if not {name for name, _ in one.joints} & set(names)]
+    pulls += [_force_element(f"spring[{i}]", one) for i, one in enumerate(springs)]
+    whole = assembled(bodies, model.gravity, pulls, couplings, model.fluid)
+    count = len(model.couplings) if released else 0
+    free = (Omission(what=FOLLOWERS, count=count, where=()),) if count else ()
+    return replace(
+        robot,
+        tree=whole.tree,
+        parts=tuple(replace(one, body=whole.tree.frames[one.name][0]) for one in robot.parts),
+        limits=whole.limits,
+        left_out=(*free, *robot.left_out),
+    )
+
+
+def _without(body: RigidBody, names: Collection[str]) -> RigidBody:
+    """Return a body without the named joints."""
+    return replace(body, joints=tuple(one for one in body.joints if one.name not in names))
+
+
+def _force_element(name: str, spring: Spring) -> ForceElement:
+    return ForceElement(
+        name=name,
+        joints=tuple((joint, float(share)) for joint, share in spring.joints.items()),
+        stiffness=float(spring.stiffness),
+        damping=float(spring.damping),
+        rest=(float(spring.rest), float(spring.rest)),
+    )
 
 
 def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:

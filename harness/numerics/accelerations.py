@@ -186,26 +186,67 @@ class Accelerations:
             value, uncertainty = bounded_by_finest(value, uncertainty, finest)
         return Estimate(value=value, uncertainty=uncertainty)
 
-    def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
-        """Return the engine's mass matrices (B, n, n) and generalized forces (B, n) at states.
+    def responses(
+        self, states: Array, sizes: Array, directions: Array | None = None
+    ) -> tuple[Estimate, Estimate]:
+        """Return accelerations (B, n), and their changes per unit of r forces, (B, n, r).
 
-        The response to a force on each coordinate in turn, of the given size and both signs, is the
-        inverse of the mass matrix.
+        Args:
+            states: B of them, (B, 2n).
+            sizes: of the forces that are applied with both signs, (r,).
+            directions: unit forces on the coordinates, (B, r, n); None: one on each coordinate.
         """
-        count, n = len(states), len(sizes)
-        pushes = np.concatenate([np.zeros((1, n)), np.diag(sizes), -np.diag(sizes)])
+        count, n, r = len(states), len(self.speed), len(sizes)
+        if directions is None:
+            directions = np.broadcast_to(np.eye(n), (count, n, n))
+        forces = directions * sizes[:, None]
+        pushes = np.concatenate([np.zeros((count, 1, n)), forces, -forces], axis=1)
         estimate = self.measure(
-            np.repeat(states, len(pushes), axis=0),
-            np.zeros((count * len(pushes), self.coordinates.push.groups[1])),
-            np.tile(pushes, (count, 1)),
+            np.repeat(states, 2 * r + 1, axis=0),
+            np.zeros((count * (2 * r + 1), self.coordinates.push.groups[1])),
+            pushes.reshape(-1, n),
         )
-        value = estimate.value.reshape(count, len(pushes), n)
-        error = estimate.uncertainty.reshape(count, len(pushes), n)
-        # Rows are the coordinates with a force; the transpose has a column for each.
-        inverse = (value[:, 1 : n + 1] - value[:, n + 1 :]).swapaxes(1, 2) / (2 * sizes)
-        inverse_error = (error[:, 1 : n + 1] + error[:, n + 1 :]).swapaxes(1, 2) / (2 * sizes)
+        value, error = (
+            one.reshape(count, 2 * r + 1, n) for one in (estimate.value, estimate.uncertainty)
+        )
+        # Rows are the forces; the transpose has a column for each.
+        change = (value[:, 1 : r + 1] - value[:, r + 1 :]).swapaxes(1, 2) / (2 * sizes)
+        change_error = (error[:, 1 : r + 1] + error[:, r + 1 :]).swapaxes(1, 2) / (2 * sizes)
+        return (
+            Estimate(value=value[:, 0], uncertainty=error[:, 0]),
+            Estimate(value=change, uncertainty=change_error),
+        )
+
+    def inverse_mass(self, states: Array, sizes: Array) -> Array:
+        """Return the response to a force of the given size on each coordinate, (B, n, n).
+
+        A response within its uncertainty is zero: its rounding error would look like an inertia.
+        """
+        _, response = self.responses(states, sizes)
+        value = response.value.copy()
+        within = np.abs(value) <= 10 * response.uncertainty
+        still = np.diagonal(within, axis1=1, axis2=2)
+        value[still[:, :, None] | still[:, None, :]] = 0.0
+        return value
+
+    def mechanics(
+        self, states: Array, sizes: Array, directions: Array | None = None
+    ) -> tuple[Estimate, Estimate]:
+        """Return the engine's mass matrices (B, r, r) and generalized forces (B, r) at states.
+
+        The response to a force in each direction in turn, of the given size and both signs, is the
+        inverse of the mass matrix. The arguments are those of `responses`.
+        """
+        free, response = self.responses(states, sizes, directions)
+        seen, seen_error = free.value, free.uncertainty
+        inverse, inverse_error = response.value, response.uncertainty
+        if directions is not None:
+            across = np.abs(directions)
+            seen = np.einsum("brn,bn->br", directions, seen)
+            seen_error = np.einsum("brn,bn->br", across, seen_error)
+            inverse, inverse_error = directions @ inverse, across @ inverse_error
         regular: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in inverse])
-        safe = np.where(regular.reshape(-1, 1, 1), inverse, np.eye(n))
+        safe = np.where(regular.reshape(-1, 1, 1), inverse, np.eye(len(sizes)))
         regular = regular & (np.linalg.cond(safe) < 1e12)
         mass = np.full_like(inverse, np.nan)
         mass[regular] = np.linalg.inv(inverse[regular])
@@ -213,13 +254,18 @@ class Accelerations:
         with np.errstate(invalid="ignore"):
             mass_error = _nan_to_infinity(size @ inverse_error @ size)
             mass_error[~regular] = np.inf
-            force = np.einsum("bij,bj->bi", mass, value[:, 0])
-            force_error = np.einsum("bij,bj->bi", size, error[:, 0])
-            force_error += np.einsum("bij,bj->bi", mass_error, np.abs(value[:, 0]))
-        return (
-            Estimate(value=mass, uncertainty=mass_error),
-            Estimate(value=force, uncertainty=_nan_to_infinity(force_error)),
-        )
+        whole = Estimate(value=mass, uncertainty=mass_error)
+        return whole, force_of(whole, Estimate(value=seen, uncertainty=seen_error))
+
+
+def force_of(mass: Estimate, accelerations: Estimate) -> Estimate:
+    """Return generalized forces, (B, r), of mass matrices and accelerations."""
+    size = np.abs(np.where(np.isfinite(mass.value), mass.value, 0.0))
+    with np.errstate(invalid="ignore"):
+        force = np.einsum("bij,bj->bi", mass.value, accelerations.value)
+        error = np.einsum("bij,bj->bi", size, accelerations.uncertainty)
+        error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(accelerations.value))
+    return Estimate(value=force, uncertainty=_nan_to_infinity(error))
 
 
 def _nan_to_infinity(uncertainty: Array) -> Array:

@@ -159,7 +159,7 @@ class Compared(Record, frozen=True, kw_only=True):
         properties: Differences of the files; those that change the motion come first.
         explained: Share of the discrepancy that the two files' equations explain; None if unknown.
         off: Relative deviation of each engine from its file's equations; None if `explained` is.
-        terms: Measured differences of the equations; empty if the properties explain the
+        terms: Measured differences of the equations; empty if another cause explains the
             discrepancy.
         differences: Textual differences of the files.
         untried: Number of textual differences that were not tried alone.

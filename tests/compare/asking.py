@@ -5,10 +5,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from physics_crosscheck.harness.compare.candidate import candidate
-from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
-from physics_crosscheck.harness.compare.execute import at_once
+from physics_crosscheck.harness.compare.compare import CompareOptions, compare, states_task
 from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.compare.prepared import prepare
+from physics_crosscheck.harness.compare.ranges import start_range
+from physics_crosscheck.harness.compare.states import SampledStates, sampled_states
+from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.records.comparison import Compared, Comparison
 from tests.standing import standing_only
 
 
@@ -22,7 +26,7 @@ def compared(
     resolution: float = 1e-9,
     starts: tuple[Mapping[str, float], ...] = (),
     include_constraints: bool = False,
-) -> Findings:
+) -> Comparison:
     """Compare two files as the command does."""
     options = CompareOptions(
         a=candidate("A", Path(a), engine_a),
@@ -32,7 +36,28 @@ def compared(
         starts=starts,
         include_constraints=include_constraints,
     )
-    return compare(options, at_once)
+    return compare(options, InThisProcess())
+
+
+def result(comparison: Comparison) -> Compared:
+    assert comparison.found is not None, comparison.reason
+    return comparison.found
+
+
+def sampled(
+    a: Path,
+    b: Path,
+    engine_a: str | None = None,
+    engine_b: str | None = None,
+    starts: tuple[Mapping[str, float], ...] = (),
+) -> SampledStates:
+    """The states from which the comparison of two files starts its runs."""
+    options = CompareOptions(
+        a=candidate("A", a, engine_a), b=candidate("B", b, engine_b), starts=starts
+    )
+    prepared = prepare(InThisProcess(), options.a, options.b, ({}, {}), include_constraints=False)
+    start = start_range(*prepared.source_first(prepared.facts), prepared.match)
+    return sampled_states(states_task(options, prepared, start))
 
 
 def model(system: str, name: str) -> Path:

@@ -40,7 +40,7 @@ def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:
     other = changed(tmp_path / "new", path, ("0.024 0.024 0.0001", "0.024 0.024012 0.0001"))
     done = crosscheck(path, other, "--json", "out/record.json", cwd=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "motions differ by 1.2e-04" in done.stdout
+    assert "motions differ by 1.4e-04" in done.stdout
     assert "link rod: principal moments of inertia (0.0001, 0.024, 0.024) in A" in done.stdout
     line = next(
         i for i, text in enumerate(path.read_text().splitlines(), 1) if "0.024 0.024" in text

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.compare.compare import Findings
-from physics_crosscheck.harness.records.comparison import FileDifference
+from physics_crosscheck.harness.records.comparison import Comparison, FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import changed, compared, model, written
+from tests.compare.asking import changed, compared, model, result, written
 
 FAULTS = (
     # system, file, old, new, messages wanted among the terms, literal, line
@@ -40,9 +39,9 @@ FAULTS = (
 )  # fmt: skip
 
 
-def single(found: Findings) -> dict[str, FileDifference]:
+def single(found: Comparison) -> dict[str, FileDifference]:
     """What each difference of the files explains alone, by its label."""
-    return {t.edits[0].what: t for t in found.trials if len(t.edits) == 1}
+    return {t.edits[0].what: t for t in result(found).differences if len(t.edits) == 1}
 
 
 @pytest.mark.parametrize(("system", "name", "old", "new", "messages", "literal"), FAULTS)
@@ -60,24 +59,24 @@ def test_one_literal_off_by_a_millionth_is_named(
     other = changed(tmp_path, path, (old, new))
     found = compared(path, other, engine, engine)
     if literal is None:
-        assert found.judgement.outcome is Outcome.AGREES
+        assert found.outcome is Outcome.AGREES
         return
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     # A millionth of a term is seen as about that, not as rounding.
-    assert 1e-9 < found.judgement.discrepancy < 1e-5
+    assert 1e-9 < (result(found).discrepancy or 0.0) < 1e-5
     # What the files say is told where both have bodies, and measured elsewhere.
     told = [
-        *(one.message for one in found.properties),
-        *(one.message for one in found.differing_terms),
+        *(one.message for one in result(found).properties),
+        *(one.message for one in result(found).terms),
     ]
-    assert bool(found.differing_terms) != bool(found.properties)
+    assert bool(result(found).terms) != bool(result(found).properties)
     for message in messages:
         assert any(message in one for one in told), told
     # Nothing else is accused: every term told has a share in the fault.
     kinds = {message.partition(" ")[0] for message in messages} - {"(+1.0e-06)"}
     assert {one.partition(" ")[0] for one in told} <= kinds
-    assert len(told) <= (1 if found.properties else 4)
-    (trial,) = found.trials
+    assert len(told) <= (1 if result(found).properties else 4)
+    (trial,) = result(found).differences
     (edit,) = trial.edits
     assert trial.explained == 1.0
     assert edit.what == literal
@@ -104,7 +103,7 @@ def test_of_several_differences_each_is_told_its_share(tmp_path: Path) -> None:
     assert abs(alone["body[rod]/inertial@mass"].explained or 0) < 0.1
     assert (alone["body[rod]/inertial@mass"].moved or 0) > 1e-7
     assert alone["option@timestep"].moved == alone["body[drum]/geom@size[0]"].moved == 0.0
-    (together,) = [t for t in found.trials if len(t.edits) > 1]
+    (together,) = [t for t in result(found).differences if len(t.edits) > 1]
     assert (len(together.edits), together.explained) == (4, 1.0)
 
 
@@ -113,10 +112,10 @@ def test_an_element_more_is_tried_as_a_whole(tmp_path: Path) -> None:
     extra = '<body name="knob" pos="0 0 -0.2"><inertial pos="0 0 0" mass="0.01"'
     extra += ' diaginertia="1e-6 1e-6 1e-6"/></body>\n    </body>\n  </worldbody>'
     other = changed(tmp_path, path, ("</body>\n  </worldbody>", extra))
-    (trial,) = compared(path, other).trials
+    (trial,) = result(compared(path, other)).differences
     assert (trial.explained, trial.edits[0].what) == (1.0, "body[knob]")
     assert trial.edits[0].a == "nothing"
-    (trial,) = compared(other, path).trials
+    (trial,) = result(compared(other, path)).differences
     assert (trial.explained, trial.edits[0].b) == (1.0, "nothing")
 
 
@@ -126,46 +125,45 @@ def test_an_attribute_more_is_tried(tmp_path: Path) -> None:
     for a, b in ((path, other), (other, path)):
         found = compared(a, b)
         assert single(found)["joint[theta]@armature"].explained == 1.0
-        assert [one.kind for one in found.properties] == ["armature"]
+        assert [one.kind for one in result(found).properties] == ["armature"]
 
 
 def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" frictionloss="0.001"/>'))
     found = compared(path, other, include_constraints=True)
-    assert found.judgement.outcome is Outcome.DIFFERS
-    assert [t.message for t in found.differing_terms] == [
+    assert found.outcome is Outcome.DIFFERS
+    assert [t.message for t in result(found).terms] == [
         "friction on theta: 0 in A, 0.001 in B, whatever its speed"
     ]
-    assert (found.trials[0].explained or 0) > 0.99
+    assert (result(found).differences[0].explained or 0) > 0.99
     # Left out unless it is asked for, and told.
     found = compared(path, other)
-    assert found.judgement.outcome is Outcome.AGREES
-    assert found.notes == ("not compared: dry friction, in B",)
-    assert [one.message for one in found.properties] == ["dry friction: 0 in A, 1 in B"]
+    assert found.outcome is Outcome.AGREES
+    assert result(found).notes == ("not compared: dry friction, in B",)
+    assert [one.message for one in result(found).properties] == ["dry friction: 0 in A, 1 in B"]
 
 
 def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path: Path) -> None:
     path = model("mass_spring_damper", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.002\nlink_damping = 0.04"))
     found = compared(path, other, "pybullet", "pybullet")
-    assert [t.kind for t in found.differing_terms] == ["friction"]
-    assert "depends on the velocity, not linearly" in found.differing_terms[0].message
-    assert found.trials[0].edits[0].what == "sidecar:settings.link_damping"
-    assert found.trials[0].explained == 1.0
+    assert [t.kind for t in result(found).terms] == ["friction"]
+    assert "depends on the velocity, not linearly" in result(found).terms[0].message
+    assert result(found).differences[0].edits[0].what == "sidecar:settings.link_damping"
+    assert result(found).differences[0].explained == 1.0
 
 
 def test_gravity_that_differs_is_told_by_its_force(tmp_path: Path) -> None:
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("gravity = [0, 0, -9.81]", "gravity = [0, 0, -9.80665]"))
     found = compared(path, other, "mujoco", "pybullet")
-    assert [one.message for one in found.properties] == [
+    assert [one.message for one in result(found).properties] == [
         "gravity: (0, 0, -9.81) in A, (0, 0, -9.80665) in B"
     ]
-    assert found.explained is not None
-    assert found.explained.share > 1 - 1e-6
-    assert not found.differing_terms
-    assert found.facts[1].gravity == (0, 0, -9.80665)
+    assert (result(found).explained or 0.0) > 1 - 1e-6
+    assert not result(found).terms
+    assert found.models[1].gravity == (0, 0, -9.80665)
 
 
 @pytest.mark.parametrize(("old", "new", "joint"), [
@@ -181,12 +179,12 @@ def test_a_joint_that_turns_the_other_way_is_named(
     )
     b = written(tmp_path, "arm.urdf", urdf, (old, new))
     found = compared(a, b, engine_b="mujoco")
-    assert found.judgement.outcome is Outcome.DIFFERS
-    assert found.turned == (joint,)
-    assert found.remaining < 1e-9
-    assert not found.differing_terms
+    assert found.outcome is Outcome.DIFFERS
+    assert result(found).turned == (joint,)
+    assert (result(found).left_when_turned or 0.0) < 1e-9
+    assert not result(found).terms
     mapped = compared(a, b, engine_b="mujoco", joints=f"{joint}=-{joint}")
-    assert mapped.judgement.outcome is Outcome.AGREES
+    assert mapped.outcome is Outcome.AGREES
 
 
 @pytest.mark.slow
@@ -194,26 +192,25 @@ def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path: Path) -> N
     path = model("drum_pendulum", "mujoco.xml")
     b = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 1 0"/>'))
     # A Space has no joints whose axes could be told apart.
-    assert compared(model("drum_pendulum", "space.py"), b).turned == ("x or theta",)
-    assert compared(path, b).turned == ("theta",)
+    assert result(compared(model("drum_pendulum", "space.py"), b)).turned == ("x or theta",)
+    assert result(compared(path, b)).turned == ("theta",)
 
 
 def test_a_product_of_inertia_shows_across_formats(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'))
     found = compared(a, b, engine_b="mujoco")
-    assert found.judgement.outcome is Outcome.DIFFERS
-    (told,) = (one for one in found.properties if one.moves)
+    assert found.outcome is Outcome.DIFFERS
+    (told,) = (one for one in result(found).properties if one.moves)
     assert (told.kind, told.about) == ("inertia", "fore")
     assert str(told.where_b).endswith("arm.urdf:10")
-    assert found.explained is not None
-    assert found.explained.share > 1 - 1e-6
+    assert (result(found).explained or 0.0) > 1 - 1e-6
 
 
 def test_across_formats_a_constant_names_both_lines(tmp_path: Path) -> None:
     a = changed(tmp_path, model("drum_pendulum", "mujoco.xml"), ('mass="0.8"', 'mass="0.8001"'))
     found = compared(a, model("drum_pendulum", "robot.urdf"), engine_b="mujoco")
-    (trial,) = found.trials
+    (trial,) = result(found).differences
     assert trial.explained == 1.0
     (edit,) = trial.edits
     assert edit.what.endswith("both m")
@@ -227,9 +224,9 @@ def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path: Path
     line = '<mimic joint="x" multiplier="5.555555555555555" offset="0"/>'
     other = changed(tmp_path, path, (line, ""))
     found = compared(path, other, "pybullet", "pybullet")
-    assert found.judgement.outcome is Outcome.DIFFERS
-    assert [t.kind for t in found.differing_terms] == ["constraint"]
-    assert "3 joints can move independently in B, 2 in A" in found.differing_terms[0].message
+    assert found.outcome is Outcome.DIFFERS
+    assert [t.kind for t in result(found).terms] == ["constraint"]
+    assert "3 joints can move independently in B, 2 in A" in result(found).terms[0].message
 
 
 def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path: Path) -> None:
@@ -245,7 +242,7 @@ claims = 1
     a = written(tmp_path, "a.known", text)
     b = written(tmp_path, "b.known", text, ("-5.0], [-5.0", "-5.001], [-5.001"))
     found = compared(a, b)
-    assert [t.message for t in found.differing_terms] == [
+    assert [t.message for t in result(found).terms] == [
         "stiffness between a and b: -5 in A, -5.001 in B (+0.02 %)"
     ]
-    assert found.trials == ()
+    assert result(found).differences == ()

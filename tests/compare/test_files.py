@@ -7,11 +7,11 @@ import pytest
 
 from physics_crosscheck.harness.compare.candidate import Candidate, candidate
 from physics_crosscheck.harness.compare.diff import applied, edits
-from physics_crosscheck.harness.compare.execute import at_once
 from physics_crosscheck.harness.compare.prepared import prepare
 from physics_crosscheck.harness.compare.properties import properties
 from physics_crosscheck.harness.compare.side import model_side, pairs_of
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import tree_system
@@ -141,11 +141,8 @@ def test_a_difference_put_into_the_tree_of_a_makes_that_of_b(
         for label, change in (("a", ()), ("b", ((old, new),)))
     ]
     a, b = (candidate(label, path, None) for label, path in zip("AB", pair, strict=True))
-    prepared = prepare(at_once, a, b, ({}, {}), include_constraints=False)
-    here, there = (
-        model_side(one, facts, {}, np.array([0.2, -0.3, 0.05]))
-        for one, facts in zip((prepared.a, prepared.b), prepared.facts, strict=True)
-    )
+    prepared = prepare(InThisProcess(), a, b, ({}, {}), include_constraints=False)
+    here, there = (model_side(facts, np.array([0.2, -0.3, 0.05])) for facts in prepared.facts)
     assert here is not None
     assert there is not None
     pairs = pairs_of(prepared.match, prepared.facts[0].coordinates)

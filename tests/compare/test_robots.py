@@ -10,19 +10,18 @@ import pytest
 
 from physics_crosscheck.harness.compare.actuators import _state
 from physics_crosscheck.harness.compare.candidate import candidate
-from physics_crosscheck.harness.compare.compare import Findings
-from physics_crosscheck.harness.compare.excitation import Recorded
-from physics_crosscheck.harness.compare.execute import at_once
-from physics_crosscheck.harness.compare.judge import TargetEnds, judge
+from physics_crosscheck.harness.compare.judge import judge, recorded_runs
 from physics_crosscheck.harness.compare.match import match
 from physics_crosscheck.harness.compare.prepared import prepare
-from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.segments import Ends, Runs
+from physics_crosscheck.harness.compare.states import SampledStates
 from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.numerics.ladder import Limit
-from physics_crosscheck.harness.records.comparison import FileDifference
+from physics_crosscheck.harness.records.comparison import Comparison, FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import compared, written
+from tests.compare.asking import compared, result, sampled, written
 from tests.compare.test_agreement import agrees
 
 TOUCHING = (
@@ -42,12 +41,12 @@ def gymnasium(name: str) -> Path:
     return Path(found.__file__).parent / "envs" / "mujoco" / "assets" / name
 
 
-def moving(found: Findings) -> list[str]:
-    return [one.message for one in found.properties if one.moves]
+def moving(found: Comparison) -> list[str]:
+    return [one.message for one in result(found).properties if one.moves]
 
 
-def idle(found: Findings) -> list[str]:
-    return [one.message for one in found.properties if not one.moves]
+def idle(found: Comparison) -> list[str]:
+    return [one.message for one in result(found).properties if not one.moves]
 
 
 def shaped(shape: str) -> tuple[tuple[str, str], ...]:
@@ -64,15 +63,15 @@ def test_a_base_that_touches_its_first_link_is_no_difference_of_two_engines(
 ) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[1]))
     shipped = compared(path, path, "pybullet", "mujoco", include_constraints=True)
-    assert shipped.judgement.outcome is not Outcome.AGREES
+    assert shipped.outcome is not Outcome.AGREES
     found = agrees(compared(path, path, "pybullet", "mujoco"))
-    assert "not compared: limits of position, collision geometry (2)" in found.notes
+    assert "not compared: limits of position, collision geometry (2)" in result(found).notes
 
 
 def test_the_kuka_agrees_in_both_engines() -> None:
     path = robots("kuka_iiwa/model.urdf")
     found = agrees(compared(path, path, "pybullet", "mujoco"))
-    assert "not compared: limits of position (7), collision geometry (8)" in found.notes
+    assert "not compared: limits of position (7), collision geometry (8)" in result(found).notes
 
 
 def test_meshes_that_are_not_there_are_not_looked_for(tmp_path: Path) -> None:
@@ -88,9 +87,10 @@ def test_a_range_without_zero_is_no_difference(tmp_path: Path, engine: str) -> N
             '\n    <parent link="upper"/>')  # fmt: skip
     path = written(tmp_path, "arm.urdf", URDF, near)
     found = agrees(compared(path, path, engine, "mujoco"))
-    elbow = found.recorded.runs.z[:, found.facts[0].coordinates.index("elbow")]
-    assert elbow[: len(elbow) // 2].min() > -3.07
-    assert elbow[: len(elbow) // 2].max() < -0.07
+    names = found.models[0].coordinates or ()
+    elbow = sampled(path, path, engine, "mujoco").runs.z[:, names.index("elbow")]
+    assert elbow.min() > -3.07
+    assert elbow.max() < -0.07
 
 
 @pytest.mark.parametrize("include_constraints", [False, True])
@@ -98,15 +98,15 @@ def test_a_home_at_a_limit_is_no_obstacle(tmp_path: Path, include_constraints: b
     a = written(tmp_path, "arm.xml", MJCF, ('range="-0.2 0.3"', 'range="0 0.3"'))
     b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0" upper="0.3"'))
     found = compared(a, b, engine_b="mujoco", include_constraints=include_constraints)
-    assert found.judgement.outcome is Outcome.AGREES, found.judgement.reason
-    assert len(found.recorded.runs.z) > 40
+    assert found.outcome is Outcome.AGREES, found.reason
+    assert result(found).runs.count > 40
 
 
 def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0.1" upper="0.4"'))
     found = agrees(compared(a, b, engine_b="mujoco"))
-    reach = found.recorded.runs.z[: len(found.recorded.runs.z) // 2, 2]
+    reach = sampled(a, b, engine_b="mujoco").runs.z[:, 2]
     assert reach.min() > 0.1
     assert reach.max() < 0.3
     assert idle(found) == ["range of joint reach: -0.2 to 0.3 in A, 0.1 to 0.4 in B"]
@@ -117,11 +117,11 @@ def test_one_mass_across_formats_is_one_line(tmp_path: Path, mass: str) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('mass value="0.9"', f'mass value="{mass}"'))
     found = compared(a, b, engine_b="mujoco")
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     share = "+1.0e-07" if mass == "0.90000009" else "+1 %"
     assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B ({share})"]
-    assert str(found.properties[0].where_b).endswith("arm.urdf:10")
-    assert found.differing_terms == ()
+    assert str(result(found).properties[0].where_b).endswith("arm.urdf:10")
+    assert result(found).terms == ()
 
 
 def test_frames_of_links_lumps_and_zeros_of_joints_are_conventions(tmp_path: Path) -> None:
@@ -170,7 +170,7 @@ RENAMED = tuple((f'"{name}"', f'"{name}_x"') for name in ("shoulder", "elbow", "
 def test_joints_of_other_names_are_paired_by_their_order(tmp_path: Path) -> None:
     a, b = written(tmp_path, "arm.xml", MJCF), written(tmp_path, "arm.urdf", URDF, *RENAMED)
     found = agrees(compared(a, b, engine_b="mujoco"))
-    assert found.match.pairing == tuple(
+    assert result(found).map == tuple(
         f"joint {name} of A is {name}_x of B: by order" for name in ("shoulder", "elbow", "reach")
     )
 
@@ -190,7 +190,7 @@ def test_joints_of_other_names_and_order_are_paired_by_geometry(tmp_path: Path) 
     a = written(tmp_path, "a.xml", two_arms("hip", "left right"))
     b = written(tmp_path, "b.xml", two_arms("joint", "right left"))
     found = agrees(compared(a, b))
-    assert set(found.match.pairing) == {
+    assert set(result(found).map) == {
         "joint left_hip of A is left_joint of B: by geometry",
         "joint right_hip of A is right_joint of B: by geometry",
     }
@@ -205,7 +205,7 @@ def test_a_joint_without_a_partner_is_named_and_held(tmp_path: Path, engine: str
     for one, other, engines in ((a, b, (None, engine)), (b, a, (engine, None))):
         found = agrees(compared(one, other, *engines))
         label, of = ("A", "B") if one == a else ("B", "A")
-        assert f"joint reach of {label} has no partner in {of}: held at 0" in found.notes
+        assert f"joint reach of {label} has no partner in {of}: held at 0" in result(found).notes
         assert moving(found) == []
 
 
@@ -246,15 +246,17 @@ def test_actuators_are_held_against_each_other(tmp_path: Path) -> None:
         for gear in ("20", "21")
     )
     found = compared(a, b)
-    assert found.judgement.outcome is Outcome.DIFFERS
-    assert "actuators (1), each held at a control within its range" in found.notes
+    assert found.outcome is Outcome.DIFFERS
+    assert "actuators (1), each held at a control within its range" in result(found).notes
     assert moving(found) == ["gear of actuator drive: 20 in A, 21 in B"]
-    assert found.explained is not None
-    assert found.explained.share > 1 - 1e-6
+    assert (result(found).explained or 0.0) > 1 - 1e-6
     assert single(found).explained == 1.0
     # A URDF has none: they are left out.
     found = agrees(compared(a, written(tmp_path, "arm.urdf", URDF), engine_b="mujoco"))
-    assert "not compared: actuators (1) of A, since the other file's format has none" in found.notes
+    assert (
+        "not compared: actuators (1) of A, since the other file's format has none"
+        in result(found).notes
+    )
 
 
 DYNAMICS = '<general name="drive" joint="elbow" gear="2" {}/>'
@@ -285,9 +287,9 @@ def test_actuators_of_other_dynamics_and_those_of_one_file_alone_differ(
 ) -> None:
     a, b = driven(tmp_path, "a", one), driven(tmp_path, "b", other)
     found = compared(a, b)
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     assert moving(found) == [said]
-    assert max(trial.explained or 0 for trial in found.trials) == 1.0
+    assert max(trial.explained or 0 for trial in result(found).differences) == 1.0
     agrees(compared(a, a))
 
 
@@ -295,19 +297,19 @@ def test_a_filter_that_is_exact_agrees_with_itself_under_rk4(tmp_path: Path) -> 
     """RK4 is of order 1 there, which MuJoCo's adapter has to claim."""
     filtered = DYNAMICS.format('dyntype="filterexact" dynprm="0.01"')
     path = driven(tmp_path, "a", filtered, ('integrator="Euler"', 'integrator="RK4"'))
-    assert agrees(compared(path, path)).recorded.lost == 0
+    assert result(agrees(compared(path, path))).runs.lost == 0
 
 
 def test_actuators_are_paired_by_name_then_by_joint(tmp_path: Path) -> None:
     servo = '<position name="{}" joint="reach" kp="300"/>'
     a = driven(tmp_path, "a", MOTOR.format("") + servo.format("push"))
     swapped = driven(tmp_path, "swapped", servo.format("push") + MOTOR.format(""))
-    assert agrees(compared(a, swapped)).trials == ()
+    assert result(agrees(compared(a, swapped))).differences == ()
     renamed = driven(
         tmp_path, "renamed", servo.format("other") + MOTOR.format("").replace("drive", "turn")
     )
     found = agrees(compared(a, renamed))
-    assert [note for note in found.notes if note.startswith("actuator ")] == [
+    assert [note for note in result(found).notes if note.startswith("actuator ")] == [
         "actuator drive of A is turn of B: by joint",
         "actuator push of A is other of B: by joint",
     ]
@@ -319,7 +321,7 @@ def test_sites_without_names_are_no_partners_of_each_other(tmp_path: Path) -> No
     hand = ('<joint name="reach"', '<site name="tip"/><joint name="reach"')
     both = thrust.format("lift", "0 0 1 0 0 0") + thrust.format("turn", "0 0 0 1 0 0")
     path = driven(tmp_path, "a", both, hand)
-    assert agrees(compared(path, path)).properties == ()
+    assert result(agrees(compared(path, path))).properties == ()
 
 
 @pytest.mark.parametrize(
@@ -335,7 +337,7 @@ def test_a_spring_with_play_is_drawn_taut(
         for name, rest in (("a", one), ("b", other))
     )  # fmt: skip
     found = compared(a, b)
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     assert moving(found) == [f"rest of tendon cord: {one} in A, {other} in B"]
     assert single(found).explained == 1.0
 
@@ -347,7 +349,7 @@ def test_a_spring_whose_play_no_joint_leaves_is_not_compared(tmp_path: Path) -> 
         for i, rest in enumerate(("-0.2 0.5", "-0.2 0.6"))
     )
     found = agrees(compared(a, b))
-    assert "rest of tendon cord: -0.2 0.5 in A, -0.2 0.6 in B" in found.untested
+    assert "rest of tendon cord: -0.2 0.5 in A, -0.2 0.6 in B" in result(found).untested
 
 
 def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
@@ -357,9 +359,9 @@ def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
     b = written(tmp_path, "b.xml", text, ('mass="1.7"', 'mass="1.7000017"'))
     agrees(compared(a, a))
     found = compared(a, b)
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     assert moving(found) == ["link upper: mass 1.7 in A, 1.7000017 in B (+1.0e-06)"]
-    assert found.differing_terms == ()
+    assert result(found).terms == ()
 
 
 def test_a_servo_far_quicker_than_the_step_holds_no_joint(tmp_path: Path) -> None:
@@ -371,8 +373,8 @@ def test_a_servo_far_quicker_than_the_step_holds_no_joint(tmp_path: Path) -> Non
     servo = '<actuator><position joint="elbow" kp="2000" kv="200"/></actuator></mujoco>'
     path = written(tmp_path, "arm.xml", MJCF, light, hand, ("</mujoco>", servo))
     found = agrees(compared(path, path))
-    assert found.recorded.independent == (0, 1, 2)
-    assert found.recorded.lost == 0
+    assert sampled(path, path).independent == (0, 1, 2)
+    assert result(found).runs.lost == 0
 
 
 def test_a_free_body_that_is_drawn_half_a_turn_round_turns_about_every_axis(
@@ -383,7 +385,8 @@ def test_a_free_body_that_is_drawn_half_a_turn_round_turns_about_every_axis(
         'euler="0.3 0 0"', 'quat="0 0 0 1"'
     )
     path = written(tmp_path, "arm.xml", text)
-    assert agrees(compared(path, path)).recorded.independent == tuple(range(8))
+    agrees(compared(path, path))
+    assert sampled(path, path).independent == tuple(range(8))
 
 
 @pytest.mark.slow
@@ -391,14 +394,16 @@ def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> N
     mimic = ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="0.6 0.8 0"/><mimic joint="shoulder"/>')
     a, b = written(tmp_path, "a.urdf", URDF, mimic), written(tmp_path, "b.urdf", URDF)
     found = agrees(compared(a, b, "pybullet", "mujoco"))
-    assert "not compared: joints that follow others, limits of position, in A" in found.notes
+    assert (
+        "not compared: joints that follow others, limits of position, in A" in result(found).notes
+    )
     assert idle(found) == ["joints that follow others: 1 in A, 0 in B"]
     shipped = compared(a, b, "pybullet", "pybullet", include_constraints=True)
-    assert shipped.judgement.outcome is Outcome.DIFFERS
+    assert shipped.outcome is Outcome.DIFFERS
 
 
-def single(found: Findings) -> FileDifference:
-    (trial,) = (one for one in found.trials if len(one.edits) == 1)
+def single(found: Comparison) -> FileDifference:
+    (trial,) = (one for one in result(found).differences if len(one.edits) == 1)
     return trial
 
 
@@ -410,10 +415,10 @@ def test_a_mass_of_the_kuka_is_named(tmp_path: Path, mass: str, engine: str) -> 
     a = written(tmp_path, "a.urdf", text)
     b = written(tmp_path, "b.urdf", text, ('"1.8"', f'"{mass}"'))
     found = compared(a, b, engine, engine)
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     (told,) = moving(found)
     assert told.startswith(f"link lbr_iiwa_link_6: mass 1.8 in A, {mass} in B")
-    assert found.differing_terms == ()
+    assert result(found).terms == ()
     line = text[: text.index('"1.8"')].count("\n") + 1
     (edit,) = single(found).edits
     assert (edit.where_a.line, single(found).explained) == (line, 1.0)
@@ -429,7 +434,7 @@ def test_a_literal_of_a_default_class_is_named(
     text = gymnasium(name).read_text()
     a, b = written(tmp_path, "a.xml", text), written(tmp_path, "b.xml", text, (old, new))
     found = compared(a, b)
-    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.outcome is Outcome.DIFFERS
     assert len(moving(found)) == joints
     (edit,) = single(found).edits
     assert edit.what.startswith("default/joint@")
@@ -442,12 +447,13 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> Non
     """MuJoCo drops the moments of a link without mass."""
     path = robots("franka_panda/panda.urdf")
     found = compared(path, path, "pybullet", "mujoco")
-    assert found.judgement.outcome is Outcome.DIFFERS
-    assert found.properties == ()
-    assert found.explained is not None
-    assert found.explained.off[0] < 1e-9 < found.explained.off[1]
-    assert any("link 'panda_link8' has inertia" in one for one in found.impossible)
-    mine, its = found.own_files
+    assert found.outcome is Outcome.DIFFERS
+    assert result(found).properties == ()
+    assert result(found).explained is not None
+    here, there = result(found).off or ()
+    assert (here or 0.0) < 1e-9 < (there or 0.0)
+    assert any("link 'panda_link8' has inertia" in one for one in result(found).impossible)
+    mine, its = found.models
     assert mine.case is not None
     assert its.case is not None
     assert its.diagnosis is not None
@@ -455,7 +461,7 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> Non
     (cause,) = its.diagnosis.explanations[0].causes
     assert cause.kind == "dropped"
     assert "link[panda_link8]/inertial" in str(cause)
-    assert {term.kind for term in found.differing_terms} <= {"inertia"}
+    assert {term.kind for term in result(found).terms} <= {"inertia"}
 
 
 ROOT = Path(__file__).parents[2]
@@ -465,8 +471,9 @@ def test_equations_are_held_against_ends_that_have_no_limit() -> None:
     """Under PyBullet's motors none of 84 runs has a limit here, and one of them elsewhere."""
     cases = ROOT / "docs" / "cases"
     found = compared(cases / "pendulum.urdf", cases / "pendulum_with_motors.urdf", "pybullet")
-    assert found.explained is not None
-    assert found.explained.off[0] < 1e-9 < found.explained.off[1]
+    assert result(found).explained is not None
+    here, there = result(found).off or ()
+    assert (here or 0.0) < 1e-9 < (there or 0.0)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
@@ -477,8 +484,8 @@ def test_a_urdf_floats_beside_an_mjcf_that_floats(tmp_path: Path, engine: str) -
     floating = URDF[:start].replace('<link name="ground"/>', "") + URDF[end:]
     b = written(tmp_path, "arm.urdf", floating)
     found = agrees(compared(a, b, engine_b=engine))
-    assert "the root link of B moves freely, as that of A" in found.notes
-    assert len(found.match.names) == 8
+    assert "the root link of B moves freely, as that of A" in result(found).notes
+    assert len(result(found).joints) == 8
 
 
 def test_an_arm_stays_fixed_beside_a_file_with_a_free_body(tmp_path: Path) -> None:
@@ -487,7 +494,7 @@ def test_an_arm_stays_fixed_beside_a_file_with_a_free_body(tmp_path: Path) -> No
                 ('inertiafromgeom="false"', 'inertiafromgeom="auto"'))  # fmt: skip
     b = written(tmp_path, "arm.urdf", URDF)
     models = candidate("A", a, None), candidate("B", b, "mujoco")
-    found = prepare(at_once, *models, ({}, {}), False)
+    found = prepare(InThisProcess(), *models, ({}, {}), False)
     assert found.facts[1].coordinates == ("shoulder", "elbow", "reach")
 
 
@@ -499,32 +506,32 @@ def test_keyframes_of_a_joint_that_is_held_go_with_it(tmp_path: Path) -> None:
     b = written(tmp_path, "arm.urdf", URDF, fixed, *(
         (text, "") for text in (URDF[URDF.index('<gazebo reference="reach">'):
                                      URDF.index("</robot>")],)))  # fmt: skip
-    assert "joint reach of A has no partner in B: held at 0" in compared(a, b).notes
+    assert "joint reach of A has no partner in B: held at 0" in result(compared(a, b)).notes
 
 
 def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() -> None:
     """The most certain one, by E/U, depended on last digits of U."""
-    ends = np.array([[0.0, 0.0], [1.0, 1.0]])
-    runs = Runs(length=1.0, z=ends[:, :1], w=ends[:, 1:], push=np.zeros((2, 1)))
-    recorded = Recorded(
-        runs=runs, end=ends, uncertainty=np.full((2, 2), 1e-12), scale=np.ones(2),
-        driven=np.zeros(2, dtype=bool), lost=0, fastest=1.0, typical=1.0, unit=np.ones(1),
-        independent=(0,), order=1.0, order_confirmed=True,
-    )  # fmt: skip
+    value = np.array([[0.0, 1.0], [1.0, 2.0]])
+    zeros = np.zeros((2, 1))
+    runs = Runs(length=1.0, z=zeros, w=zeros + np.array([[1.0], [1.0]]), push=zeros)
+    states = SampledStates(runs=runs, fastest=1.0, unit=np.ones(1), typical=1.0, independent=(0,))
     limit = Limit(
-        value=ends + np.array([[0.3, 0.2], [0.0, 0.0]]), uncertainty=np.array([[1e-10, 1e-13]] * 2),
-        rungs=(2, 3), increments=np.ones(1), order=1.0, order_confirmed=True, converges=True,
-        rounding=np.zeros((2, 2)), epsilon=2.2e-16,
+        value=value, uncertainty=np.full((2, 2), 1e-12), rungs=(2, 3), increments=np.ones(1),
+        order=1.0, order_confirmed=True, converges=True, rounding=np.zeros((2, 2)), epsilon=2.2e-16,
     )  # fmt: skip
+    source = Ends(
+        length=1.0, value=value, uncertainty=limit.uncertainty, finest=value, limit=limit, claimed=1
+    )
     pair = match(("x",), ("x",), ({}, {}), ({}, {}))
-    found = judge(recorded, TargetEnds(limit, limit.value, 1), pair, 1e-9)
-    assert found.component == "x"
-    assert found.discrepancy == pytest.approx(0.3)
-    assert found.discrepancy > found.uncertainty
-    near = replace(limit, value=ends + np.array([[0.3, 1e-13], [0.0, 0.0]]))
-    assert judge(recorded, TargetEnds(near, near.value, 1), pair, 1e-9).certain.tolist() == [
-        True, False,
-    ]  # fmt: skip
+    recorded = recorded_runs(states, source, pair, 1e-9)
+    off = value + np.array([[0.3, 0.2], [0.0, 0.0]])
+    target = replace(source, value=off, uncertainty=np.array([[1e-10, 1e-13]] * 2))
+    found = judge(recorded, target, pair, 1e-9)
+    assert found.verdict.component == "x"
+    assert found.verdict.discrepancy == pytest.approx(0.3)
+    assert found.verdict.discrepancy > found.verdict.uncertainty
+    near = replace(target, value=value + np.array([[0.3, 1e-13], [0.0, 0.0]]))
+    assert judge(recorded, near, pair, 1e-9).certain.tolist() == [True, False]
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 0.4), (-100.0, 100.0), (2.0, 2.1)])

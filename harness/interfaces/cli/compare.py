@@ -15,10 +15,9 @@ from physics_crosscheck.harness.compare.candidate import (
 from physics_crosscheck.harness.compare.compare import (
     CompareOptions,
     compare,
-    comparison_record,
-    failed_record,
+    failed_comparison,
 )
-from physics_crosscheck.harness.compare.execute import FailureError, in_workers
+from physics_crosscheck.harness.compare.execute import FailureError
 from physics_crosscheck.harness.compare.match import declared
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
@@ -40,13 +39,13 @@ def main(options: argparse.Namespace) -> int:
     try:
         pair = _pair(options)
         with Workers(JOBS, arguments.limits_of(options)) as workers:
-            record = comparison_record(compare(pair, in_workers(workers)), created)
+            record = compare(pair, workers, created)
     except (SidecarError, NotInstalledError, UnreadableModelError) as error:
         return _stop(str(error), FAIL)
     except CompareError as error:
         return _stop(str(error), USAGE)
     except FailureError as error:
-        record = failed_record(pair, error.failure, created)
+        record = failed_comparison(pair, error.failure, created)
     console = terminal()
     print_comparison(console, record)
     if options.json:

@@ -17,11 +17,10 @@ import msgspec
 from physics_crosscheck.harness.compare.candidate import CompareError, candidate
 from physics_crosscheck.harness.compare.compare import (
     CompareOptions,
-    comparison_record,
-    failed_record,
+    failed_comparison,
 )
 from physics_crosscheck.harness.compare.compare import compare as compared
-from physics_crosscheck.harness.compare.execute import FailureError, in_workers
+from physics_crosscheck.harness.compare.execute import FailureError
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.interfaces.notebook.markup import (
     badge,
@@ -272,11 +271,11 @@ def compare(
             strict=strict,
         )
         with without_main(), Workers(1, limits) as workers:
-            record = comparison_record(compared(options, in_workers(workers)), created)
+            record = compared(options, workers, created)
     except CompareError as error:
         raise CompareError(_as_argument(str(error))) from None
     except FailureError as error:
-        record = failed_record(options, error.failure, created)
+        record = failed_comparison(options, error.failure, created)
     return Comparison(**msgspec.structs.asdict(record))
 
 

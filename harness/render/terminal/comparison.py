@@ -184,7 +184,7 @@ def _own_cause(comparison: Comparison) -> str:
     compared = comparison.found
     if comparison.outcome is not Outcome.DIFFERS or compared is None:
         return ""
-    if not _is_cause_a_term(compared):
+    if not _is_unexplained(compared):
         return ""
     explained = (m for m in comparison.models if m.diagnosis is not None and m.diagnosis.explained)
     return next(map(own_file_sentence, explained), "")
@@ -192,13 +192,13 @@ def _own_cause(comparison: Comparison) -> str:
 
 def _is_cause_a_term(compared: Compared) -> bool:
     """Return whether a measured term is the best known cause."""
-    if (
-        compared.turned
-        or _edit_that_explains(compared)
-        or any(one.moves for one in compared.properties)
-    ):
-        return False
-    return bool(compared.terms)
+    return bool(compared.terms) and _is_unexplained(compared)
+
+
+def _is_unexplained(compared: Compared) -> bool:
+    """Return whether the files explain no difference."""
+    moving = any(one.moves for one in compared.properties)
+    return not (compared.turned or moving or _edit_that_explains(compared))
 
 
 def _edit_that_explains(compared: Compared) -> FileDifference | None:
@@ -281,7 +281,9 @@ def _print_terms(console: Console, comparison: Comparison, compared: Compared) -
             console.print(f"  and {len(shown) - MOST_TERMS} more, see --json")
     elif compared.terms:
         return
-    elif outcome is Outcome.DIFFERS and not compared.turned and not is_explained(compared):
+    elif outcome is Outcome.DIFFERS and not (
+        compared.turned or is_explained(compared) or _own_cause(comparison)
+    ):
         console.print("\nno single measured term differs beyond its uncertainty")
 
 

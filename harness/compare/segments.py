@@ -1,0 +1,244 @@
+"""Short runs of both models from the same states, and their end states as h -> 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
+from physics_crosscheck.harness.numerics.ladder import RUNGS, Limit, movement, observed_order
+from physics_crosscheck.harness.numerics.segments import (
+    BlownUpError,
+    Extrapolated,
+    extrapolate,
+    limits_only,
+)
+from physics_crosscheck.reference.solving.segments import Segments
+
+QUICK_RUNGS = RUNGS[:8]
+
+RUN_DIVISORS = (1.0, 4.0, 16.0)
+"""Divisors of the run length, tried until most runs are resolved."""
+
+SOURCE_SHARE = 0.4
+"""Share of the resolution available to a run of the source."""
+
+MIN_LIMITED_SHARE = 0.1
+"""Share of the target's runs that must have a limit for a verdict."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs:
+    """K runs of one length.
+
+    Attributes:
+        length: seconds.
+        z, w: initial states, in a model's own coordinates, (K, nz) each.
+        push: constant forces on the m coordinates of the comparison, (K, m).
+    """
+
+    length: float
+    z: Array
+    w: Array
+    push: Array
+
+    def rows(self, chosen: NDArray[np.intp]) -> Runs:
+        """Return some of the runs."""
+        return replace(self, z=self.z[chosen], w=self.w[chosen], push=self.push[chosen])
+
+    def reversed(self, signs: Array) -> Runs:
+        """Return the same runs where some coordinates have the opposite direction, by (m,)."""
+        return replace(self, z=self.z * signs, w=self.w * signs, push=self.push * signs)
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """Input of a worker that runs one model.
+
+    Attributes:
+        runs: in its own coordinates, before reversal.
+        match: conversion for the source; None for the target, whose coordinates are compared.
+        signs: -1 for each reversed coordinate of the target, (m,).
+    """
+
+    candidate: Candidate
+    runs: Runs
+    match: Match | None
+    resolution: float
+    signs: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ends:
+    """End states of one model, in the coordinates of the comparison.
+
+    Attributes:
+        length: of the runs, seconds.
+        value, uncertainty: as h -> 0, (K, 2m).
+        finest: at the finest rung, (K, 2m).
+        limit: in the model's own coordinates.
+        claimed: order of its integrator.
+    """
+
+    length: float
+    value: Array
+    uncertainty: Array
+    finest: Array
+    limit: Limit
+    claimed: int
+
+    @property
+    def mostly_limited(self) -> bool:
+        """True if enough runs have a limit, so that last digits do not decide."""
+        finite = np.isfinite(self.uncertainty).all(axis=1)
+        return bool(np.mean(finite) >= MIN_LIMITED_SHARE)
+
+
+def run_target(task: RunTask) -> Ends:
+    """Run the target from the source's states.
+
+    Raises:
+        EngineError, BlownUpError: for a failing run.
+    """
+    model, both = task.candidate.load(), np.concatenate([task.signs, task.signs])
+    extrapolated = ends(model, task.runs.reversed(task.signs), None, task.resolution)
+    limit = extrapolated.limit
+    return Ends(
+        length=task.runs.length,
+        value=limit.value * both,
+        uncertainty=limit.uncertainty,
+        finest=extrapolated.raw[-1] * both,
+        limit=limit,
+        claimed=model.exponents(False)[0],
+    )
+
+
+def run_source(task: RunTask) -> Ends:
+    """Run the source, over shorter runs if most are not resolved otherwise.
+
+    Raises:
+        EngineError, BlownUpError: for a failing run.
+    """
+    model, best = task.candidate.load(), None
+    for divisor in RUN_DIVISORS:
+        shorter = replace(task.runs, length=task.runs.length / divisor)
+        try:
+            tried = _source_ends(model, task, shorter)
+        except BlownUpError:
+            continue
+        unresolved = _unresolved(task, tried)
+        if best is None or unresolved < best[0]:
+            best = unresolved, tried
+        if unresolved <= 0.5:
+            break
+    if best is None:
+        raise BlownUpError("no motion is finite")
+    return best[1]
+
+
+def _source_ends(model: Model, task: RunTask, runs: Runs) -> Ends:
+    match, n = task.match, runs.z.shape[1]
+    assert match is not None
+    extrapolated = ends(model, runs, match, task.resolution)
+    limit, finest = extrapolated.limit, extrapolated.raw[-1]
+    z, w = limit.value[:, :n], limit.value[:, n:]
+    return Ends(
+        length=runs.length,
+        value=np.hstack(match.over(z, w)),
+        uncertainty=match.errors(z, w, limit.uncertainty),
+        finest=np.hstack(match.over(finest[:, :n], finest[:, n:])),
+        limit=limit,
+        claimed=model.exponents(False)[0],
+    )
+
+
+def _unresolved(task: RunTask, tried: Ends) -> float:
+    """Return the share of runs that leave no room for the uncertainty of the target."""
+    assert task.match is not None
+    start = np.hstack(task.match.over(task.runs.z, task.runs.w))
+    value = unwrapped(tried.value, start, task.match.periodic)
+    finite = np.isfinite(tried.uncertainty).all(axis=1)
+    relative = tried.uncertainty / movement(value[finite], start[finite])
+    return float(np.mean(np.max(relative, axis=1) > SOURCE_SHARE * task.resolution))
+
+
+def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Extrapolated:
+    """Return end states as h -> 0 and at each rung, in the model's own coordinates.
+
+    Rungs are added until the uncertainty is far below the resolution, or stops falling. A run with
+    values that are not finite has no limit.
+
+    Args:
+        model: to run.
+        runs: in its own coordinates.
+        match: conversion for the source; None: the forces act on the model's own coordinates.
+        resolution: relative to how far the components move.
+
+    Raises:
+        BlownUpError: if no run is finite.
+    """
+    coordinates, segments = _own_states(runs.z.shape[1], match), _segments(runs, match)
+    extrapolated = extrapolate(model, coordinates, segments, resolution=resolution, partial=True)
+    if extrapolated.limit.order_confirmed or not extrapolated.limit.converges:
+        return extrapolated
+    claimed = model.exponents(segments.varying)[0]
+    confirmed = _mostly_confirmed(extrapolated, segments.start, claimed)
+    return replace(extrapolated, limit=replace(extrapolated.limit, order_confirmed=confirmed))
+
+
+def _mostly_confirmed(extrapolated: Extrapolated, starts: Array, claimed: int) -> bool:
+    """Return whether at least half of the runs have the claimed order, judged one by one.
+
+    Judged together, a few runs in which a drag changes sign would decide. Their loss of accuracy is
+    part of their own uncertainty.
+    """
+    scale = movement(extrapolated.limit.value, starts)
+    rounding = float(np.max(np.abs(extrapolated.limit.value) / scale))
+    finite = np.flatnonzero(np.isfinite(extrapolated.limit.uncertainty).all(axis=1))
+    confirmed = [
+        observed_order(extrapolated.raw[:, [k]] / scale, extrapolated.rungs, claimed, rounding)[1]
+        for k in finite
+    ]
+    return 2 * sum(confirmed) >= len(confirmed)
+
+
+def quick(model: Model, runs: Runs, match: Match | None) -> Array:
+    """Return only the limits, (K, 2nz), to measure the effect of a change of the model.
+
+    Raises:
+        BlownUpError: if a value is not finite.
+    """
+    coordinates, segments = _own_states(runs.z.shape[1], match), _segments(runs, match)
+    return limits_only(model, coordinates, segments, QUICK_RUNGS)
+
+
+def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
+    """Shift angles known modulo 2 pi close to another state."""
+    end = end.copy()
+    for i, turns in enumerate(periodic):
+        if turns:
+            end[:, i] += 2 * np.pi * np.round((near[:, i] - end[:, i]) / (2 * np.pi))
+    return end
+
+
+def _segments(runs: Runs, match: Match | None) -> Segments:
+    return Segments.unsolved(
+        np.concatenate([runs.z, runs.w], axis=1),
+        runs.length,
+        runs.push,
+        # A force that depends on the state is constant over each step, like a varying input.
+        varying=match is not None and not match.constant and bool(runs.push.any()),
+    )
+
+
+def _own_states(size: int, match: Match | None) -> CoordinateMap:
+    """Return a model's own coordinates, with forces on those of the comparison."""
+    if match is None:
+        return replace(identity(size), push_matrix=np.eye(size))
+    matrix = match.slopes(np.zeros((1, size)))[0].T if match.constant else None
+    return replace(identity(size), push=match.push, push_matrix=matrix)
