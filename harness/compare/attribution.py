@@ -17,7 +17,7 @@ from physics_crosscheck.harness.compare.execute import FailureError, ask, ask_ea
 from physics_crosscheck.harness.compare.judge import Recorded
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.prepared import PreparedComparison
-from physics_crosscheck.harness.compare.segments import Ends, Runs, quick, unwrapped
+from physics_crosscheck.harness.compare.segments import Ends, quick, unwrapped
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
 from physics_crosscheck.harness.engines.registry import engines
@@ -27,7 +27,7 @@ from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
-from physics_crosscheck.reference.solving.segments import even_indices
+from physics_crosscheck.reference.solving.segments import Segments, even_indices
 
 MAX_SINGLE_TRIALS = 24
 """Maximum number of differences tried one by one, largest first; the rest is only counted."""
@@ -204,7 +204,7 @@ class _Bench:
         count: int,
     ) -> _Bench:
         """Run both models, unmodified, on some of the runs."""
-        doubt = (recorded.bound + followed.uncertainty) / recorded.scale
+        doubt = (recorded.bound + followed.uncertainty) / recorded.compared.unit
         # Elsewhere than in smooth runs nothing is certain.
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
@@ -218,10 +218,10 @@ class _Bench:
             return TrialTask(
                 candidate=candidate,
                 edits=(),
-                runs=runs.rows(some),
+                runs=runs.pick(some),
                 match=match if source else None,
-                joints=runs.z.shape[1],
-                near=recorded.end[some],
+                joints=runs.start.shape[1] // 2,
+                near=recorded.compared.end[some],
                 periodic=match.periodic,
                 other=_actuation(*prepared.models),
             )
@@ -233,7 +233,7 @@ class _Bench:
             task=of_a,
             a=ask(executor, prepared.models[0], tried, of_a),
             b=ask(executor, prepared.models[1], tried, of_b),
-            scale=recorded.scale,
+            scale=recorded.compared.unit,
             count=count,
             floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
         )
@@ -281,7 +281,7 @@ class TrialTask:
 
     candidate: Candidate
     edits: tuple[SourceEdit, ...]
-    runs: Runs
+    runs: Segments
     match: Match | None
     joints: int
     near: Array
@@ -308,8 +308,7 @@ def tried(task: TrialTask) -> Array:
             # Drop the path of the temporary copy: the file's own name is enough.
             raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
     if task.match is not None:
-        n = task.runs.z.shape[1]
-        ends = np.hstack(task.match.over(ends[:, :n], ends[:, n:]))
+        ends = task.match.convert(ends)
     return unwrapped(ends, task.near, task.periodic)
 
 

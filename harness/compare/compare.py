@@ -24,11 +24,18 @@ from physics_crosscheck.harness.compare.execute import FailureError, ask
 from physics_crosscheck.harness.compare.explained import Explained, explained
 from physics_crosscheck.harness.compare.file_comparison import FileComparison, compare_files
 from physics_crosscheck.harness.compare.judge import Judgement, Recorded, judge, recorded_runs
-from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.match import Match, halves
 from physics_crosscheck.harness.compare.own_file import OwnFile, check_own_files
 from physics_crosscheck.harness.compare.prepared import PreparedComparison, prepare
 from physics_crosscheck.harness.compare.ranges import StartRange, range_notes, start_range
-from physics_crosscheck.harness.compare.segments import Ends, Runs, RunTask, run_source, run_target
+from physics_crosscheck.harness.compare.segments import (
+    Ends,
+    RunTask,
+    own_forces,
+    reversed_segments,
+    run_source,
+    run_target,
+)
 from physics_crosscheck.harness.compare.states import StatesTask, sampled_states
 from physics_crosscheck.harness.compare.terms import (
     MechanicsTask,
@@ -52,7 +59,7 @@ from physics_crosscheck.harness.records.comparison import (
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
-from physics_crosscheck.reference.solving.segments import even_indices
+from physics_crosscheck.reference.solving.segments import Segments, even_indices
 
 MIN_REVERSED_DISCREPANCY = 1e-4
 """Minimum discrepancy at which joints of opposite direction are sought."""
@@ -222,20 +229,18 @@ def _recorded(
         executor, source, run_source, RunTask(source, states.runs, match, options.resolution, ones)
     )
     recorded = recorded_runs(states, ran, match, options.resolution)
-    if not len(recorded.runs.z):
+    if not len(recorded.bound):
         lost = counted(recorded.lost, "run")
         reason = f"its motion is resolved in none of {lost} (contact, limit, friction)"
         raise FailureError(Failure(f"{source.name}: {reason}", ""))
     return recorded
 
 
-def _runs_of_a(recorded: Recorded, match: Match) -> Runs | None:
+def _runs_of_a(recorded: Recorded, match: Match) -> Segments | None:
     """Return A's runs with forces on its own coordinates; None if these vary."""
     if match.source == "B":
         return recorded.compared
-    if not match.constant:
-        return None
-    return replace(recorded.runs, push=recorded.runs.push @ match.slopes(recorded.runs.z[:1])[0])
+    return own_forces(recorded.runs, match) if match.constant else None
 
 
 @dataclass(frozen=True)
@@ -332,19 +337,21 @@ def _measured_terms(
 ) -> tuple[ComparedTerm, ...]:
     """Return the differing terms of A and B, measured at some states."""
     states, match = recorded.states, prepared.match
-    (going,) = np.nonzero(np.max(np.abs(recorded.compared.w), axis=1) > 0)
+    z, w = halves(recorded.compared.start)
+    (going,) = np.nonzero(w.any(axis=1))
     if not len(going):
         return ()
     chosen = list(states.independent)
     picked = going[even_indices(len(going), len(chosen) + MORE_STATES)]
-    source, target = recorded.runs.rows(picked), recorded.compared.rows(picked).reversed(signs)
+    source = recorded.runs.pick(picked)
+    target = reversed_segments(recorded.compared.pick(picked), signs)
     measured = [
         ask(
             executor,
             candidate,
             mechanics,
             MechanicsTask(
-                candidate=candidate, match=map_, signs=turns, z=runs.z, w=runs.w, states=states
+                candidate=candidate, match=map_, signs=turns, start=runs.start, states=states
             ),
         )
         for candidate, map_, turns, runs in zip(
@@ -355,7 +362,7 @@ def _measured_terms(
     a, b = prepared.source_first((measured[0], measured[1]))
     frame = TermFrame(
         [match.names[i] for i in chosen],
-        recorded.compared.z[picked][:, chosen],
+        z[picked][:, chosen],
         states.unit[chosen],
         states.typical,
     )
@@ -383,9 +390,9 @@ def _compared(
         left_out=match.left_out,
         states_of=match.source,
         runs=ComparedRuns(
-            count=len(recorded.runs.z),
+            count=len(recorded.bound),
             length=recorded.runs.length,
-            driven=int(recorded.runs.push.any(axis=1).sum()),
+            driven=int(recorded.runs.start_inputs.any(axis=1).sum()),
             lost=recorded.lost,
         ),
         turned=turned.names,
@@ -436,7 +443,7 @@ def _notes(prepared: PreparedComparison, recorded: Recorded, start: StartRange) 
     notes = [*(note for one in prepared.models for note in one.notes), *prepared.notes]
     notes += range_notes(start.strangers, source)
     if lost:
-        every = counted(lost + len(recorded.runs.z), "run")
+        every = counted(lost + len(recorded.bound), "run")
         notes.append(
             f"{lost} of {every} left out: there the motion of {source} is not resolved (a contact,"
             " a limit, friction, or too quick)"

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.compare.segments import Runs
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
@@ -15,6 +14,7 @@ from physics_crosscheck.reference.mechanism.multibody import tree_system
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import ends_of
+from physics_crosscheck.reference.solving.segments import Segments
 
 PIECES = (1, 8, 64)
 """Numbers of pieces that a run is divided into, tried until its equations can be solved."""
@@ -41,16 +41,17 @@ class FileEquations:
         n = len(self.kept)
         return states[:, :n] @ self.matrix.T + self.offset, states[:, n:] @ self.matrix.T
 
-    def reduced(self, runs: Runs) -> Array:
-        """Return the initial states of runs, (K, 2n)."""
-        return np.hstack([runs.z[:, self.kept], runs.w[:, self.kept]])
+    def reduced(self, states: Array) -> Array:
+        """Return the coordinates' states, (K, 2n), of the engine's, (K, 2nz)."""
+        nz = len(self.offset)
+        return states[:, [*self.kept, *(nz + i for i in self.kept)]]
 
-    def ends(self, runs: Runs, push: Array) -> Array:
+    def ends(self, runs: Segments) -> Array:
         """Return the end states of runs under forces on the engine's coordinates, (K, 2nz).
 
         They are not a number if the equations cannot be solved.
         """
-        forces, start = push @ self.matrix, self.reduced(runs)
+        forces, start = runs.start_inputs @ self.matrix, self.reduced(runs.start)
         for pieces in PIECES:
             reached = start
             try:

@@ -13,13 +13,13 @@ from physics_crosscheck.harness.compare.equations import FileEquations
 from physics_crosscheck.harness.compare.judge import Recorded
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.property import Difference
-from physics_crosscheck.harness.compare.segments import Ends, Runs
+from physics_crosscheck.harness.compare.segments import Ends, own_forces, reversed_segments
 from physics_crosscheck.harness.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.ladder import movement
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.solving.segments import even_indices
+from physics_crosscheck.reference.solving.segments import Segments, even_indices
 
 SOLVED_RUNS = 24
 """Runs over which the equations are solved."""
@@ -66,19 +66,14 @@ def explained(
     if not len(finite):
         return None
     some = finite[even_indices(len(finite), SOLVED_RUNS)]
-    source_runs = recorded.runs.rows(some)
-    turned = recorded.compared.rows(some).reversed(signs)
-    ends = recorded.end[some]
-    slopes = match.slopes(source_runs.z[:1])[0]
-    both = np.concatenate([signs, signs])
+    compared, both = recorded.compared.pick(some), np.concatenate([signs, signs])
     with np.errstate(all="ignore"):
-        source_ends = source.equations.ends(source_runs, source_runs.push @ slopes)
-        target_ends = other.equations.ends(turned, turned.push) * both
-    n = source_runs.z.shape[1]
-    source_ends = np.hstack(match.over(source_ends[:, :n], source_ends[:, n:]))
+        source_ends = source.equations.ends(own_forces(recorded.runs.pick(some), match))
+        target_ends = other.equations.ends(reversed_segments(compared, signs)) * both
+    source_ends = match.convert(source_ends)
     if not (np.isfinite(source_ends).all() and np.isfinite(target_ends).all()):
         return None
-    seen, scale = reached[some], recorded.scale
+    ends, seen, scale = compared.end, reached[some], compared.unit
     discrepancy = (seen - ends) / scale
     remaining = discrepancy - (target_ends - source_ends) / scale
     return Explained(
@@ -91,7 +86,7 @@ def explained(
 
 
 def weighed(
-    differences: Sequence[Difference], a: ModelSide, runs: Runs | None
+    differences: Sequence[Difference], a: ModelSide, runs: Segments | None
 ) -> tuple[ComparedProperty, ...]:
     """Return differences with their effects on A's motions, the largest first.
 
@@ -104,13 +99,13 @@ def weighed(
     """
     effects: list[float | None] = [None] * len(differences)
     if runs is not None:
-        part = runs.rows(even_indices(len(runs.z), SOLVED_RUNS))
+        part = runs.pick(even_indices(len(runs.start), SOLVED_RUNS))
         with np.errstate(all="ignore"):
-            ends = a.equations.ends(part, part.push)
-            scale = movement(ends, np.hstack([part.z, part.w]))
+            ends = a.equations.ends(part)
+            scale = movement(ends, part.start)
             for i, (_, tree) in enumerate(differences):
                 if tree is not None:
-                    changed = FileEquations(tree, a.facts.coordinates).ends(part, part.push)
+                    changed = FileEquations(tree, a.facts.coordinates).ends(part)
                     effects[i] = float(np.max(np.abs(changed - ends) / scale))
     rows = [
         structs.replace(row, effect=number(effect))

@@ -14,11 +14,11 @@ from physics_crosscheck.harness.compare.explained import weighed
 from physics_crosscheck.harness.compare.prepared import PreparedComparison
 from physics_crosscheck.harness.compare.properties import properties
 from physics_crosscheck.harness.compare.property import make_property
-from physics_crosscheck.harness.compare.segments import Runs
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide, model_side, pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.reference.solving.segments import Segments
 
 POSE_ACCURACY = 1e-9
 """Accuracy of frames from engines, relative to the size of the mechanism."""
@@ -45,7 +45,7 @@ class FileComparison:
 
 
 def compare_files(
-    executor: Executor, prepared: PreparedComparison, home: Array, runs: Runs | None
+    executor: Executor, prepared: PreparedComparison, home: Array, runs: Segments | None
 ) -> FileComparison:
     """Compare both files at one position.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.checks import verdict as verdicts
 from physics_crosscheck.harness.checks.verdict import Verdict
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.segments import SOURCE_SHARE, Ends, Runs, unwrapped
+from physics_crosscheck.harness.compare.segments import SOURCE_SHARE, Ends, unwrapped
 from physics_crosscheck.harness.compare.states import SampledStates
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
@@ -28,55 +28,44 @@ class Recorded:
 
     Attributes:
         states: all sampled states, and the scales of the motions.
-        runs: K runs, in the source's coordinates.
-        compared: the same in the coordinates of the comparison.
-        ends: of the source.
-        end, bound: end states of these runs and their uncertainties, (K, 2m).
-        scale: how far each component moves at most, (2m,).
+        runs: K runs, in the source's coordinates, with forces on those of the comparison.
+        compared: the same in the coordinates of the comparison, with their ends and scale.
+        ends: of all runs of the source.
+        bound: uncertainty of the ends, (K, 2m).
         lost: number of runs left out because the source's motion is not smooth there.
     """
 
     states: SampledStates
-    runs: Runs
-    compared: Runs
+    runs: Segments
+    compared: Segments
     ends: Ends
-    end: Array
     bound: Array
-    scale: Array
     lost: int
-
-    @property
-    def segments(self) -> Segments:
-        """The runs as the reference of a verdict."""
-        start = np.hstack([self.compared.z, self.compared.w])
-        unsolved = Segments.unsolved(start, self.runs.length, self.runs.push, scale=self.scale)
-        return replace(unsolved, end=self.end, bound=self.bound, fastest=self.states.fastest)
 
     @property
     def is_smooth(self) -> bool:
         """True if most runs of the source are resolved."""
-        return self.lost <= len(self.end)
+        return self.lost <= len(self.bound)
 
 
 def recorded_runs(states: SampledStates, ends: Ends, match: Match, resolution: float) -> Recorded:
     """Return the resolved runs of the source."""
-    runs = replace(states.runs, length=ends.length)
-    z, w = match.over(runs.z, runs.w)
-    start = np.hstack([z, w])
+    start = match.convert(states.runs.start)
     end = unwrapped(ends.value, start, match.periodic)
     finite = np.isfinite(ends.uncertainty).all(axis=1)
     moved = movement(end[finite], start[finite])
     kept = _resolved(np.max(ends.uncertainty / moved, axis=1), resolution)
-    source, scale = runs.rows(kept), movement(end[kept], start[kept])
+    runs = replace(states.runs, lengths=np.full(len(start), ends.length)).pick(kept)
+    scale = movement(end[kept], start[kept])
     return Recorded(
         states=states,
-        runs=source,
-        compared=replace(source, z=z[kept], w=w[kept]),
+        runs=runs,
+        compared=replace(
+            runs, start=start[kept], end=end[kept], scale=scale, fastest=states.fastest
+        ),
         ends=ends,
-        end=end[kept],
         bound=np.maximum(ends.uncertainty[kept], 16 * EPSILON * scale),
-        scale=scale,
-        lost=len(z) - len(kept),
+        lost=len(start) - len(kept),
     )
 
 
@@ -119,16 +108,19 @@ class Judgement:
 
 def judge(recorded: Recorded, followed: Ends, match: Match, resolution: float) -> Judgement:
     """Judge the target by the rule of verdicts, with the runs of the source as reference."""
+    compared = recorded.compared
     components = (*match.names, *(f"{name}_dot" for name in match.names))
     limit = replace(
         followed.limit,
-        value=unwrapped(followed.value, recorded.end, match.periodic),
+        value=unwrapped(followed.value, compared.end, match.periodic),
         converges=followed.limit.converges and followed.mostly_limited and recorded.is_smooth,
         order_confirmed=followed.limit.order_confirmed and recorded.ends.limit.order_confirmed,
     )
-    verdict = verdicts.judge(limit, recorded.segments, components, followed.claimed, resolution)
-    defect = np.abs(limit.value - recorded.end) / recorded.scale
-    uncertainty = (limit.uncertainty + recorded.bound) / recorded.scale
+    verdict = verdicts.judge(
+        limit, replace(compared, bound=recorded.bound), components, followed.claimed, resolution
+    )
+    defect = np.abs(limit.value - compared.end) / compared.unit
+    uncertainty = (limit.uncertainty + recorded.bound) / compared.unit
     defect = np.where(np.isfinite(uncertainty), defect, 0.0)
     if verdict.outcome is Outcome.DIFFERS:
         differing = differs(defect, uncertainty, verdict.resolution)

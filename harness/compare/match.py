@@ -57,16 +57,24 @@ class Match:
         """Return dc/dz, (B, m, nz)."""
         return self.slope(z).reshape(len(z), len(self.names), -1)
 
-    def over(self, z: Array, w: Array) -> tuple[Array, Array]:
-        """Convert states (z, w), each (B, nz), to the target's, each (B, m)."""
-        return self.value(z), np.einsum("bmz,bz->bm", self.slopes(z), w)
+    def convert(self, states: Array) -> Array:
+        """Convert states (B, 2nz) of the source to the target's, (B, 2m)."""
+        z, w = halves(states)
+        return np.hstack([self.value(z), np.einsum("bmz,bz->bm", self.slopes(z), w)])
 
-    def errors(self, z: Array, w: Array, uncertainty: Array) -> Array:
-        """Convert uncertainties (B, 2nz) of (z, w) to those of the target's (c, dc/dt), (B, 2m)."""
+    def errors(self, states: Array, uncertainty: Array) -> Array:
+        """Convert uncertainties (B, 2nz) of states to those of the target's, (B, 2m)."""
+        z, w = halves(states)
         slopes = np.abs(self.rates(z, w)).reshape(len(z), 2 * len(self.names), -1)
         with np.errstate(invalid="ignore"):
             errors = np.einsum("bij,bj->bi", slopes, uncertainty)
         return np.where(np.isnan(errors), np.inf, errors)
+
+
+def halves(states: Array) -> tuple[Array, Array]:
+    """Return positions and velocities of states."""
+    n = states.shape[1] // 2
+    return states[:, :n], states[:, n:]
 
 
 def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, str]]:

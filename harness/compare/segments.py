@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.match import Match, halves
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
 from physics_crosscheck.harness.numerics.ladder import RUNGS, Limit, movement, observed_order
@@ -18,7 +17,7 @@ from physics_crosscheck.harness.numerics.segments import (
     extrapolate,
     limits_only,
 )
-from physics_crosscheck.reference.solving.segments import Segments
+from physics_crosscheck.reference.solving.segments import ConstantInputs, Segments
 
 QUICK_RUNGS = RUNGS[:8]
 
@@ -32,28 +31,16 @@ MIN_LIMITED_SHARE = 0.1
 """Share of the target's runs that must have a limit for a verdict."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Runs:
-    """K runs of one length.
+def reversed_segments(segments: Segments, signs: Array) -> Segments:
+    """Return segments where some coordinates have the opposite direction, by their signs (m,)."""
+    both = np.concatenate([signs, signs])
+    return Segments.unsolved(segments.start * both, segments.length, segments.start_inputs * signs)
 
-    Attributes:
-        length: seconds.
-        z, w: initial states, in a model's own coordinates, (K, nz) each.
-        push: constant forces on the m coordinates of the comparison, (K, m).
-    """
 
-    length: float
-    z: Array
-    w: Array
-    push: Array
-
-    def rows(self, chosen: NDArray[np.intp]) -> Runs:
-        """Return some of the runs."""
-        return replace(self, z=self.z[chosen], w=self.w[chosen], push=self.push[chosen])
-
-    def reversed(self, signs: Array) -> Runs:
-        """Return the same runs where some coordinates have the opposite direction, by (m,)."""
-        return replace(self, z=self.z * signs, w=self.w * signs, push=self.push * signs)
+def own_forces(segments: Segments, match: Match) -> Segments:
+    """Return segments of the source with forces on its own coordinates, if `match` is constant."""
+    z, _ = halves(segments.start[:1])
+    return replace(segments, inputs=ConstantInputs(segments.start_inputs @ match.slopes(z)[0]))
 
 
 @dataclass(frozen=True)
@@ -61,13 +48,13 @@ class RunTask:
     """Input of a worker that runs one model.
 
     Attributes:
-        runs: in its own coordinates, before reversal.
+        runs: in its own coordinates, before reversal, with forces on those of the comparison.
         match: conversion for the source; None for the target, whose coordinates are compared.
         signs: -1 for each reversed coordinate of the target, (m,).
     """
 
     candidate: Candidate
-    runs: Runs
+    runs: Segments
     match: Match | None
     resolution: float
     signs: Array
@@ -106,7 +93,7 @@ def run_target(task: RunTask) -> Ends:
         EngineError, BlownUpError: for a failing run.
     """
     model, both = task.candidate.load(), np.concatenate([task.signs, task.signs])
-    extrapolated = ends(model, task.runs.reversed(task.signs), None, task.resolution)
+    extrapolated = ends(model, reversed_segments(task.runs, task.signs), None, task.resolution)
     limit = extrapolated.limit
     return Ends(
         length=task.runs.length,
@@ -126,7 +113,7 @@ def run_source(task: RunTask) -> Ends:
     """
     model, best = task.candidate.load(), None
     for divisor in RUN_DIVISORS:
-        shorter = replace(task.runs, length=task.runs.length / divisor)
+        shorter = replace(task.runs, lengths=task.runs.lengths / divisor)
         try:
             tried = _source_ends(model, task, shorter)
         except BlownUpError:
@@ -141,17 +128,16 @@ def run_source(task: RunTask) -> Ends:
     return best[1]
 
 
-def _source_ends(model: Model, task: RunTask, runs: Runs) -> Ends:
-    match, n = task.match, runs.z.shape[1]
+def _source_ends(model: Model, task: RunTask, runs: Segments) -> Ends:
+    match = task.match
     assert match is not None
     extrapolated = ends(model, runs, match, task.resolution)
-    limit, finest = extrapolated.limit, extrapolated.raw[-1]
-    z, w = limit.value[:, :n], limit.value[:, n:]
+    limit = extrapolated.limit
     return Ends(
         length=runs.length,
-        value=np.hstack(match.over(z, w)),
-        uncertainty=match.errors(z, w, limit.uncertainty),
-        finest=np.hstack(match.over(finest[:, :n], finest[:, n:])),
+        value=match.convert(limit.value),
+        uncertainty=match.errors(limit.value, limit.uncertainty),
+        finest=match.convert(extrapolated.raw[-1]),
         limit=limit,
         claimed=model.exponents(False)[0],
     )
@@ -160,14 +146,14 @@ def _source_ends(model: Model, task: RunTask, runs: Runs) -> Ends:
 def _unresolved(task: RunTask, tried: Ends) -> float:
     """Return the share of runs that leave no room for the uncertainty of the target."""
     assert task.match is not None
-    start = np.hstack(task.match.over(task.runs.z, task.runs.w))
+    start = task.match.convert(task.runs.start)
     value = unwrapped(tried.value, start, task.match.periodic)
     finite = np.isfinite(tried.uncertainty).all(axis=1)
     relative = tried.uncertainty / movement(value[finite], start[finite])
     return float(np.mean(np.max(relative, axis=1) > SOURCE_SHARE * task.resolution))
 
 
-def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Extrapolated:
+def ends(model: Model, runs: Segments, match: Match | None, resolution: float) -> Extrapolated:
     """Return end states as h -> 0 and at each rung, in the model's own coordinates.
 
     Rungs are added until the uncertainty is far below the resolution, or stops falling. A run with
@@ -175,14 +161,14 @@ def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Ex
 
     Args:
         model: to run.
-        runs: in its own coordinates.
+        runs: in its own coordinates, with forces on those of the comparison.
         match: conversion for the source; None: the forces act on the model's own coordinates.
         resolution: relative to how far the components move.
 
     Raises:
         BlownUpError: if no run is finite.
     """
-    coordinates, segments = _own_states(runs.z.shape[1], match), _segments(runs, match)
+    coordinates, segments = _own_states(runs, match), _varying(runs, match)
     extrapolated = extrapolate(model, coordinates, segments, resolution=resolution, partial=True)
     if extrapolated.limit.order_confirmed or not extrapolated.limit.converges:
         return extrapolated
@@ -207,14 +193,13 @@ def _mostly_confirmed(extrapolated: Extrapolated, starts: Array, claimed: int) -
     return 2 * sum(confirmed) >= len(confirmed)
 
 
-def quick(model: Model, runs: Runs, match: Match | None) -> Array:
+def quick(model: Model, runs: Segments, match: Match | None) -> Array:
     """Return only the limits, (K, 2nz), to measure the effect of a change of the model.
 
     Raises:
         BlownUpError: if a value is not finite.
     """
-    coordinates, segments = _own_states(runs.z.shape[1], match), _segments(runs, match)
-    return limits_only(model, coordinates, segments, QUICK_RUNGS)
+    return limits_only(model, _own_states(runs, match), _varying(runs, match), QUICK_RUNGS)
 
 
 def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
@@ -226,19 +211,17 @@ def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
     return end
 
 
-def _segments(runs: Runs, match: Match | None) -> Segments:
-    return Segments.unsolved(
-        np.concatenate([runs.z, runs.w], axis=1),
-        runs.length,
-        runs.push,
-        # A force that depends on the state is constant over each step, like a varying input.
-        varying=match is not None and not match.constant and bool(runs.push.any()),
-    )
+def _varying(runs: Segments, match: Match | None) -> Segments:
+    """Return the runs; forces that depend on the state are constant over each step only."""
+    varies = match is not None and not match.constant and bool(runs.start_inputs.any())
+    return replace(runs, varying=varies)
 
 
-def _own_states(size: int, match: Match | None) -> CoordinateMap:
+def _own_states(runs: Segments, match: Match | None) -> CoordinateMap:
     """Return a model's own coordinates, with forces on those of the comparison."""
+    z, _ = halves(runs.start[:1])
+    own = identity(z.shape[1])
     if match is None:
-        return replace(identity(size), push_matrix=np.eye(size))
-    matrix = match.slopes(np.zeros((1, size)))[0].T if match.constant else None
-    return replace(identity(size), push=match.push, push_matrix=matrix)
+        return replace(own, push_matrix=np.eye(z.shape[1]))
+    matrix = match.slopes(0 * z)[0].T if match.constant else None
+    return replace(own, push=match.push, push_matrix=matrix)

@@ -15,7 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
 from physics_crosscheck.harness.compare.equations import FileEquations
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.segments import Runs, quick
+from physics_crosscheck.harness.compare.segments import quick
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.numerics.accelerations import Accelerations
 from physics_crosscheck.harness.numerics.coordinates import identity
@@ -23,6 +23,7 @@ from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import rate_of, samples
+from physics_crosscheck.reference.solving.segments import Segments
 
 SEED = 20260101
 SAMPLED = 40
@@ -81,7 +82,7 @@ class SampledStates:
         independent: indices of the compared coordinates that determine the others.
     """
 
-    runs: Runs
+    runs: Segments
     fastest: float
     unit: Array
     typical: float
@@ -104,7 +105,7 @@ def sampled_states(task: StatesTask) -> SampledStates:
     return _pushed(task, given)
 
 
-def _of_equations(task: StatesTask, tree: Tree, given: list[tuple[Array, Array]]) -> SampledStates:
+def _of_equations(task: StatesTask, tree: Tree, given: list[Array]) -> SampledStates:
     """Sample states and forces with the equations of a tree.
 
     Raises:
@@ -118,9 +119,10 @@ def _of_equations(task: StatesTask, tree: Tree, given: list[tuple[Array, Array]]
     forces[:, kept] = gain * drawn.start_inputs
     slopes = match.slopes(z)
     push = np.einsum("kz,kzm->km", forces, np.linalg.pinv(slopes))
-    more = [(task.home, 0 * task.home), *((one, 0 * one) for one in task.taut), *given]
-    runs = _with_starts(Runs(length=drawn.length, z=z, w=gain * w, push=push), np.array(more))
-    start = file.reduced(runs)[::-1]
+    still = [np.concatenate([one, 0 * one]) for one in (task.home, *task.taut)]
+    runs = Segments.unsolved(np.hstack([z, gain * w]), drawn.length, push)
+    runs = _with_starts(runs, np.array([*still, *given]))
+    start = file.reduced(runs.start)[::-1]
     fastest = max(drawn.fastest, rate_of(file.equations, start, 0 * start[:, : len(kept)]))
     mass = file.equations.inertia(drawn.start[:1, : len(kept)])[0]
     compared = slopes[0] @ file.matrix
@@ -128,7 +130,7 @@ def _of_equations(task: StatesTask, tree: Tree, given: list[tuple[Array, Array]]
     if len(independent) < len(kept):
         _refuse_left_out(task, [one for one in match.left_out if task.names.index(one) in kept])
     return SampledStates(
-        runs=replace(runs, length=min(runs.length, 2 * np.pi / fastest * PERIODS)),
+        runs=replace(runs, lengths=np.minimum(runs.lengths, 2 * np.pi / fastest * PERIODS)),
         fastest=fastest,
         unit=np.abs(slopes[0]) @ np.ptp(z, axis=0) / 2,
         typical=typical,
@@ -148,21 +150,17 @@ def _gain(z: Array, w: Array, fastest: float) -> tuple[float, float]:
     return gain, gain * typical
 
 
-def _with_starts(runs: Runs, starts: Array) -> Runs:
-    """Return runs with more starts (P, 2, nz), each once free and once under forces of a run."""
-    z, w = np.repeat(starts, 2, axis=0).swapaxes(0, 1)
-    driven = (np.arange(len(z)) % 2)[:, None]
-    push = driven * runs.push[np.arange(len(z)) // 2]
-    return replace(
-        runs,
-        z=np.vstack([runs.z, z]),
-        w=np.vstack([runs.w, w]),
-        push=np.vstack([runs.push, push]),
+def _with_starts(runs: Segments, starts: Array) -> Segments:
+    """Return runs with more starts (P, 2nz), each once free and once under forces of a run."""
+    more = np.repeat(starts, 2, axis=0)
+    forces = runs.start_inputs[np.arange(len(more)) // 2] * (np.arange(len(more)) % 2)[:, None]
+    return Segments.unsolved(
+        np.vstack([runs.start, more]), runs.length, np.vstack([runs.start_inputs, forces])
     )
 
 
-def _initial_state(task: StatesTask, state: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return the positions and velocities that a user gives."""
+def _initial_state(task: StatesTask, state: Mapping[str, float]) -> Array:
+    """Return the state that a user gives, (2nz,)."""
     z, w, names = task.home.copy(), np.zeros(len(task.home)), task.names
     for name, value in state.items():
         if name in names:
@@ -174,7 +172,7 @@ def _initial_state(task: StatesTask, state: Mapping[str, float]) -> tuple[Array,
                 f"--start: {name!r} is not a joint, or a joint's velocity, of the model; its"
                 f" joints are {', '.join(names)}"
             )
-    return z, w
+    return np.concatenate([z, w])
 
 
 def _independent(inverse: Array) -> tuple[int, ...]:
@@ -206,7 +204,7 @@ def _refuse_left_out(task: StatesTask, free: list[str]) -> None:
         )
 
 
-def _pushed(task: StatesTask, given: list[tuple[Array, Array]]) -> SampledStates:
+def _pushed(task: StatesTask, given: list[Array]) -> SampledStates:
     """Push a model from the position in which its file draws it, and release it.
 
     Raises:
@@ -223,32 +221,32 @@ def _pushed(task: StatesTask, given: list[tuple[Array, Array]]) -> SampledStates
     wanted = rng.uniform(-1, 1, (PUSHES, len(chosen))) * size[chosen]
     push = np.zeros((PUSHES + 1 + len(given), len(size)))
     push[:PUSHES, chosen] = wanted * typical**2 @ np.linalg.inv(compared[np.ix_(chosen, chosen)])
-    starts = np.array([*[(drawn, 0 * drawn)] * (PUSHES + 1), *given])
-    length = 2 * np.pi / fastest * PERIODS
-    first = Runs(length=length, z=starts[:, 0], w=starts[:, 1], push=push)
+    starts = np.array([*[np.concatenate([drawn, 0 * drawn])] * (PUSHES + 1), *given])
+    first = Segments.unsolved(starts, 2 * np.pi / fastest * PERIODS, push)
     runs = _chained(model, first, match)
     if rank > len(independent):
-        away = np.abs(runs.z - drawn).max(axis=0) > 1e-9 * unit
+        away = np.abs(runs.start[:, : len(drawn)] - drawn).max(axis=0) > 1e-9 * unit
         _refuse_left_out(task, [one for one in match.left_out if away[task.names.index(one)]])
     return SampledStates(
         runs=runs, fastest=fastest, unit=size, typical=typical, independent=independent
     )
 
 
-def _chained(model: Model, first: Runs, match: Match) -> Runs:
+def _chained(model: Model, first: Segments, match: Match) -> Segments:
     """Return runs, each from the end of the previous one, as long as all are finite."""
-    links, n = [first], first.z.shape[1]
+    links = [first]
     while len(links) < LINKS:
         last = links[-1]
-        push = 0 * last.push if len(links) >= LINKS // 2 else last.push
+        push = last.start_inputs * (len(links) < LINKS // 2)
         try:
             end = quick(model, last, match)
         except BlownUpError:
             break
-        links.append(replace(last, z=end[:, :n], w=end[:, n:], push=push))
-    every = zip(*((one.z, one.w, one.push) for one in links), strict=True)
-    z, w, push = map(np.concatenate, every)
-    return replace(first, z=z, w=w, push=push)
+        links.append(Segments.unsolved(end, last.length, push))
+    start, push = (
+        np.concatenate([getattr(one, name) for one in links]) for name in ("start", "start_inputs")
+    )
+    return Segments.unsolved(start, first.length, push)
 
 
 def _scales(

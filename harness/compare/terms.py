@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.harness.compare.candidate import Candidate
-from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.match import Match, halves
 from physics_crosscheck.harness.compare.property import apart, percent
 from physics_crosscheck.harness.compare.states import SampledStates, free_directions
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model
@@ -38,15 +38,14 @@ class MechanicsTask:
         match: conversion of its own coordinates to those of the comparison; None: they are equal,
             except for `signs`.
         signs: -1 for each reversed coordinate, (m,).
-        z, w: N states, in its own coordinates, (N, nz) each.
+        start: N states, in its own coordinates, (N, 2nz).
         states: that the comparison sampled, for the scales of the motions.
     """
 
     candidate: Candidate
     match: Match | None
     signs: Array
-    z: Array
-    w: Array
+    start: Array
     states: SampledStates
 
 
@@ -79,7 +78,8 @@ def mechanics(task: MechanicsTask) -> Mechanics:
     """
     model = task.candidate.load()
     lens = _Lens(task, model)
-    still, every = np.hstack([task.z, 0 * task.w]), range(len(task.z))
+    z, w = halves(task.start)
+    still, every = np.hstack([z, 0 * w]), range(len(z))
     rest, odd = lens.forces(model, still, every), lens.odd(model)
     unweighted = None
     try:
@@ -96,26 +96,26 @@ class _Lens:
 
     def __init__(self, task: MechanicsTask, model: Model) -> None:
         self.task = task
-        (n, typical) = task.z.shape[1], task.states.typical
+        (z, _), typical = halves(task.start), task.states.typical
+        n = z.shape[1]
         extent = model.sampling_range
         size = (extent[:, 1] - extent[:, 0]) / 2
         self.speed = size * typical
-        states = np.hstack([task.z, task.w])
         accelerations = self._accelerations(model)
-        ease = np.diagonal(accelerations.inverse_mass(states[:1], np.ones(n))[0])
+        ease = np.diagonal(accelerations.inverse_mass(task.start[:1], np.ones(n))[0])
         largest = float(np.max(ease)) or 1.0  # no joint moves if a motor holds them all
         inverse = accelerations.inverse_mass(
-            states, size * typical**2 / np.where(ease > 0, ease, largest)
+            task.start, size * typical**2 / np.where(ease > 0, ease, largest)
         )
-        plain = np.tile(np.diag(task.signs[:n]), (len(task.z), 1, 1))
-        slopes = plain if task.match is None else task.match.slopes(task.z)
+        plain = np.tile(np.diag(task.signs[:n]), (len(z), 1, 1))
+        slopes = plain if task.match is None else task.match.slopes(z)
         compared = slopes @ inverse @ slopes.swapaxes(1, 2)
         self.rank = max(free_directions(one).shape[1] for one in compared)
         picked = list(task.states.independent)
         self.slopes = slopes[:, picked]
         ease = np.diagonal(compared[0])[picked]
         sizes = task.states.unit[picked] * typical**2 / np.where(ease > 0, ease, largest)
-        self.mass, _ = accelerations.mechanics(states, sizes, self.slopes)
+        self.mass, _ = accelerations.mechanics(task.start, sizes, self.slopes)
         # The velocities at which one independent coordinate alone moves.
         self.along = inverse @ self.slopes.swapaxes(1, 2) @ self.mass.value
 
@@ -138,7 +138,8 @@ class _Lens:
 
     def odd(self, model: Model) -> Estimate:
         """Return `Mechanics.odd`; the curvature of the coordinates is even and cancels."""
-        task, bases = self.task, min(BASES, len(self.task.z))
+        task, (z, _) = self.task, halves(self.task.start)
+        bases = min(BASES, len(z))
         picked = list(task.states.independent)
         speed, r = task.states.unit[picked] * task.states.typical, len(picked)
         rows = [
@@ -149,7 +150,7 @@ class _Lens:
             for j in range(r)
         ]
         indices = [base for base, _ in rows]
-        states = np.hstack([task.z[indices], np.array([w for _, w in rows])])
+        states = np.hstack([z[indices], np.array([w for _, w in rows])])
         forces = self.forces(model, states, indices)
         value, error = (
             one.reshape(bases, len(SPEEDS), 2, r, r) for one in (forces.value, forces.uncertainty)

@@ -74,8 +74,8 @@ def test_a_map_may_scale_turn_and_shift(tmp_path: Path) -> None:
     for given in (pairs, declared("", table)):
         found = match(("a", "b"), ("q", "r"), given, NONE)
         assert found.source == "A"
-        over = found.over(np.array(z), np.array(w))
-        assert np.allclose(over, [[[0.7, -0.7]], [[1.0, -3.0]]], atol=1e-15)
+        states = found.convert(np.hstack([z, w]))
+        assert np.allclose(states, [[0.7, -0.7, 1.0, -3.0]], atol=1e-15)
 
 
 def test_a_name_that_has_a_partner_is_not_matched_again() -> None:

@@ -13,13 +13,14 @@ from physics_crosscheck.harness.compare.candidate import candidate
 from physics_crosscheck.harness.compare.judge import judge, recorded_runs
 from physics_crosscheck.harness.compare.match import match
 from physics_crosscheck.harness.compare.prepared import prepare
-from physics_crosscheck.harness.compare.segments import Ends, Runs
+from physics_crosscheck.harness.compare.segments import Ends
 from physics_crosscheck.harness.compare.states import SampledStates
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.numerics.ladder import Limit
 from physics_crosscheck.harness.records.comparison import Comparison, FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.solving.segments import Segments
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import compared, result, sampled, written
 from tests.compare.test_agreement import agrees
@@ -88,7 +89,7 @@ def test_a_range_without_zero_is_no_difference(tmp_path: Path, engine: str) -> N
     path = written(tmp_path, "arm.urdf", URDF, near)
     found = agrees(compared(path, path, engine, "mujoco"))
     names = found.models[0].coordinates or ()
-    elbow = sampled(path, path, engine, "mujoco").runs.z[:, names.index("elbow")]
+    elbow = sampled(path, path, engine, "mujoco").runs.start[:, names.index("elbow")]
     assert elbow.min() > -3.07
     assert elbow.max() < -0.07
 
@@ -106,7 +107,7 @@ def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0.1" upper="0.4"'))
     found = agrees(compared(a, b, engine_b="mujoco"))
-    reach = sampled(a, b, engine_b="mujoco").runs.z[:, 2]
+    reach = sampled(a, b, engine_b="mujoco").runs.start[:, 2]
     assert reach.min() > 0.1
     assert reach.max() < 0.3
     assert idle(found) == ["range of joint reach: -0.2 to 0.3 in A, 0.1 to 0.4 in B"]
@@ -512,8 +513,7 @@ def test_keyframes_of_a_joint_that_is_held_go_with_it(tmp_path: Path) -> None:
 def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() -> None:
     """The most certain one, by E/U, depended on last digits of U."""
     value = np.array([[0.0, 1.0], [1.0, 2.0]])
-    zeros = np.zeros((2, 1))
-    runs = Runs(length=1.0, z=zeros, w=zeros + np.array([[1.0], [1.0]]), push=zeros)
+    runs = Segments.unsolved(np.array([[0.0, 1.0]] * 2), 1.0, np.zeros((2, 1)))
     states = SampledStates(runs=runs, fastest=1.0, unit=np.ones(1), typical=1.0, independent=(0,))
     limit = Limit(
         value=value, uncertainty=np.full((2, 2), 1e-12), rungs=(2, 3), increments=np.ones(1),

@@ -7,7 +7,6 @@ import pytest
 
 from physics_crosscheck.harness.baseline.snapshot import ends as snapshot_ends
 from physics_crosscheck.harness.baseline.snapshot import segments_of, snapshot_of
-from physics_crosscheck.harness.compare.segments import Runs
 from physics_crosscheck.harness.compare.segments import ends as compared_ends
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,
@@ -20,6 +19,7 @@ from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Segments
 from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, Bench, Coarse, MakeBench
 
 Errors = Callable[[Bench], Array]
@@ -47,12 +47,7 @@ def snapshot(made: Bench) -> Array:
 
 def compare(made: Bench) -> Array:
     start = made.motion.start[::5]
-    runs = Runs(
-        length=float(made.motion.lengths[0]),
-        z=start[:, :1],
-        w=start[:, 1:],
-        push=np.zeros((len(start), 1)),
-    )
+    runs = Segments.unsolved(start, float(made.motion.lengths[0]), np.zeros((len(start), 1)))
     found = compared_ends(made.model, runs, None, 1e-6).limit
     return np.abs(found.value - made.motion.end[::5]) / found.uncertainty
 
