@@ -169,9 +169,9 @@ def _actuated(
     notes = list(pairs.how)
     if pairs.pairs:
         notes.append(f"actuators ({len(pairs.pairs)}), each held at a control within its range")
-    for one, unpaired in zip(models, pairs.unpaired, strict=True):
-        if count := sum(one.actuators[i].covered for i in unpaired):
-            who = f"actuators of {one.candidate.label} without a partner ({count})"
+    for model, unpaired in zip(models, pairs.unpaired, strict=True):
+        if count := sum(model.actuators[i].covered for i in unpaired):
+            who = f"actuators of {model.candidate.label} without a partner ({count})"
             notes.append(f"{who}, each held likewise")
     return _with(executor, models, settings), notes
 

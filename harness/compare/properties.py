@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from msgspec import structs
 
 from physics_crosscheck.harness.compare.actuators import actuator_properties
 from physics_crosscheck.harness.compare.alignment import (
@@ -84,10 +85,15 @@ def _joint(
     a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
 ) -> Iterator[Difference]:
     """Yield differences of a joint's geometry and forces."""
-    if a.tree.links[row.a].kind in ("hinge", "slide"):
-        yield from _geometry(a, b, row, pair, size)
+    link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
+    differences: list[Difference] = []
+    if link_a.kind in ("hinge", "slide"):
+        differences += _geometry(a, b, row, pair, size)
     if abs(abs(pair.slope) - 1) <= SAME:
-        yield from _forces(a, b, row, pair)
+        differences += _forces(a, b, row, pair)
+    where_a, where_b = a.joint_line(link_a.name), b.joint_line(link_b.name)
+    for difference, changed in differences:
+        yield structs.replace(difference, where_a=where_a, where_b=where_b), changed
 
 
 def _geometry(

@@ -220,8 +220,8 @@ def _varying(runs: Segments, match: Match | None) -> Segments:
 def _own_states(runs: Segments, match: Match | None) -> CoordinateMap:
     """Return a model's own coordinates, with forces on those of the comparison."""
     z, _ = halves(runs.start[:1])
-    own = identity(z.shape[1])
+    plain = identity(z.shape[1])
     if match is None:
-        return replace(own, push_matrix=np.eye(z.shape[1]))
+        return replace(plain, push_matrix=np.eye(z.shape[1]))
     matrix = match.slopes(0 * z)[0].T if match.constant else None
-    return replace(own, push=match.push, push_matrix=matrix)
+    return replace(plain, push=match.push, push_matrix=matrix)

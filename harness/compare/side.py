@@ -14,6 +14,7 @@ from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positi
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 
@@ -46,6 +47,12 @@ class ModelSide:
     def equations(self) -> FileEquations:
         """The equations of the tree."""
         return FileEquations(self.tree, self.facts.coordinates)
+
+    def joint_line(self, name: str) -> SourceLine | None:
+        """Return the line of a joint's element; None for a compiled file."""
+        robot = self.facts.robot
+        line = None if robot is None else robot.joint_lines.get(name)
+        return SourceLine(file=str(self.file), line=line) if line else None
 
     def limits(self, name: str) -> tuple[float, float]:
         """Return the bounds of a joint."""

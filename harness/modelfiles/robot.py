@@ -114,6 +114,7 @@ class Robot:
         shapes: file names, as in the model, of meshes that the inertias depend on.
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
+        joint_lines: line of each joint's element, from 1; empty for a compiled file.
     """
 
     name: str
@@ -130,6 +131,7 @@ class Robot:
     shapes: tuple[str, ...] = ()
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
+    joint_lines: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

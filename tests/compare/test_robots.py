@@ -165,6 +165,18 @@ def turned() -> str:
     ).replace(")", "")
 
 
+def test_a_joint_that_differs_has_the_lines_of_both_files(tmp_path: Path) -> None:
+    a = written(tmp_path, "a.urdf", URDF)
+    b = written(tmp_path, "b.urdf", URDF, ('damping="0.07"', 'damping="0.08"'))
+    (told,) = (one for one in result(compared(a, b, "mujoco", "mujoco")).properties if one.moves)
+    line = URDF[: URDF.index('<joint name="shoulder"')].count("\n") + 1
+    assert (told.kind, str(told.where_a), str(told.where_b)) == (
+        "damping",
+        f"{a}:{line}",
+        f"{b}:{line}",
+    )
+
+
 RENAMED = tuple((f'"{name}"', f'"{name}_x"') for name in ("shoulder", "elbow", "reach"))
 
 

@@ -83,12 +83,10 @@ def _folded(rows: Sequence[ComparedProperty]) -> list[str]:
     for row in rows:
         if row in minor:
             continue
-        line = _where(row) + row.message
-        head, middle, tail = (
-            line.partition(f" of joint {row.about}: ") if row.about else (line,) * 3
-        )
-        key = (head, tail) if middle == f" of joint {row.about}: " else (line, "")
-        alike.setdefault(key, []).append(line)
+        about = f" of joint {row.about}: "
+        head, middle, tail = row.message.partition(about)
+        key = (head, tail) if row.about and middle else (row.message, "")
+        alike.setdefault(key, []).append(_where(row) + row.message)
     lines = [
         own[0] if len(own) == 1 else f"{head} of {len(own)} joints: {tail}"
         for (head, tail), own in alike.items()
