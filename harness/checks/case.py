@@ -133,8 +133,6 @@ def run_case(task: ModelTask[Prepared]) -> Case:
             judged = _by_segments(task, (model, coordinates), judged.stepping, judged.dynamics)
             verdict = judged.verdict if poses is None else with_poses(judged.verdict, poses)
             study = _study(task, (model, coordinates), motion, judged, verdict)
-        elif judged.by_steps:
-            verdict = replace(verdict, order=study.full_run_check.order)
     outcome, reason, kind = verdict.outcome, verdict.reason, verdict.kind
     if why:
         reason = "; ".join(filter(None, (reason, f"no motion from rest: {why}")))

@@ -131,7 +131,7 @@ class Verdict(Record, frozen=True, kw_only=True):
         time: Start of the segment with the largest difference, seconds.
         largest_discrepancy: Largest discrepancy over all components and segments.
         largest_uncertainty: Largest uncertainty over all components and segments.
-        order: Observed order of the error in the step; None if rounding hides it.
+        order: Observed order of the error of segments; None if rounding hides it, or steps decide.
         claimed_order: Order that the engine claims.
         rungs: Steps per segment, one number per rung of the extrapolation; empty without one.
         steps: Number of engine steps that the check took.

@@ -84,8 +84,9 @@ def figures(case: Case) -> dict[str, str]:
         values |= _figure("discrepancy", case.verdict.discrepancy, "{:.3e}")
         values |= _figure("uncertainty", case.verdict.uncertainty, "{:.3e}")
         values |= {"component": component} if component else {}
-        values |= _figure("order", case.verdict.order, "{:.3f}")
+        values |= {"decided_by": case.verdict.decided_by}
     if case.full_run is not None:
+        values |= _figure("order", case.full_run.order, "{:.3f}")
         values |= _figure("global_error", case.full_run.global_error, "{:.3e}")
         values |= _figure("velocity_error", case.full_run.velocity_error, "{:.3e}")
         values |= _figure("time_step", case.full_run.time_step, "{:g}")
