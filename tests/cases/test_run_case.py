@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_room
 from physics_crosscheck.harness.checks import task as task_room
+from physics_crosscheck.harness.checks.by_steps import suffices
 from physics_crosscheck.harness.checks.case import StepError, run_case
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
@@ -20,7 +22,9 @@ from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.numerics.full_run import traced_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError
+from physics_crosscheck.harness.numerics.stepping import compare_run
 from physics_crosscheck.harness.records.case import Case
 from tests.faults.known_folder import KNOWN, SYSTEM, known_folder
 
@@ -189,3 +193,83 @@ def test_what_rounding_alone_moves_has_no_size_of_its_own(
     sizes: list[float], whole: list[float]
 ) -> None:
     assert filled(np.array(sizes)) == pytest.approx(whole, rel=1e-15)
+
+
+def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
+    oscillator: PreparedSystem, tmp_path: Path
+) -> None:
+    sidecar = written(tmp_path, KNOWN)
+    found = ran(oscillator, sidecar)
+    assert (found.outcome, found.reason) == ("AGREES", "")
+    assert found.verdict is not None
+    assert found.series is not None
+    assert (found.verdict.decided_by, found.verdict.rungs, found.verdict.order) == (
+        "single steps", (), None,
+    )  # fmt: skip
+    assert found.verdict.steps == 100 + 1000  # states of the motion, and each step of 5 s
+    assert (found.verdict.largest_uncertainty or 1) < 1e-12
+    assert found.series.convergence is None
+    assert {one.check for one in found.skipped} == {
+        "segments", "1000 steps", "finer full runs", "predicted time step",
+    }  # fmt: skip
+    whole = run_case(model_task(oscillator, "known", sidecar, scenario="free", thorough=True))
+    assert whole.verdict is not None
+    assert whole.full_run is not None
+    assert (whole.verdict.decided_by, whole.skipped) == ("segments", ())
+    assert whole.full_run.checked_step is not None
+    assert whole.series is not None
+    assert 0.0025 in whole.series.full_runs.h
+    assert found.full_run is not None
+    steps = [[one.step for one in run.steps_for] for run in (found.full_run, whole.full_run)]
+    assert steps[0] == pytest.approx(steps[1], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("fault", "outcome"),
+    [
+        ("off = 3e-10", "AGREES"),  # below the resolution, above a hundredth of it
+        ("off = 3e-8", "DIFFERS"),
+        ("drags_after_steps = 0", "DIFFERS"),
+        ("drags_after_steps = 9", "DIFFERS"),
+        ("drags_after_steps = 700", "UNRESOLVED"),  # a state that only a full run carries
+        ("limit = 0.2477", "UNRESOLVED"),  # the first of 1000 steps reaches it
+        ("friction = 1e-7", "DIFFERS"),
+    ],
+)
+def test_single_steps_leave_a_doubt_to_segments_and_full_runs(
+    oscillator: PreparedSystem, tmp_path: Path, fault: str, outcome: str
+) -> None:
+    found = ran(oscillator, written(tmp_path, f"{KNOWN}[fault]\n{fault}\n"))
+    assert found.verdict is not None
+    assert found.verdict.decided_by == "segments"
+    assert found.outcome == outcome, found.reason
+    assert "segments" not in {one.check for one in found.skipped}
+
+
+def test_one_step_of_a_full_run_that_breaks_the_rule_shows(
+    oscillator: PreparedSystem, tmp_path: Path
+) -> None:
+    task = model_task(oscillator, "known", written(tmp_path, KNOWN), scenario="free")
+    (model, coordinates), motion = task.load(), oscillator.motions["free"]
+    power = oscillator.power()
+    _, states, residuals = traced_run(model, coordinates, motion, power, model.step)
+    states[613, 1] += 1e-10 * np.max(np.abs(np.diff(states[:, 1])))
+    equations, held = oscillator.stepped, np.zeros((1000, 1))
+    assert equations is not None
+    found = compare_run(model, coordinates, equations, states, residuals, held, np.zeros(2))
+    assert np.flatnonzero(np.max(found.defect, axis=1) > 1e-11).tolist() == [612, 613]
+    assert residuals.size == 0
+
+
+def test_a_rule_with_implicit_forces_decides_only_with_accelerations(
+    oscillator: PreparedSystem, tmp_path: Path
+) -> None:
+    """A wrong mass and wrong forces could cancel in such a step at one length."""
+    task = model_task(oscillator, "known", written(tmp_path, KNOWN), scenario="free")
+    stepping = case_room._stepping(task, *task.load())
+    assert stepping is not None
+    implicit = replace(stepping, rule=replace(stepping.rule, damping=np.eye(1)))
+    assert suffices(stepping, None, 1e-9)
+    assert not suffices(implicit, None, 1e-9)
+    assert not suffices(replace(stepping, rule=replace(stepping.rule, besides="?")), None, 1e-9)
+    assert not suffices(stepping, None, 1e-13)
