@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.extras.sweep import robot as swept_robot
+from physics_crosscheck.harness.extras.sweep import trees as swept_trees
 from physics_crosscheck.harness.extras.sweep.case import run_block, swept
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan
@@ -119,7 +119,7 @@ def test_a_copy_that_does_not_follow_the_draw_differs(
     def unchanged(file: Path, _: Mapping[Path, bytes], __: Path) -> Path:
         return file
 
-    monkeypatch.setattr(swept_robot, "copy_with_texts", unchanged)
+    monkeypatch.setattr(swept_trees, "copy_with_texts", unchanged)
     swept.cache_clear()
     rows = run_block(only_block(whole(urdf, workers, engines=("mujoco",))))
     assert [row.outcome for row in rows] == [Outcome.DIFFERS] * 3

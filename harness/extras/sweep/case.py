@@ -14,14 +14,13 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord, blank
 from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
-from physics_crosscheck.harness.extras.sweep.robot import SweptRobot
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.extras.sweep.system import Swept
+from physics_crosscheck.harness.extras.sweep.trees import SweptTree
 from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 
@@ -44,13 +43,8 @@ def swept(folder: str, varied: frozenset[str], content: str) -> Source:
 def _loaded(folder: str, content: str) -> Source:
     del content  # changed content requires a new source
     path = Path(folder)
-    if path.is_file():
-        return SweptRobot(path)
-    if isinstance(load_declaration(path), MultibodySystem):
-        raise DeclarationError(
-            f"{path / 'system.py'}: it declares bodies, whose numbers have no names to vary them"
-            " by; sweep the numbers of a model file by itself: `crosscheck sweep --standalone FILE`"
-        )
+    if path.is_file() or isinstance(load_declaration(path), MultibodySystem):
+        return SweptTree(path)
     return Swept(path)
 
 

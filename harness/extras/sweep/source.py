@@ -6,8 +6,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord
 from physics_crosscheck.harness.extras.sweep.planned import Planned
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+)
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+
+Integrators = tuple[str, Mapping[str, Mapping[str, object]]]
+"""A model's own integrator, and others of its engine with the settings that select them."""
 
 
 class Source(ABC):
@@ -46,12 +56,13 @@ class Source(ABC):
             SidecarError: if a model can't be read.
         """
 
-    @abstractmethod
-    def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
-        """Prepare the data that all cases of a model in an engine share, once.
+    def follows(self, model: str, engine: str) -> bool:
+        """Return whether a model has any of the varied constants, if there are any."""
+        return True
 
-        Returns:
-            Its integrator, and other integrators of the engine with the settings that select them.
+    @abstractmethod
+    def prepare(self, model: str, engine: str) -> Integrators:
+        """Prepare the data that all cases of a model in an engine share, once.
 
         Raises:
             SidecarError, LocationError, EngineError, RobotError: naming file, place and remedy.
@@ -70,3 +81,28 @@ class Source(ABC):
         Raises:
             Exception: of any kind, with the reason why it can't run.
         """
+
+
+def declared_runs(
+    sidecars: Mapping[str, Sidecar | UnreadModel], only: Sequence[str]
+) -> Iterator[tuple[str, str]]:
+    """Yield every model of a folder with every engine of its sidecar.
+
+    Raises:
+        SidecarError: if a model can't be read, or names an unknown engine.
+    """
+    for sidecar in sidecars.values():
+        if isinstance(sidecar, UnreadModel):
+            raise SidecarError(sidecar.reason)
+        for engine in chosen_engines(sidecar, only):
+            if engine not in engines():
+                raise SidecarError(f"{sidecar.model}.toml: no engine {engine!r} is known")
+            yield sidecar.model.name, engine
+
+
+def sidecars_of(folder: Path) -> Mapping[str, Sidecar | UnreadModel]:
+    """Return the sidecars of a folder by the names of their model files."""
+    return {
+        one.model.name if isinstance(one, Sidecar) else one.model: one
+        for one in model_files(folder)
+    }

@@ -64,6 +64,7 @@ class SourceSurvey:
         known_integrators: names of all integrators of its models.
         absent: engines that its models name and that are not installed.
         without: models with engines that have none of the requested integrators.
+        fixed: models with engines that have none of the varied constants.
     """
 
     folder: str
@@ -78,6 +79,7 @@ class SourceSurvey:
     known_integrators: tuple[str, ...]
     absent: tuple[str, ...]
     without: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -88,7 +90,8 @@ class SourceSurvey:
             f"{self.system}/{name} has none of these integrators ({others})"
             for name in self.without
         )
-        return (*absent, *without)
+        fixed = (f"{self.system}/{name} has none of the varied numbers" for name in self.fixed)
+        return (*absent, *without, *fixed)
 
 
 def survey(task: SurveyTask) -> SourceSurvey:
@@ -103,7 +106,8 @@ def survey(task: SurveyTask) -> SourceSurvey:
         constants = swept(task.folder, frozenset(), task.content).constants
         varied = frozenset(one.name for one in meant(task.factors, constants))
         source = swept(task.folder, varied, task.content)
-        runs = [one for one in source.runs(task.only) if _meant(task, *one)]
+        named = [one for one in source.runs(task.only) if _meant(task, *one)]
+        runs = [one for one in named if source.follows(*one)]
         absent = {name for _, name in runs if engines()[name].version() is None}
         pairings = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
     kept = tuple(one for one in pairings if _wanted(one.integrator, task.integrators))
@@ -124,6 +128,9 @@ def survey(task: SurveyTask) -> SourceSurvey:
         known_integrators=tuple(sorted({one.integrator for one in pairings})),
         absent=tuple(sorted(absent)),
         without=tuple(name for name in every if name not in swept_too),
+        fixed=tuple(
+            f"{model} [{engine}]" for model, engine in named if (model, engine) not in runs
+        ),
     )
 
 

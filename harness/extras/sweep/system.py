@@ -25,12 +25,13 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
 from physics_crosscheck.harness.extras.sweep.planned import Planned
 from physics_crosscheck.harness.extras.sweep.recent import RecentValues
-from physics_crosscheck.harness.extras.sweep.source import Source
-from physics_crosscheck.harness.modelfiles.model_files import (
-    UnreadModel,
-    chosen_engines,
-    model_files,
+from physics_crosscheck.harness.extras.sweep.source import (
+    Integrators,
+    Source,
+    declared_runs,
+    sidecars_of,
 )
+from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
 from physics_crosscheck.harness.modelfiles.parametric_file import (
     ParametricModelFile,
     parametric_model_file,
@@ -90,10 +91,7 @@ class Swept(Source):
         self.family = Family.compile(derive(self.system))
         self._models: dict[tuple[str, str], PreparedModel] = {}
         self._motions = RecentValues[Motion]()
-        self._sidecars = {
-            one.model.name if isinstance(one, Sidecar) else one.model: one
-            for one in model_files(folder)
-        }
+        self._sidecars = sidecars_of(folder)
 
     def varying(self, varied: frozenset[str]) -> Swept:
         """Return the folder with other varied constants in its models; the equations are shared."""
@@ -131,15 +129,9 @@ class Swept(Source):
 
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Yield every model with every engine of its sidecar."""
-        for sidecar in self._sidecars.values():
-            if isinstance(sidecar, UnreadModel):
-                raise SidecarError(sidecar.reason)
-            for engine in chosen_engines(sidecar, only):
-                if engine not in engines():
-                    raise SidecarError(f"{sidecar.model}.toml: no engine {engine!r} is known")
-                yield sidecar.model.name, engine
+        return declared_runs(self._sidecars, only)
 
-    def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
+    def prepare(self, model: str, engine: str) -> Integrators:
         """Load the unchanged model, find its literals, and compile coordinates and scales."""
         _ = self.declared_motions
         prepared = self.model(model, engine)
