@@ -9,10 +9,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.checks.system_record import quantities
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP
@@ -87,7 +88,7 @@ def negative_findings(file: Path) -> Iterator[AuditFinding]:
     for part in _parts(file) if file.suffix in MARKUP else ():
         try:
             numbers = numerals(Document(part))
-        except DocumentError:
+        except LocationError:
             continue  # already reported by the reader of the file
         for entry in numbers:
             kind = _NEGATIVE.fullmatch(entry.path)

@@ -12,12 +12,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from physics_crosscheck.harness.documents.errors import (
+    EncodingError,
     LocationError,
     RefusedFileError,
     TruncatedFileError,
@@ -37,11 +39,14 @@ _TAG = re.compile(rb"<[^\s/>]+")
 _EMPTY = re.compile(rb"\s*/>")
 _ELEMENT = re.compile(rb"<[A-Za-z_]")
 
+MAX_KEPT_BYTES = 2**22
+"""The largest file whose elements are kept."""
+
 MAX_XML_DEPTH = 300
 """The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""
 _DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
 _HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
-NO__ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
+NO_ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(eq=False)
@@ -108,7 +113,7 @@ class XmlElement:
         return "" if element is None else element.text
 
     def add(
-        self, tag: str, attributes: Mapping[str, str] = NO__ATTRIBUTES, text: str = ""
+        self, tag: str, attributes: Mapping[str, str] = NO_ATTRIBUTES, text: str = ""
     ) -> XmlElement:
         """Add a child at the end, and return it."""
         return self.append(XmlElement(tag, dict(attributes), text=text))
@@ -252,17 +257,52 @@ def _declares(source: SourceFile, line: int) -> RefusedFileError:
     return RefusedFileError("refused: it declares entities or a DTD", file=source.file, line=line)
 
 
-def read_elements(source: SourceFile) -> list[XmlElement]:
-    """Return every element of a file, in order, with entity expansion off."""
+def read_elements(source: SourceFile) -> tuple[XmlElement, ...]:
+    """Return every element of a file, in order, with entity expansion off.
+
+    Files that were read last are kept, by their bytes: change only copies of elements.
+
+    Raises:
+        RefusedFileError: for a DTD or too many nested elements; with its line.
+        LocationError: for a file that is not XML.
+    """
+    is_large = len(source.data) > MAX_KEPT_BYTES
+    return _parse(source) if is_large else _kept_elements(source)
+
+
+def read_repaired(source: SourceFile) -> tuple[SourceFile, tuple[XmlElement, ...]]:
+    """Return a file's elements, and the file that they are in: repaired if its own bytes are not
+    XML.
+
+    Raises:
+        LocationError: as `read_elements`.
+    """
+    if source.data.startswith(UTF_16):
+        raise EncodingError("its encoding is UTF-16", file=source.file, line=1)
+    try:
+        source.data.decode("utf-8")
+        return source, read_elements(source)
+    except RefusedFileError:
+        raise
+    except (LocationError, UnicodeDecodeError):
+        repaired = SourceFile(source.file, repaired_xml(source.data))
+        return repaired, read_elements(repaired)
+
+
+@lru_cache(maxsize=8)
+def _kept_elements(source: SourceFile) -> tuple[XmlElement, ...]:
+    return _parse(source)
+
+
+def _parse(source: SourceFile) -> tuple[XmlElement, ...]:
     parser = expat.ParserCreate()
     elements: list[XmlElement] = []
     open_: list[XmlElement] = []
 
     def declare(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
-            raise LocationError(
-                f"its encoding is {encoding}; save the file as UTF-8", file=source.file, line=1
-            )
+            problem = f"its encoding is {encoding}; save the file as UTF-8"
+            raise LocationError(problem, file=source.file, line=1)
 
     def refuse(*_: object) -> None:
         raise _declares(source, parser.CurrentLineNumber)
@@ -294,31 +334,29 @@ def read_elements(source: SourceFile) -> list[XmlElement]:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
         raise _syntax_error(source.file, source.data, error, [one.tag for one in open_]) from None
-    return elements
+    return tuple(elements)
 
 
 def xml_problem(file: Path, *, strict: bool) -> str:
-    """Return why a file is not XML, with its line and the remedy, keeping open tags only.
+    """Return why a file is not XML, with its line and the remedy.
 
     Args:
-        file: a model file; a file that can't be read is reported elsewhere.
+        file: a model file; a file that can't be read, or is refused, is reported elsewhere.
         strict: whether only well-formed XML is accepted. Otherwise an engine's own parser decides,
             unless the file has no element at all, is binary, or ends inside an element.
 
     Returns:
         A sentence that begins with the file; empty if it may be XML.
     """
-    parser, tags = expat.ParserCreate(), list[str]()
-    parser.StartElementHandler = lambda tag, _: tags.append(tag)
-    parser.EndElementHandler = lambda _: tags.pop()
     try:
-        data = repaired_xml(read_regular(file, MAX_MODEL_BYTES))
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        problem = _syntax_error(file, data, error, tags)
-        truncated = isinstance(problem, TruncatedFileError)
-        if strict or truncated or b"\0" in data or not _ELEMENT.search(data):
-            return f"{problem}; {problem.remedy}"
+        data = read_regular(file, MAX_MODEL_BYTES)
+        read_repaired(SourceFile(file, data))
+    except RefusedFileError:
+        pass
+    except LocationError as error:
+        plain, truncated = repaired_xml(data), isinstance(error, TruncatedFileError)
+        if strict or truncated or b"\0" in plain or not _ELEMENT.search(plain):
+            return f"{error}; {error.remedy}"
     except OSError:
         pass
     return ""
@@ -368,8 +406,6 @@ def repaired_xml(data: bytes) -> bytes:
 
 def _decoded(data: bytes) -> str:
     """Return the text; undecodable bytes become distinct characters, so that names differ."""
-    if data.startswith(UTF_16):
-        return data.decode("utf-16", errors="replace")
     head = _HEAD.match(data)
     declared = _ENCODING.search(head[0]) if head else None
     for encoding in ("utf-8-sig", declared[1].decode("ascii") if declared else "utf-8"):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 MAX_SHOWN_CHARACTERS = 100
 """The most characters that are shown."""
@@ -66,3 +68,43 @@ class TruncatedFileError(LocationError):
     """A file that ends inside an element."""
 
     remedy = "restore the missing end of the file"
+
+
+class EncodingError(LocationError):
+    """A file in an encoding that no engine reads."""
+
+    remedy = "save the file as UTF-8"
+
+
+ReadKind = Literal["robot", "file", "unsupported"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadError:
+    """A problem that prevents building a tree from a file.
+
+    Attributes:
+        sentence: the problem.
+        file: that contains it.
+        line: of the file, counted from 1; 0 without a line.
+        remedy: the correction.
+        kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
+            `unsupported`.
+    """
+
+    sentence: str
+    file: Path
+    line: int
+    remedy: str
+    kind: ReadKind = "robot"
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else f"{self.file}"
+        return f"{place}: {self.sentence}; {self.remedy}"
+
+    @staticmethod
+    def unreadable(error: LocationError, path: Path) -> ReadError:
+        """Return the problem of a file that is not XML."""
+        line = error.line or 0
+        remedy = error.remedy if line else "give another"
+        return ReadError(sentence=error.sentence, file=path, line=line, remedy=remedy)

@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, has_shape_inertia
 from physics_crosscheck.harness.engines.mjcf_inertias import is_aligned
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
-from physics_crosscheck.harness.engines.source import finite_numbers
 
 POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 

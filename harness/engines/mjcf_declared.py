@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.compiled import CompiledBody
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     MOTORS,
@@ -33,7 +34,6 @@ from physics_crosscheck.harness.engines.protocol import (
     Spring,
     held_joints,
 )
-from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 AUTOMATIC = -1.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
-from physics_crosscheck.harness.engines.source import finite_numbers
 
 MAIN = "main"
 

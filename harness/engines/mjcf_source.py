@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import finite_numbers, read_source, read_xml
+from physics_crosscheck.harness.engines.source import read_document, refused
 
 OPTIONS: Mapping[str, tuple[str, object]] = {
     "step": ("timestep", 0.002),
@@ -71,20 +72,18 @@ def read_source_mjcf(path: Path) -> MjcfSource:
 
 
 def _expanded(path: Path, folder: Path, above: tuple[Path, ...]) -> XmlElement:
-    source = read_xml(read_source(path, tolerant=True), path)
-    for parent in list(source.root.iter()):
+    root = read_document(path).root.copy()
+    for parent in list(root.iter()):
         for i, child in reversed(list(enumerate(parent))):
             if child.tag == "include":
                 name = child.get("file", "")
                 file = folder / name
                 if not name or file in (*above, path):
-                    raise source.refused(
-                        child, f"<include file> is {name!r}, which is the file itself"
-                    )
+                    raise refused(child, f"<include file> is {name!r}, which is the file itself")
                 parent.remove(child)
                 for element in reversed(list(_expanded(file, folder, (*above, path)))):
                     parent.insert(i, element)
-    return source.root
+    return root
 
 
 def with_options(spec: ModelSpec) -> ModelSpec:

@@ -113,7 +113,7 @@ class SapienModel(UrdfModel):
 
     def __init__(self, spec: ModelSpec) -> None:
         super().__init__(spec, "SAPIEN", READER, DEFAULTS, _changes(spec))
-        refuse_negative_masses(self.declared.source, "SAPIEN", floats=self.floats)
+        refuse_negative_masses(self.declared.file, "SAPIEN", floats=self.floats)
         self.integrator = f"semi-implicit euler ({self.settings['solver']})"
         sapien = import_quietly("sapien")
         physx = sapien.physx

@@ -1,118 +1,37 @@
-"""An SDFormat file for engines: one model, its links and joints, and its couplings."""
+"""An SDFormat file for engines: one model, its links and joints, and remarks about it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf import WORLD
+from physics_crosscheck.harness.documents.sdf.read import SdfFile, read_sdf
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.sdf_check import CheckedJoint, check_sdf
-from physics_crosscheck.harness.engines.source import (
-    XmlSource,
-    finite_numbers,
-    read_source,
-    read_xml,
-)
-from physics_crosscheck.harness.engines.urdf import Mimic, UrdfReader
-
-ENDLESS = 1e16
-"""The format's value for a missing bound, rad or m."""
-
-Bounds = Mapping[str, tuple[float, float]]
-"""Bounds of joints, by name."""
+from physics_crosscheck.harness.engines.source import read_document, refuse_problems, refused
+from physics_crosscheck.harness.engines.urdf import UrdfReader
 
 
-@dataclass(frozen=True)
-class SdfFile:
-    """An SDFormat file with one unambiguous model.
-
-    Attributes:
-        source: its elements with lines.
-        model: the model.
-        world: the world that contains it, or None.
-        joints: by name; parents and children are links.
-    """
-
-    source: XmlSource
-    model: XmlElement
-    world: XmlElement | None
-    joints: Mapping[str, CheckedJoint]
-
-    @cached_property
-    def links(self) -> tuple[str, ...]:
-        """Names of links, in the file's order."""
-        return tuple(link.get("name", "") for link in self.model.findall("link"))
-
-    @property
-    def root(self) -> str:
-        """The root link, or `world` if every link has a parent."""
-        children = {joint.child for joint in self.joints.values()}
-        return next((name for name in self.links if name not in children), WORLD)
-
-    @property
-    def settings(self) -> dict[str, object]:
-        """The file's step and gravity, and whether its root moves freely."""
-        result: dict[str, object] = {"floating": self.root != WORLD}
-        if self.world is None:
-            return result
-        for key, tag in (("step", "physics/max_step_size"), ("gravity", "gravity")):
-            numbers = finite_numbers(self.world.findtext(tag))
-            if numbers:
-                result[key] = numbers if key == "gravity" else numbers[0]
-        return result
-
-    @property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """Joints that follow others: multiplier * (leader - reference) + offset."""
-        parsed = (mimic_of(joint.element) for joint in self.joints.values())
-        return tuple(one for one in parsed if one is not None)
-
-    @property
-    def bounds(self) -> Bounds:
-        """Position limits of the file."""
-        result = {}
-        for joint in self.joints.values():
-            limit = joint.element.find("axis/limit")
-            if limit is None or joint.kind == "continuous":
-                continue
-            lower, upper = number(limit, "lower", -ENDLESS), number(limit, "upper", ENDLESS)
-            if lower < upper and (lower > -ENDLESS or upper < ENDLESS):
-                ends = (lower, -ENDLESS, -float("inf")), (upper, ENDLESS, float("inf"))
-                low, high = (end if one in (none, end) else one for one, none, end in ends)
-                result[joint.name] = (low, high)
-        return result
-
-
-def read_sdf(path: Path, model: object = "") -> SdfFile:
-    """Parse an SDFormat file, with entity expansion off.
+def load_sdf(path: Path, model: object = "") -> SdfFile:
+    """Read an SDFormat file, as tolerantly as engines do.
 
     Args:
         path: of the file.
         model: the setting that selects one of several moving models; empty for a single one.
 
     Raises:
-        EngineError: naming file and line.
+        EngineError: for an invalid, ambiguous or unsupported file; names file, line and remedy.
     """
     if not isinstance(model, str):
         raise EngineError(f"{path}.toml: [settings] model is {model!r}; expected a name")
-    source = read_xml(read_source(path, tolerant=True), path)
-    return SdfFile(source, *check_sdf(source, model))
-
-
-def mimic_of(joint: XmlElement) -> Mimic | None:
-    """Return the mimic of a joint, or None."""
-    mimic = joint.find("axis/mimic")
-    if mimic is None:
-        return None
-    ratio, offset = number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0)
-    offset -= ratio * number(mimic, "reference", 0.0)
-    return Mimic(joint.get("name", ""), mimic.get("joint", ""), ratio, offset)
+    document = read_document(path)
+    file = read_sdf(document, model)
+    refuse_problems(document, unsupported=True)
+    if file is None:
+        raise refused(document.root, "it has no model that moves")
+    return file
 
 
 def number(element: XmlElement, tag: str, default: float) -> float:
@@ -125,9 +44,8 @@ def sdf_remarks(
     file: SdfFile, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
 ) -> Iterator[Remark]:
     """Yield remarks about an SDFormat file along the states (z, w) of its joints."""
-    for link in file.model.findall("link"):
-        name = link.get("name", "")
-        if link.find("inertial") is None:
+    for name, link in file.links.items():
+        if link.element.find("inertial") is None:
             yield Remark(
                 kind="inertial",
                 message=(
@@ -136,27 +54,26 @@ def sdf_remarks(
                 ),
                 address=f"model/link[{name}]",
             )
-    for name in joints:
-        if name not in file.joints:
+    for i, name in enumerate(joints):
+        joint = file.joints.get(name)
+        if joint is None:
             continue
-        i, element = joints.index(name), file.joints[name].element
-        if not reader.no_stops and name in file.bounds:
+        if not reader.no_stops and joint.bounds[0] < joint.bounds[1]:
             yield from limit_remarks(
                 name,
-                bounds=file.bounds[name],
+                bounds=joint.bounds,
                 reached=(float(z[:, i].min()), float(z[:, i].max())),
                 address=f"model/joint[{name}]",
             )
-        dynamics = element.find("axis/dynamics")
-        friction = 0.0 if dynamics is None else number(dynamics, "friction", 0.0)
-        if friction and reader.no_friction:
+        if joint.friction and reader.no_friction:
             yield Remark(
                 kind="dry friction",
-                message=f"<friction> of {name} is {friction:g}; {reader.no_friction} ignores it",
+                message=f"<friction> of {name} is {joint.friction:g};"
+                f" {reader.no_friction} ignores it",
                 subject=(name, reader.name, "friction"),
                 fault=True,
                 address=f"joint[{name}]/axis/dynamics/friction",
-                value=friction,
+                value=joint.friction,
             )
 
 

@@ -9,14 +9,19 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf import has_automatic
+from physics_crosscheck.harness.documents.sdf.read import SdfFile
+from physics_crosscheck.harness.documents.sdf.shapes import has_automatic
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.sdf import Bounds, SdfFile, number, read_sdf, sdf_remarks
-from physics_crosscheck.harness.engines.sdf_check import OPAQUE
+from physics_crosscheck.harness.engines.sdf import load_sdf, sdf_remarks
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import Change, followers_of, with_changes
-from physics_crosscheck.harness.engines.urdf_sidecar import DeclaredUrdf
+from physics_crosscheck.harness.engines.urdf_sidecar import Declarations, kept_mimics
+
+OPAQUE = ("plugin", "sensor", "gripper", "visual", "light", "projector")
+"""Elements that are removed for engines: visuals, sensors, and content that a simulator would
+load.
+"""
 
 VERSION = "1.6"
 """The last version without frames, which older parsers read."""
@@ -24,7 +29,7 @@ VERSION = "1.6"
 
 def sdf_text(file: SdfFile, changes: Sequence[Change]) -> str:
     """Return the model as text, without its world, after changes of the `<model>`."""
-    root = XmlElement("sdf", {"version": VERSION} | file.source.root.attributes)
+    root = XmlElement("sdf", {"version": VERSION} | file.document.root.attributes)
     root.append(with_changes(file.model, changes))
     return root.written().decode()
 
@@ -91,46 +96,29 @@ MODEL = "model"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeclaredSdf(DeclaredUrdf):
-    """Declarations of an SDFormat file, whose `<model>` is the `robot`.
+class DeclaredSdf(Declarations):
+    """Declarations of an SDFormat file.
 
     The springs are the sidecar's; engines read those of the file themselves.
-
-    Attributes:
-        file: the whole file.
     """
 
     file: SdfFile
 
     @property
-    def root(self) -> str:
-        """The root link, or `world`."""
-        return self.file.root
-
-    @property
-    def base(self) -> str:
-        """The name of a floating root's free joint."""
-        name = self.file.root
-        while name in self.file.joints:
-            name += "_free"
-        return name
+    def robot(self) -> XmlElement:
+        """The element that changes copy."""
+        return self.file.model
 
     @property
     def moments(self) -> Mapping[str, float]:
         """The stated ixx of links, kg m^2, except those computed from shapes."""
-        links = [link for link in self._links if not has_automatic(link)]
-        inertias = {link.get("name", ""): link.find("inertial/inertia") for link in links}
-        return {n: 1.0 if i is None else number(i, "ixx", 1.0) for n, i in inertias.items()}
+        links = {n: one for n, one in self.file.links.items() if not has_automatic(one.element)}
+        return {name: link.body.inertia[0] for name, link in links.items()}
 
     @property
     def text(self) -> str:
         """The model as an engine loads it."""
         return sdf_text(self.file, self.changes)
-
-    @property
-    def bounds(self) -> Bounds:
-        """Position limits of the file."""
-        return self.file.bounds
 
     def remarks(
         self, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
@@ -145,18 +133,14 @@ def stated(spec: ModelSpec) -> ModelSpec:
     Raises:
         EngineError: naming file, line and setting.
     """
-    file_settings = read_sdf(spec.path, spec.settings.get(MODEL, "")).settings
-    if spec.settings.get("floating", file_settings["floating"]) != file_settings["floating"]:
-        fact = (
-            "no joint holds the model"
-            if file_settings["floating"]
-            else "a joint to world holds the model"
-        )
+    file = load_sdf(spec.path, spec.settings.get(MODEL, ""))
+    if spec.settings.get("floating", file.floats) != file.floats:
+        fact = "no joint holds the model" if file.floats else "a joint to world holds the model"
         raise EngineError(
             f"{spec.path}.toml: [settings] floating contradicts the file, where "
             f"{fact}; remove it, or change the joints to world"
         )
-    return replace(spec, settings={**file_settings, **spec.settings})
+    return replace(spec, settings={"floating": file.floats, **file.stated, **spec.settings})
 
 
 def declared_sdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredSdf:
@@ -167,20 +151,16 @@ def declared_sdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredSdf
     Raises:
         EngineError: naming file, line and setting.
     """
-    file, held = read_sdf(spec.path, spec.settings.get(MODEL, "")), held_joints(spec)
+    file, held = load_sdf(spec.path, spec.settings.get(MODEL, "")), held_joints(spec)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     changes = [sdf_without_shapes, *further]
     if followers is not None:
         changes.append(sdf_mimics_of(followers))
     if held:
         changes.append(sdf_with_held(held))
-    mimics = [m for m in file.mimics if followers is None or m.joint in followers]
     return DeclaredSdf(
-        path=spec.path,
-        robot=file.model,
-        source=file.source,
         file=file,
         springs=spec.springs,
-        mimics=tuple(mimics),
+        mimics=kept_mimics(file.mimics, followers),
         changes=tuple(changes),
     )

@@ -4,26 +4,17 @@ line.
 
 from __future__ import annotations
 
-import math
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
-from physics_crosscheck.harness.documents.elements import (
-    UTF_16,
-    XmlElement,
-    read_elements,
-    repaired_xml,
-)
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
-from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
-from physics_crosscheck.harness.engines.protocol import EngineError
-
-MAX_FILE_BYTES = 64_000_000
-"""The largest size of a model file, bytes."""
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
 
 
 class NoXmlError(EngineError):
@@ -34,61 +25,62 @@ class NoXmlError(EngineError):
         self.second_root = second_root
 
 
-@dataclass(frozen=True)
-class XmlSource:
-    """An XML file."""
-
-    path: Path
-    root: XmlElement
-
-    def refused(self, element: XmlElement, sentence: str) -> EngineError:
-        """Return an error about an element."""
-        file, line = element.place
-        return EngineError(sentence, file=file, line=line)
-
-    def named(self, elements: Iterable[XmlElement], kind: str) -> dict[str, XmlElement]:
-        """Return elements by name; names must exist and be unique.
-
-        Args:
-            elements: some elements of the file.
-            kind: of elements that may not share a name, for messages.
-
-        Raises:
-            EngineError: naming file and line.
-        """
-        by_name: dict[str, XmlElement] = {}
-        for element in elements:
-            name = element.get("name")
-            if not name:
-                raise self.refused(element, f"a <{element.tag}> has no name")
-            if name in by_name:
-                raise self.refused(element, f"a second {kind} is called {name!r}")
-            by_name[name] = element
-        return by_name
+def refused(element: XmlElement, sentence: str) -> EngineError:
+    """Return an error about an element."""
+    file, line = element.place
+    return EngineError(sentence, file=file, line=line)
 
 
-def read_source(path: Path, *, tolerant: bool = False) -> str:
-    """Return the text of a model file.
+def read_document(path: Path) -> Document:
+    """Parse XML, with entity expansion off.
+
+    Raises:
+        NoXmlError, EngineError: naming file and line.
+    """
+    try:
+        return Document(path)
+    except LocationError as error:
+        if isinstance(error, RefusedFileError) or error.line is None:
+            raise EngineError(error.sentence, file=path, line=error.line) from None
+        second_root = error.sentence.endswith(expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT)
+        raise NoXmlError(
+            error.sentence, file=path, line=error.line, second_root=second_root
+        ) from None
+
+
+def refuse_problems(document: Document, *, unsupported: bool) -> None:
+    """Refuse a file that breaks a rule of its format.
 
     Args:
-        path: of the file.
-        tolerant: whether XML errors that engines ignore are removed.
+        document: with its problems.
+        unsupported: whether valid elements that have no equations are refused too; otherwise the
+            engine decides.
+
+    Raises:
+        EngineError: naming file, line and remedy.
+    """
+    for problem in sorted(document.obstacles, key=lambda entry: entry.line):
+        if problem.kind != "unsupported":
+            raise EngineError(
+                f"{problem.sentence}; {problem.remedy}", file=problem.file, line=problem.line
+            )
+        if unsupported:
+            raise UnsupportedError(
+                f"{problem.sentence}; {problem.remedy}", file=problem.file, line=problem.line
+            )
+
+
+def read_source(path: Path) -> str:
+    """Return the text of a model file.
 
     Raises:
         EngineError: for anything but a regular text file, such as a pipe, which would block.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise EngineError("can't be read: it is not a regular file", file=path)
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise EngineError(
-                f"can't be read: it has more than {MAX_FILE_BYTES:,} bytes", file=path
-            )
-        data = path.read_bytes()
-        return (repaired_xml(data) if tolerant and not data.startswith(UTF_16) else data).decode(
-            "utf-8"
-        )
-    except (OSError, UnicodeDecodeError) as error:
+        return read_regular(path, MAX_MODEL_BYTES).decode("utf-8")
+    except OSError as error:
+        raise EngineError(f"can't be read: {error.strerror or error}", file=path) from None
+    except UnicodeDecodeError as error:
         raise EngineError(f"can't be read: {error}", file=path) from None
 
 
@@ -107,35 +99,6 @@ def temporary_file(root: XmlElement, path: Path) -> Iterator[Path]:
                 for one in error.args
             )
             raise
-
-
-def read_xml(text: str, path: Path) -> XmlSource:
-    """Parse XML, with entity expansion off.
-
-    Raises:
-        NoXmlError, EngineError: naming file and line.
-    """
-    try:
-        return XmlSource(path, read_elements(SourceFile(path, text.encode()))[0])
-    except RefusedFileError as error:
-        raise EngineError(error.sentence, file=path, line=error.line) from None
-    except LocationError as error:
-        second_root = error.sentence.endswith(expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT)
-        raise NoXmlError(
-            error.sentence, file=path, line=error.line or 1, second_root=second_root
-        ) from None
-
-
-def finite_numbers(words: str) -> list[float] | None:
-    """Return the numbers that an attribute lists, or None if one is not a finite number.
-
-    A comma may follow a number before a blank: PyBullet reads "1, 2, 3" as expected, and MuJoCo
-    refuses it. PyBullet reads "1,2,3" as 0 0 0 and "1 ,2 ,3" as 1 0 0, so these are not numbers.
-    """
-    *before, last = words.split() or [""]
-    parts = [*(word.removesuffix(",") for word in before), last] if last else []
-    numbers = [float(w) if DECIMAL.fullmatch(w) else math.nan for w in parts]
-    return numbers if all(map(math.isfinite, numbers)) else None
 
 
 def one_line(error: object) -> str:

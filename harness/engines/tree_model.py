@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -21,7 +22,6 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
 from physics_crosscheck.harness.engines.source import engine_errors
-from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
 
 

@@ -1,9 +1,9 @@
-"""A URDF for engines: refusal by line, Gazebo's joint springs, mimic joints, ignored elements.
+"""A URDF for engines: its links and joints, and remarks about ignored elements.
 
-Files are refused that engines read differently or crash on. PyBullet ends its process with a
-segmentation fault on two root links, on a link with two parents, on a cycle and on a duplicate
-joint name. It reads "abc" as 0, "1,5" as 1, and the first of two elements, which MuJoCo refuses
-even if they are equal. MuJoCo accepts two root links, and treats a duplicate joint name as no name.
+Ambiguous files are refused. PyBullet ends its process with a segmentation fault on two root links,
+on a link with two parents, on a cycle and on a duplicate joint name. It reads "abc" as 0, "1,5" as
+1, and the first of two elements, which MuJoCo refuses even if they are equal. MuJoCo accepts two
+root links, and treats a duplicate joint name as no name.
 """
 
 from __future__ import annotations
@@ -15,117 +15,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
+from physics_crosscheck.harness.documents.sdf.read import SdfFile
+from physics_crosscheck.harness.documents.urdf import UrdfFile, UrdfJoint, read_urdf
+from physics_crosscheck.harness.engines.protocol import Array, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.source import (
-    XmlSource,
-    finite_numbers,
-    read_source,
-    read_xml,
-)
-
-_COUNTS = {
-    **dict.fromkeys((("origin", "xyz"), ("origin", "rpy"), ("axis", "xyz")), 3),
-    **{("inertia", key): 1 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")},
-    **{("limit", key): 1 for key in ("lower", "upper", "velocity", "effort")},
-    **{("dynamics", key): 1 for key in ("damping", "friction")},
-    **{("mimic", key): 1 for key in ("multiplier", "offset")},
-    ("mass", "value"): 1,
-}
-"""How many numbers an attribute has."""
-
-_ONCE = {
-    "link": ("inertial",),
-    "inertial": ("origin", "mass", "inertia"),
-    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
-}
-"""Elements that may occur once."""
-
-
-def check_urdf(source: XmlSource) -> None:
-    """Refuse a file that is not an unambiguous URDF.
-
-    Raises:
-        EngineError: naming file and line.
-    """
-    root = source.root
-    if root.tag != "robot":
-        raise source.refused(root, f"the root is <{root.tag}>, not <robot>: not a URDF")
-    for element in (*root.findall("link"), *root.findall("joint")):
-        for part in element.iter():
-            _check_numbers(source, part)
-            _check_once(source, part)
-    for robot in root.findall("robot"):
-        raise source.refused(robot, "every engine ignores a <robot> inside the <robot>")
-    links = source.named(root.findall("link"), "link")
-    joints = source.named(root.findall("joint"), "joint")
-    parents: dict[str, str] = {}
-    for name, joint in joints.items():
-        ends = [_end(source, joint, name, tag, links) for tag in ("parent", "child")]
-        if ends[1] in parents:
-            raise source.refused(joint, f"link {ends[1]!r} has a second parent, by joint {name!r}")
-        parents[ends[1]] = ends[0]
-        _check_joint(source, joint, name)
-    roots = [name for name in links if name not in parents]
-    if len(roots) > 1:
-        names = ", ".join(map(repr, roots))
-        raise source.refused(
-            links[roots[1]],
-            f"it has {len(roots)} root links, {names}: every root except one needs a joint",
-        )
-    for name in links:
-        if not _reaches_root(name, parents):
-            raise source.refused(
-                links[name], f"link {name!r} is its own ancestor through its joints"
-            )
-
-
-def _check_numbers(source: XmlSource, element: XmlElement) -> None:
-    for key, words in element.attributes.items():
-        count = _COUNTS.get((element.tag, key))
-        if count is None:
-            continue
-        numbers = finite_numbers(words)
-        if numbers is None or len(numbers) != count:
-            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            raise source.refused(element, f"<{element.tag} {key}> is {words!r}; expected {wanted}")
-
-
-def _check_once(source: XmlSource, element: XmlElement) -> None:
-    for tag in _ONCE.get(element.tag, ()):
-        elements = element.findall(tag)
-        for other in elements[1:]:
-            if other.content != elements[0].content:
-                raise source.refused(other, f"a second <{tag}> in one <{element.tag}>")
-
-
-def _end(
-    source: XmlSource, joint: XmlElement, name: str, tag: str, links: dict[str, XmlElement]
-) -> str:
-    end = joint.find(tag)
-    link = "" if end is None else end.get("link", "")
-    if link not in links:
-        raise source.refused(joint, f"the {tag} of joint {name!r} is {link!r}, which is not a link")
-    return link
-
-
-def _check_joint(source: XmlSource, joint: XmlElement, name: str) -> None:
-    axis, mimic = joint.find("axis"), joint.find("mimic")
-    moves = joint.get("type") in ("revolute", "continuous", "prismatic")
-    if moves and axis is not None and not any(finite_numbers(axis.get("xyz", "1 0 0")) or ()):
-        raise source.refused(axis, f"the axis of joint {name!r} has no length")
-    if mimic is not None and mimic.get("joint") == name:
-        raise source.refused(mimic, f"joint {name!r} mimics itself")
-
-
-def _reaches_root(name: str, parents: dict[str, str]) -> bool:
-    """Return whether the chain of parents from a link ends."""
-    for _ in range(len(parents) + 1):
-        if name not in parents:
-            return True
-        name = parents[name]
-    return False
-
+from physics_crosscheck.harness.engines.source import read_document, refuse_problems, refused
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
 """Settings of a URDF without a sidecar, which the format can't state."""
@@ -135,108 +29,35 @@ ROUNDED, VISIBLE_LENGTH_ERROR = 1e-15, 1e-9
 """Tolerances of an axis' length: for rounding of numbers, and for the digits of the file."""
 
 
-@dataclass(frozen=True)
-class Mimic:
-    """A joint that follows another: joint = multiplier * leader + offset."""
-
-    joint: str
-    leader: str
-    multiplier: float
-    offset: float
-
-
-def read_urdf(path: Path) -> XmlElement:
-    """Return the `<robot>` of an unambiguous URDF.
+def load_urdf(path: Path) -> UrdfFile:
+    """Read a URDF, as tolerantly as engines do.
 
     Raises:
-        EngineError: naming file and line.
+        EngineError: for an invalid or ambiguous file; names file, line and remedy.
     """
-    return read_urdf_source(path).root
+    file = read_urdf(read_document(path))
+    refuse_problems(file.document, unsupported=False)
+    return file
 
 
-def read_urdf_source(path: Path) -> XmlSource:
-    """Parse an unambiguous URDF, with entity expansion off, as tolerantly as engines do.
-
-    Raises:
-        EngineError: naming file and line.
-    """
-    source = read_xml(read_source(path, tolerant=True), path)
-    check_urdf(source)
-    return source
-
-
-def refuse_negative_masses(source: XmlSource, title: str, *, floats: bool) -> None:
+def refuse_negative_masses(file: UrdfFile | SdfFile, title: str, *, floats: bool) -> None:
     """Refuse links of negative mass, which some engines can't represent.
 
     Args:
-        source: of a URDF.
+        file: the content of a file.
         title: of the engine.
         floats: whether its root link moves; the mass of a fixed root has no effect.
 
     Raises:
         EngineError: naming file, line and link.
     """
-    still = "" if floats else root_link(source.root)
-    for link in source.root.findall("link"):
-        mass = link.find("inertial/mass")
-        if mass is None or link.get("name") == still:
-            continue
-        weight = float(mass.get("value", "0"))
-        if weight < 0:
-            raise source.refused(
-                mass,
-                f"the mass of link {link.get('name')!r} is below zero, {weight:g} "
+    for name, link in file.links.items():
+        if link.body.mass < 0 and (floats or name != file.root):
+            raise refused(
+                link.element.find("inertial/mass") or link.element,
+                f"the mass of link {name!r} is below zero, {link.body.mass:g} "
                 f"kg, and {title} can't build such a body; write a positive mass",
             )
-
-
-def joint_springs(robot: XmlElement, path: Path) -> dict[str, tuple[float, float]]:
-    """Return the stiffness and rest position of each joint with a spring, in Gazebo's convention.
-
-    `<gazebo reference="joint"><springStiffness>k</springStiffness>
-    <springReference>rest</springReference></gazebo>` (SDFormat 1.x, URDF extensions).
-    """
-    springs = {}
-    for element in robot.findall("gazebo"):
-        stiffness = element.find("springStiffness")
-        if stiffness is None:
-            continue
-        joint = element.get("reference")
-        if not joint:
-            raise EngineError(f"{path}: a <gazebo> with <springStiffness> has no reference=")
-        rest = element.find("springReference")
-        springs[joint] = (
-            _number(stiffness.text, f"{path}: <springStiffness> of joint {joint!r}"),
-            0.0 if rest is None else _number(rest.text, f"{path}: <springReference> of {joint!r}"),
-        )
-    return springs
-
-
-def mimics(robot: XmlElement, path: Path) -> list[Mimic]:
-    """Return every `<mimic>` of the file."""
-    result = []
-    for joint in robot.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is None:
-            continue
-        name = joint.get("name", "")
-        place = f"{path}: <mimic> of joint {name!r}"
-        result.append(
-            Mimic(
-                name,
-                mimic.get("joint", ""),
-                _number(mimic.get("multiplier", "1"), f"{place}, multiplier"),
-                _number(mimic.get("offset", "0"), f"{place}, offset"),
-            )
-        )
-    return result
-
-
-def _number(text: str | None, place: str) -> float:
-    numbers = finite_numbers(text or "")
-    if numbers is None or len(numbers) != 1:
-        raise EngineError(f"{place} is {text!r}; expected a finite number")
-    return numbers[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,18 +82,13 @@ class UrdfReader:
 
 
 def urdf_remarks(
-    reader: UrdfReader, file: Path, joints: Sequence[str], z: Array, w: Array
+    reader: UrdfReader, file: UrdfFile, joints: Sequence[str], z: Array, w: Array
 ) -> Iterator[Remark]:
     """Yield remarks about a URDF in an engine along the states (z, w) of its joints."""
-    robot = read_urdf(file)
-    moved = {
-        child.get("link")
-        for joint in robot.findall("joint")
-        if joint.get("type") != "fixed" and (child := joint.find("child")) is not None
-    }
-    for link in robot.findall("link"):
-        name = link.get("name", "")
-        if name in moved and link.find("inertial") is None:
+    robot = file.document.root
+    moved = {one.child for one in file.joints.values() if one.element.get("type") != "fixed"}
+    for name, link in file.links.items():
+        if name in moved and link.element.find("inertial") is None:
             yield Remark(
                 kind="inertial",
                 message=(
@@ -292,11 +108,10 @@ def urdf_remarks(
                 ),
                 address="",
             )
-    for joint in robot.findall("joint"):
-        name = joint.get("name", "")
+    for name, joint in file.joints.items():
         if name in joints:
             i = joints.index(name)
-            yield from _limits(reader, joint, z[:, i], w[:, i])
+            yield from _limits(reader, joint.element, z[:, i], w[:, i])
             yield from _friction(reader, joint)
             yield from _axis(reader, joint)
 
@@ -352,52 +167,32 @@ def _why_ignored(reader: UrdfReader, continuous: bool, lower: float, upper: floa
     return "" if held else f"{reader.name} ignores equal limits, so the joint is free"
 
 
-def _axis(reader: UrdfReader, joint: XmlElement) -> Iterator[Remark]:
-    axis, name = joint.find("axis"), joint.get("name", "")
-    stated = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    length = math.hypot(*(finite_numbers(stated) or ()))
+def _axis(reader: UrdfReader, joint: UrdfJoint) -> Iterator[Remark]:
+    length = math.hypot(*joint.axis)
     if reader.long_axes and abs(length - 1) > ROUNDED:
         yield Remark(
             message=(
-                f"the axis of {name} has the length {length:.15g}: {reader.long_axes} "
+                f"the axis of {joint.name} has the length {length:.15g}: {reader.long_axes} "
                 "does not normalize it, and accelerates a hinge by so much less"
             ),
-            subject=(name, reader.name, "axis length"),
+            subject=(joint.name, reader.name, "axis length"),
             fault=abs(length - 1) > VISIBLE_LENGTH_ERROR,
-            address=f"robot/joint[{name}]/axis@xyz",
+            address=f"robot/joint[{joint.name}]/axis@xyz",
             value=length,
         )
 
 
-def _friction(reader: UrdfReader, joint: XmlElement) -> Iterator[Remark]:
-    dynamics, name = joint.find("dynamics"), joint.get("name", "")
-    friction = float(dynamics.get("friction", "0")) if dynamics is not None else 0.0
-    if friction and reader.no_friction:
+def _friction(reader: UrdfReader, joint: UrdfJoint) -> Iterator[Remark]:
+    if joint.friction and reader.no_friction:
         yield Remark(
             kind="dry friction",
-            message=f"<dynamics friction> of {name} is {friction:g}; {reader.no_friction} ignores"
-            " it",
-            subject=(name, reader.name, "friction"),
+            message=f"<dynamics friction> of {joint.name} is {joint.friction:g};"
+            f" {reader.no_friction} ignores it",
+            subject=(joint.name, reader.name, "friction"),
             fault=True,
-            address=f"robot/joint[{name}]",
-            value=friction,
+            address=f"robot/joint[{joint.name}]",
+            value=joint.friction,
         )
-
-
-def root_link(robot: XmlElement) -> str:
-    """Return the name of the root link."""
-    children = {child.get("link") for child in robot.findall("joint/child")}
-    links = [link.get("name", "") for link in robot.findall("link")]
-    return next((link for link in links if link not in children), "")
-
-
-def base_name(robot: XmlElement) -> str:
-    """Return the name of a floating root's free joint: the root link's, unless a joint has it."""
-    name = root_link(robot)
-    joints = {joint.get("name") for joint in robot.findall("joint")}
-    while name in joints:
-        name += "_free"
-    return name
 
 
 URDF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(

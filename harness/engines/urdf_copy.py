@@ -13,9 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.source import XmlSource, temporary_file
+from physics_crosscheck.harness.engines.source import temporary_file
 
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
@@ -216,17 +217,17 @@ def _blanks(parts: Iterable[XmlElement]) -> Iterator[str]:
                 yield f'{file}:{line}: <{part.tag} {key}="{words}">'
 
 
-def refuse_blanks(source: XmlSource, title: str) -> None:
+def refuse_blanks(document: Document, title: str) -> None:
     """Refuse joints with a number that a blank follows: urdfdom then rejects the file.
 
     Args:
-        source: of a URDF.
+        document: of a URDF.
         title: of the engine.
 
     Raises:
         EngineError: naming file and line.
     """
-    parts = (part for joint in source.root.findall("joint") for part in joint)
+    parts = (part for joint in document.root.findall("joint") for part in joint)
     for place in _blanks(parts):
         raise EngineError(
             f"{place} has a space after the number, and {title}'s parser (urdfdom) "
@@ -234,14 +235,14 @@ def refuse_blanks(source: XmlSource, title: str) -> None:
         )
 
 
-def dropped_cause(source: XmlSource, title: str) -> str:
+def dropped_cause(document: Document, title: str) -> str:
     """Return the cause for inertials that urdfdom drops; empty without any.
 
     It drops the whole `<inertial>` if a blank follows its mass or one of its moments.
     """
     places = [
         place
-        for inertial in source.root.findall("link/inertial")
+        for inertial in document.root.findall("link/inertial")
         for place in list(_blanks(inertial))[:1]
     ]
     more = f" and {len(places) - 3} more" if len(places) > 3 else ""

@@ -31,7 +31,7 @@ from physics_crosscheck.harness.engines.urdf import (
 )
 from physics_crosscheck.harness.engines.urdf_copy import Change
 from physics_crosscheck.harness.engines.urdf_sidecar import (
-    DeclaredUrdf,
+    Declarations,
     check_settings,
     declared_urdf,
 )
@@ -118,7 +118,7 @@ class UrdfModel(TreeModel):
     ) -> None:
         self._reader = reader
         declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
-        self.declared: DeclaredUrdf = declare(spec, further)
+        self.declared: Declarations = declare(spec, further)
         super().__init__(spec, title, {**defaults, **spec.settings})
         self.floats = bool(self.settings["floating"])
         self.root = self.declared.base

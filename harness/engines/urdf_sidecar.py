@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf.read import SdfFile
+from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -16,17 +19,7 @@ from physics_crosscheck.harness.engines.protocol import (
     held_joints,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import XmlSource
-from physics_crosscheck.harness.engines.urdf import (
-    Mimic,
-    UrdfReader,
-    base_name,
-    joint_springs,
-    mimics,
-    read_urdf_source,
-    root_link,
-    urdf_remarks,
-)
+from physics_crosscheck.harness.engines.urdf import UrdfReader, load_urdf, urdf_remarks
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     followers_of,
@@ -47,49 +40,75 @@ HELD = "held"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeclaredUrdf:
+class Declarations(ABC):
     """Declarations of a file and its sidecar.
 
     Attributes:
-        path, robot: the file.
-        source: its elements with their lines.
+        file: the content of the file.
         springs: of joints, in Gazebo's convention, and of the sidecar; without those of held
             joints.
         mimics: joints that follow others, limited by the setting `couplings`.
         changes: the changes that settings make to the file before an engine loads it.
     """
 
-    path: Path
-    robot: XmlElement
-    source: XmlSource
+    file: UrdfFile | SdfFile
     springs: tuple[Spring, ...]
     mimics: tuple[Mimic, ...]
     changes: tuple[Change, ...]
 
     @property
+    @abstractmethod
+    def robot(self) -> XmlElement:
+        """The element that changes copy."""
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """The text that an engine loads."""
+
+    @property
+    @abstractmethod
+    def moments(self) -> Mapping[str, float]:
+        """The stated ixx of links, kg m^2."""
+
+    @abstractmethod
+    def remarks(
+        self, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
+    ) -> Iterator[Remark]:
+        """Return remarks about the file along the states (z, w)."""
+
+    @property
     def root(self) -> str:
-        """The root link."""
-        return root_link(self.robot)
+        """The root link, or `world`."""
+        return self.file.root
 
     @property
     def base(self) -> str:
         """The name of a floating root's free joint."""
-        return base_name(self.robot)
+        return self.file.base
 
     @property
     def links(self) -> tuple[str, ...]:
         """Names of links, in the file's order."""
-        return tuple(link.get("name", "") for link in self._links)
+        return tuple(self.file.links)
 
     @property
-    def moments(self) -> Mapping[str, float]:
-        """The stated ixx of links, kg m^2; zero by default."""
-        inertias = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
-        return {n: 0.0 if i is None else float(i.get("ixx", "0")) for n, i in inertias.items()}
+    def bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Position limits of the file, if lower is below upper."""
+        bounds = {name: joint.bounds for name, joint in self.file.joints.items()}
+        return {name: (lower, upper) for name, (lower, upper) in bounds.items() if lower < upper}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaredUrdf(Declarations):
+    """Declarations of a URDF and its sidecar."""
+
+    file: UrdfFile
 
     @property
-    def _links(self) -> list[XmlElement]:
-        return self.robot.findall("link")
+    def robot(self) -> XmlElement:
+        """The element that changes copy."""
+        return self.file.document.root
 
     @property
     def text(self) -> str:
@@ -97,22 +116,15 @@ class DeclaredUrdf:
         return with_changes(self.robot, self.changes).written().decode()
 
     @property
-    def bounds(self) -> Mapping[str, tuple[float, float]]:
-        """Position limits of the file, if lower is below upper."""
-        result = {}
-        for joint in self.robot.findall("joint"):
-            limit = joint.find("limit")
-            if limit is not None and joint.get("type") != "continuous":
-                lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
-                if lower < upper:
-                    result[joint.get("name", "")] = (lower, upper)
-        return result
+    def moments(self) -> Mapping[str, float]:
+        """The stated ixx of links, kg m^2; zero by default."""
+        return {name: link.body.inertia[0] for name, link in self.file.links.items()}
 
     def remarks(
         self, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
     ) -> Iterator[Remark]:
         """Return remarks about the file along the states (z, w)."""
-        return urdf_remarks(reader, self.path, joints, z, w)
+        return urdf_remarks(reader, self.file, joints, z, w)
 
 
 def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUrdf:
@@ -121,14 +133,8 @@ def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUr
     Raises:
         EngineError: naming file, line and setting.
     """
-    source = read_urdf_source(spec.path)
-    robot, held = source.root, held_joints(spec)
+    file, held = load_urdf(spec.path), held_joints(spec)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
-    springs = [
-        Spring({joint: 1.0}, stiffness, 0.0, rest)
-        for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
-        if joint not in held
-    ]
     changes = [*further]
     if spec.settings.get("smooth", False):
         changes.append(without_shapes)
@@ -137,15 +143,27 @@ def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUr
     if held:
         changes.append(with_held(held))
     return DeclaredUrdf(
-        path=spec.path,
-        robot=robot,
-        source=source,
-        springs=(*springs, *spec.springs),
-        mimics=tuple(
-            one for one in mimics(robot, spec.path) if followers is None or one.joint in followers
-        ),
+        file=file,
+        springs=(*joint_springs(file, held), *spec.springs),
+        mimics=kept_mimics(file.mimics, followers),
         changes=tuple(changes),
     )
+
+
+def joint_springs(file: UrdfFile, held: Collection[str]) -> tuple[Spring, ...]:
+    """Return the springs of a file's joints that are not held."""
+    return tuple(
+        Spring({joint: 1.0}, stiffness, 0.0, rest)
+        for joint, (stiffness, rest) in file.springs.items()
+        if joint not in held
+    )
+
+
+def kept_mimics(
+    mimics: Mapping[str, Mimic], followers: Collection[str] | None
+) -> tuple[Mimic, ...]:
+    """Return the mimics that the setting `couplings` keeps; None keeps all."""
+    return tuple(one for name, one in mimics.items() if followers is None or name in followers)
 
 
 def check_settings(

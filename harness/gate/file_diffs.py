@@ -10,9 +10,11 @@ from pathlib import Path
 from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
 from physics_crosscheck.harness.baseline.store import accepted_text
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.modelfiles.locations import find_in
+from physics_crosscheck.harness.modelfiles.numbers import numerals
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.baseline import ChangedLine, FileDiff
@@ -133,13 +135,9 @@ def _literals(
 
 def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
     """Return the changed numbers of a robot file that have a name."""
-    # Import late: it needs sympy, which an unchanged repository does not.
-    from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
-    from physics_crosscheck.harness.modelfiles.numbers import numerals
-
     try:
         before, after = (numerals(Document(file, text.encode())) for text in (old, new))
-    except DocumentError:
+    except LocationError:
         return []
     accepted = {number.address: number for number in before if number.has_name}
     changes = []

@@ -8,10 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.couplings import MimicLeader, couplings
-from physics_crosscheck.harness.modelfiles.document import Document
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.modelfiles.inertias import massless_groups
 from physics_crosscheck.harness.modelfiles.left_out import HELD
 from physics_crosscheck.harness.modelfiles.robot import (
@@ -51,7 +51,7 @@ def build_tree(
     document: Document,
     links: Elements,
     joints: Elements,
-    mimics: Mapping[str, MimicLeader],
+    mimics: Mapping[str, Mimic],
     bodies_with: Callable[[Collection[str]], tuple[RigidBody, ...]],
     gravity: Triple,
 ) -> TreeBuild:
@@ -113,7 +113,7 @@ def _holdable(
     tree: Tree,
     groups: tuple[tuple[int, ...], ...],
     joints: Elements,
-    mimics: Mapping[str, MimicLeader],
+    mimics: Mapping[str, Mimic],
 ) -> tuple[str, ...]:
     """Return joints of these groups that have no acceleration by themselves, while others move.
 
@@ -153,6 +153,40 @@ def _resting(names: list[str]) -> tuple[str, str]:
         f"a combined motion of the joints {listed} moves nothing with inertia, so "
         "their accelerations are undefined",
         "give a link between them inertia",
+    )
+
+
+def enforceable(mimics: Mapping[str, Mimic], single: Collection[str]) -> dict[str, Mimic]:
+    """Return the mimics that every engine can enforce, by the follower's name.
+
+    A gear constrains velocities. A mimic with an offset or a zero multiplier is therefore left
+    free, and so is one whose leader is not a hinge or slide, or that follows itself through others.
+
+    Args:
+        mimics: all of them, by the follower's name.
+        single: names of hinges and slides.
+    """
+    gears = {
+        name: one
+        for name, one in mimics.items()
+        if name in single and one.leader in single and one.multiplier and not one.offset
+    }
+    return {name: one for name, one in gears.items() if not _circular(name, gears)}
+
+
+def _circular(name: str, mimics: Mapping[str, Mimic]) -> bool:
+    passed: set[str] = set()
+    while name in mimics and name not in passed:
+        passed.add(name)
+        name = mimics[name].leader
+    return name in passed
+
+
+def couplings(mimics: Mapping[str, Mimic]) -> tuple[Coupling, ...]:
+    """Return mimics as couplings of joints."""
+    return tuple(
+        Coupling(follower=name, leader=one.leader, multiplier=one.multiplier)
+        for name, one in mimics.items()
     )
 
 

@@ -12,9 +12,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement, attribute_span, text_span
 from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile, apply_edits
-from physics_crosscheck.harness.modelfiles.document import Document
 
 _WORD = re.compile(r"[^\s,]+")
 _IDENTITIES = ("name", "class", "file")

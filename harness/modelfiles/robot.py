@@ -8,34 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.records.case import CaseKind
+from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadError:
-    """A problem that prevents building a tree from a file.
-
-    Attributes:
-        sentence: the problem.
-        file: that contains it.
-        line: of the file, counted from 1; 0 without a line.
-        remedy: the correction.
-        kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
-            `unsupported`.
-    """
-
-    sentence: str
-    file: Path
-    line: int
-    remedy: str
-    kind: CaseKind = "robot"
-
-    def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else f"{self.file}"
-        return f"{place}: {self.sentence}; {self.remedy}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from physics_crosscheck.harness.modelfiles.robot import ReadError, Robot
+from physics_crosscheck.harness.documents.errors import ReadError
+from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.chart import coordinate_names

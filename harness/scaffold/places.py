@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
+from physics_crosscheck.harness.documents.errors import LocationError
 
 Key = tuple[str, ...]
 """Kind, name and part: `("body", "rod")`, `("body", "rod", "mass")`."""
@@ -22,7 +23,7 @@ def places(files: Iterable[Path]) -> Mapping[Key, str]:
     for file in files:
         try:
             document = Document(file)
-        except DocumentError:
+        except LocationError:
             continue  # not well-formed XML, though an engine may read it
         for key, element in _named(document.root):
             lines.setdefault(key, f"{file.name}:{document.line(element)}")

@@ -15,8 +15,7 @@ from typing import get_args
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
-from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
+from physics_crosscheck.reference.mechanism.rotations import Array, from_quaternion, from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
 

@@ -12,7 +12,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from physics_crosscheck.reference.mechanism.rotations import Array as Array
+
 Rows = NDArray[np.intp]
 """Row indices of an array."""
 

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
 Scalars = NDArray[Any]
 """Numbers, or other objects that support addition and multiplication."""
 
@@ -126,13 +128,13 @@ def from_quaternion(q: Scalars) -> Scalars:
     return result
 
 
-def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Return the rotation about the fixed x, then y, then z axis: R = Rz Ry Rx, (3, 3)."""
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    result: NDArray[np.float64] = about_z @ about_y @ about_x
+    result: Array = about_z @ about_y @ about_x
     return result
 
 

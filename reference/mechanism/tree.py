@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.force_paths import JointForce, Way
-from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 
 Kind = Literal["hinge", "slide", "ball", "free"]

@@ -26,7 +26,7 @@ from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.urdf import joint_springs, mimics, read_urdf
+from physics_crosscheck.harness.engines.urdf import load_urdf
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin, template
 from physics_crosscheck.harness.modelfiles.locations import find_in
@@ -172,8 +172,8 @@ def _addresses(address: str, *patterns: str) -> Iterator[bytes]:
 
 def _urdf(data: bytes) -> object:
     path = _model("model.urdf", data)
-    robot = read_urdf(path)
-    return joint_springs(robot, path), mimics(robot, path)
+    file = load_urdf(path)
+    return file.springs, file.mimics
 
 
 def _written(data: bytes, suffix: str) -> object:

@@ -198,11 +198,14 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("old", "new", "said"), [
     ("</sdf>", "<model name='n'/></sdf>", ":7: it has 2 models that move"),
-    ("</model>", "<include/></model>", ":7: <include>: write the model"),
-    ("</model>", "<model name='n'/></model>", ":7: <model>: models within models"),
-    ("revolute", "ball", ":6: joint 'j' is of type 'ball'; types are revolute"),
-    ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> is '0.5 kg'; expected a finite number"),
+    ("</model>", "<include/></model>", ":7: <include> is not covered; write what it includes"),
+    ("</model>", "<model name='n'/></model>", ":7: <model> is not covered; write the links"),
+    ("revolute", "ball", ":6: joint 'j' is of type 'ball', which is not covered"),
+    ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> of link 'a' is '0.5 kg'; expected a finite number"),
     ("</model>", "<link name='b'/></model>", "no joint holds 'b'"),
+    ("<mass>0.5</mass>", "<mass>0.5</mass><mass>0.6</mass>", ":3: a second <mass> in one"),
+    ("<mass>0.5", "<mass>inf", ":3: <mass> of link 'a' is 'inf'; expected a finite number"),
+    ("<axis><xyz>0 -1 0</xyz></axis>", "", ":6: joint 'j' has no <axis>"),
 ])  # fmt: skip
 def test_what_is_not_covered_is_refused_by_line(
     name: str, old: str, new: str, said: str, tmp_path: Path
@@ -210,6 +213,14 @@ def test_what_is_not_covered_is_refused_by_line(
     with pytest.raises(EngineError) as error:
         load(name, text().replace(old, new), tmp_path)
     assert said in str(error.value)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_equal_copies_of_an_element_count_once(name: str, tmp_path: Path) -> None:
+    sdf = text("<limit><velocity>inf</velocity></limit>")
+    assert outcome(name, sdf, tmp_path) is Outcome.AGREES
+    sdf = sdf.replace("<mass>0.5</mass>", "<mass>0.5</mass><mass> 0.5 </mass>")
+    assert outcome(name, sdf, tmp_path) is Outcome.AGREES
 
 
 def diagnosed(folder: Path, engine: str) -> Cause:
@@ -318,7 +329,7 @@ def test_one_model_of_a_world_is_run_by_its_name(name: str, tmp_path: Path) -> N
     assert load(name, whole.format(""), tmp_path).coordinates == ("j",)
     assert load(name, whole.format(other), tmp_path, model="m").coordinates == ("j",)
     assert load(name, whole.format(other), tmp_path, model="n").coordinates[0] == "free:x"
-    with pytest.raises(EngineError, match="it has no model 'g' that moves"):
+    with pytest.raises(EngineError, match="it has no moving model of the name 'g'"):
         load(name, whole.format(other), tmp_path, model="g")
     with pytest.raises(EngineError, match="model is 3; expected a name"):
         load(name, whole.format(other), tmp_path, model=3)

@@ -157,7 +157,7 @@ def test_a_urdf_with_a_dtd_or_entities_is_refused(
 def test_a_file_that_is_xml_but_no_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> None:
     path = file(tmp_path, "model.urdf", "<sdf><model/></sdf>")
     message = refused(pairing.engine, path, urdf_settings(pairing))
-    assert "not a URDF" in message or "'sdf'" in message
+    assert "not <robot>" in message or "'sdf'" in message
 
 
 @pytest.mark.parametrize("words", ["stiff", "nan", "1 2"])

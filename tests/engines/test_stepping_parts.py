@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -28,7 +29,6 @@ from physics_crosscheck.harness.engines.tree_model import (
     constrained_accelerations,
     leader_matrix,
 )
-from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.harness.engines.urdf_sidecar import check_settings, declared_urdf
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.documents import elements
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
 from physics_crosscheck.harness.documents.location import SourceFile
 
@@ -70,3 +72,24 @@ def test_an_element_that_moves_keeps_its_bytes() -> None:
     assert holder.written().decode() == (
         '<sdf version="1.6"><link name="l" ><mass value = "1e0"/></link ></sdf>'
     )
+
+
+def test_bytes_are_parsed_once_and_changed_bytes_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reader and an engine's adapter in one process share the elements."""
+    path, parse, parsed = tmp_path / "r.urdf", elements._parse, list[bytes]()
+
+    def count(source: SourceFile) -> tuple[XmlElement, ...]:
+        parsed.append(source.data)
+        return parse(source)
+
+    monkeypatch.setattr(elements, "_parse", count)
+    path.write_text(TEXT)
+    first = Document(path).root
+    first.copy().set("name", "other")
+    assert Document(path).root is first
+    assert first.get("name") == "a&b"
+    path.write_text(TEXT.replace("1e0", "2e0"))
+    assert Document(path).root.find("link/mass").get("value") == "2e0"  # type: ignore[union-attr]
+    assert len(parsed) == 2

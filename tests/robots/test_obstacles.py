@@ -59,7 +59,8 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
     ("lines", "line", "sentence"),
     [
         ((BASE, A, B, joint("j", "base", "a")), 4, "it has 2 root links, 'base', 'b'"),
-        ((BASE, A, joint("j", "world", "a")), 2, "it has 2 root links, 'base', 'world'"),
+        ((A, joint("j", "world", "a")), 3,
+         "the parent of joint 'j' is 'world', which is not a link"),
         (
             (BASE, A, B, joint("j", "base", "a"), joint("k", "a", "b"), joint("l", "base", "b")),
             7,
@@ -82,6 +83,19 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
         ((BASE, A, joint("j", "base", "a"), '<gazebo reference="j">',
           "<springStiffness>stiff</springStiffness></gazebo>"), 6,
          "<springStiffness> of joint 'j' is 'stiff'; expected a finite number"),
+        ((BASE, A, joint("j", "base", "a"), '<gazebo reference="nobody">',
+          "<springStiffness>7</springStiffness></gazebo>"), 6,
+         "a spring names 'nobody', which is neither a slide nor a hinge"),
+        ((BASE, A, joint("j", "base", "a", kind="spherical"), '<gazebo reference="j">',
+          "<springStiffness>7</springStiffness></gazebo>"), 6,
+         "a spring names 'j', which is neither a slide nor a hinge"),
+        ((BASE, A, joint("j", "base", "a", '<limit lower="-1.57." upper="1"/>', "revolute")), 4,
+         "lower of <limit> of joint 'j' is '-1.57.'; expected a finite number"),
+        ((BASE, A, joint("j", "base", "a", '<limit lower="0" upper="inf"/>', "revolute")), 4,
+         "upper of <limit> of joint 'j' is 'inf'; expected a finite number"),
+        ((BASE, A, joint("j", "base", "a", '<mimic joint="j"/>')), 4, "joint 'j' mimics itself"),
+        ((BASE, A, joint("j", "base", "a", '<mimic joint="k"/>')), 4,
+         "joint 'j' mimics 'k', which is not a joint"),
         ((BASE, A, joint("j", "base", "a", '<axis xzy="0 0 1"/>')), 4,
          "the <axis> of joint 'j' has no xyz"),
         ((BASE, "<robot/>"), 3, "a <robot> inside the <robot>"),
@@ -99,7 +113,9 @@ def test_an_obstacle(tmp_path: Path, lines: tuple[str, ...], line: int, sentence
     assert in_the_way(read(tmp_path, *lines)) == [(line, sentence)]
 
 
-@pytest.mark.parametrize("text", ["0,5 0 0", "0.1, 0 0", "0 0", "0 0 0 0", "nan 0 0", "1e999 0 0"])
+@pytest.mark.parametrize(
+    "text", ["0,5 0 0", "0.1,0,0", "0.1 ,0 ,0", "0 0", "0 0 0 0", "nan 0 0", "1e999 0 0"]
+)
 def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) -> None:
     robot = read(tmp_path, BASE, A, joint("j", "base", "a", f'<origin xyz="{text}"/>'))
     sentence = f"xyz of <origin> of joint 'j' is {text!r}; expected 3 finite numbers"
@@ -113,6 +129,11 @@ def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) 
         ("", 1, "not XML: the file has no element"),
         (b"<robot>\0<link/>\n</robot>", 1, "not XML at column 8: the file is binary"),
         ('<!DOCTYPE r [<!ENTITY x "1">]>\n<robot/>', 1, "refused: it declares entities or a DTD"),
+        (
+            "<robot/>".encode("utf-16"),
+            1,
+            "its encoding is UTF-16",
+        ),
         ("<sdf/>", 1, "the root is <sdf>, not <robot>"),
         (b"\x89PNG\r\n\x1a\n", 1, "not XML at column 1: not well-formed (invalid token)"),
     ],

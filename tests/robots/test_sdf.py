@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +195,13 @@ def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Pat
     ((BASE, ARM, joint().replace(">arm<", ">leg<")), 4, "the child of joint 'q' is 'leg'"),
     ((BASE, ARM, joint(xyz="<xyz>0 0 0</xyz>")), 4, "the axis of joint 'q' has no length"),
     ((BASE, ARM.replace("-0.3 0.5", "x 0.5"), joint()), 3, "expected 6 finite numbers"),
+    ((BASE, ARM, re.sub("<axis>.*</axis>", "", joint())), 4, "joint 'q' has no <axis>"),
+    ((BASE, ARM.replace("<mass>", "<mass>9</mass><mass>"), joint()), 3, "a second <mass> in one"),
+    ((BASE, ARM.replace("<mass>2", "<mass>inf"), joint()), 3,
+     "<mass> of link 'arm' is 'inf'; expected a finite number"),
+    ((BASE, ARM, joint("<limit><lower>inf</lower><upper>1 2</upper></limit>")), 4,
+     "<upper> of joint 'q' is '1 2'; expected a finite number"),
+    ((BASE, ARM, joint('<mimic joint="q"/>')), 4, "names 'q', which is not another joint"),
     ((BASE, BASE, ARM, joint()), 3, "a second link, joint or frame is called 'base'"),
     ((BASE, ARM, joint(), joint().replace('"q"', '"p"')), 5, "link 'arm' has a second parent"),
     ((BASE, ARM.replace("<pose>", '<pose relative_to="nowhere">', 1), joint()), 3,

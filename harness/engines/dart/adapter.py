@@ -65,7 +65,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     zero_missing_inertials,
 )
 from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, Declarations
 
 TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a root that floats"
 
@@ -144,7 +144,7 @@ class DartModel(UrdfModel):
         if isinstance(self.declared, DeclaredSdf):
             refuse_newer(self.declared.file)
         elif not self.settings["trimmed_numbers"]:
-            refuse_blanks(self.declared.source, "DART")
+            refuse_blanks(self.declared.file.document, "DART")
         self._corrective_settings = _corrective_settings(self.declared, self.settings)
         self._body = self._skeleton()
         self._world = dart.simulation.World()
@@ -280,10 +280,10 @@ _INERTIALS: Mapping[str, Change] = MappingProxyType({
 
 
 def _corrective_settings(
-    declared: DeclaredUrdf, settings: Mapping[str, object]
+    declared: Declarations, settings: Mapping[str, object]
 ) -> dict[str, Mapping[str, object]]:
     """Return DART's own assumptions about a file, with the settings that correct them."""
-    if declared.path.suffix == SDF:
+    if isinstance(declared, DeclaredSdf):
         checks = {
             "turned_inertials": (turned_links, turned_cause),
             "automatic_inertials": (automatic_links, automatic_cause),
@@ -295,7 +295,7 @@ def _corrective_settings(
             if not settings[key] and (names := links(declared.robot))
         }
     bare = bare_links(declared.robot) if settings["bare_links"] else []
-    lost = "" if settings["trimmed_numbers"] else dropped_cause(declared.source, "DART")
+    lost = "" if settings["trimmed_numbers"] else dropped_cause(declared.file.document, "DART")
     causes = {bare_cause(bare, "DART"): BARE} if bare else {}
     return {**causes, **({lost: TRIMMED} if lost else {})}
 

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf import SIZES, WATER, has_automatic, solid
+from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint
+from physics_crosscheck.harness.documents.sdf.shapes import SIZES, WATER, has_automatic, solid
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
-from physics_crosscheck.harness.engines.sdf import SdfFile, number
-from physics_crosscheck.harness.engines.sdf_check import CheckedJoint
+from physics_crosscheck.harness.engines.sdf import number
 from physics_crosscheck.harness.engines.sdf_sidecar import VERSION, sdf_without_bounds_of
-from physics_crosscheck.harness.engines.source import read_xml, temporary_file
+from physics_crosscheck.harness.engines.source import refused, temporary_file
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
@@ -29,7 +30,7 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
     parser = dart.utils.SdfParser
     options, roots = parser.Options(), parser.RootJointType
     options.mDefaultRootJointType = roots.FLOATING if floats else roots.FIXED
-    root = read_xml(text, path).root.copy()
+    root = Document(path, text.encode()).root.copy()
     if root.get("version") in _IN_MODEL:
         _axes_in_model(root)
     if root.get("version") not in _PARSED_VERSIONS:
@@ -205,11 +206,11 @@ def refuse_newer(file: SdfFile) -> None:
     for pose in file.model.iter("pose"):
         for key in ("rotation_format", "degrees"):
             if pose.get(key) not in ("", "euler_rpy", "false", "0"):
-                raise _newer(file, pose, f"a pose with {key}=")
+                raise _newer(pose, f"a pose with {key}=")
     for element in (file.model, *file.model.findall("link"), *file.model.findall("joint")):
         _refuse_moved(file, element)
     if file.model.get("placement_frame"):
-        raise _newer(file, file.model, "placement_frame=")
+        raise _newer(file.model, "placement_frame=")
 
 
 def _refuse_moved(file: SdfFile, element: XmlElement) -> None:
@@ -217,27 +218,27 @@ def _refuse_moved(file: SdfFile, element: XmlElement) -> None:
     defaults = {"joint": (element.findtext("child").strip(),), "model": ("world",)}
     for pose in element.findall("pose"):
         if pose.get("relative_to", "") not in ("", *defaults.get(element.tag, ("__model__",))):
-            raise _newer(file, pose, f"relative_to={pose.get('relative_to')!r}")
+            raise _newer(pose, f"relative_to={pose.get('relative_to')!r}")
     for tag in ("inertial", "collision") if has_automatic(element) else ("inertial",):
         for pose in element.findall(f"{tag}/pose"):
             if pose.get("relative_to"):
-                raise _newer(file, pose, f"relative_to= of <{tag}>")
+                raise _newer(pose, f"relative_to= of <{tag}>")
     if joint is not None:
         _refuse_frames(file, joint)
 
 
-def _refuse_frames(file: SdfFile, joint: CheckedJoint) -> None:
+def _refuse_frames(file: SdfFile, joint: SdfJoint) -> None:
     element = joint.element
     for tag, link in (("parent", joint.parent), ("child", joint.child)):
         if element.findtext(tag).strip() != link:
-            raise _newer(file, element, f"a frame for the {tag} of joint {joint.name!r}")
+            raise _newer(element, f"a frame for the {tag} of joint {joint.name!r}")
     for xyz in element.findall("axis/xyz"):
         if xyz.get("expressed_in", "") not in ("", "__model__", joint.name):
-            raise _newer(file, xyz, f"expressed_in={xyz.get('expressed_in')!r}")
+            raise _newer(xyz, f"expressed_in={xyz.get('expressed_in')!r}")
 
 
-def _newer(file: SdfFile, element: XmlElement, what: str) -> EngineError:
-    return file.source.refused(
+def _newer(element: XmlElement, what: str) -> EngineError:
+    return refused(
         element, f"DART reads SDFormat to version 1.6, which has no {what}; write poses without it"
     )
 

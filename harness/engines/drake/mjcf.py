@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
 from physics_crosscheck.harness.engines.drake.plant import moving_joints
@@ -24,7 +25,6 @@ from physics_crosscheck.harness.engines.mjcf_engine import MjcfModel
 from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
 from physics_crosscheck.harness.engines.protocol import Array, Engine, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import finite_numbers
 from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -32,7 +33,6 @@ from physics_crosscheck.harness.engines.tree_model import (
     constrained_accelerations,
     leader_matrix,
 )
-from physics_crosscheck.harness.engines.urdf import Mimic
 
 BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
 """Moments of inertia, kg m^2, of a 1 kg ball of water: Drake's substitute for an impossible

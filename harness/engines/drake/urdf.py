@@ -9,21 +9,25 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf.read import has_no_weight
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel, refuse_balls
 from physics_crosscheck.harness.engines.drake.plant import weight_of
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.sdf import mimic_of
-from physics_crosscheck.harness.engines.sdf_sidecar import sdf_mimics_of, sdf_without_bounds
+from physics_crosscheck.harness.engines.sdf import load_sdf
+from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
+    followers_of,
     mimics_of,
     without_bounds,
     without_crossed_bounds,
     without_shapes,
 )
 from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfModel
+from physics_crosscheck.harness.engines.urdf_sidecar import kept_mimics
 
 PREFIX = "drake:"
 """The prefix of elements that only Drake reads."""
@@ -39,26 +43,27 @@ def without_own(model: XmlElement) -> None:
                 joint.remove(part)
 
 
-def own_mimics(model: XmlElement) -> None:
-    """Write `<mimic>` as `<drake:mimic>`."""
-    for joint in model.findall("joint"):
-        mimic = mimic_of(joint)
-        if mimic is not None:
-            attributes = {
-                "joint": mimic.leader,
-                "multiplier": repr(mimic.multiplier),
-                "offset": repr(mimic.offset),
-            }
-            joint.add(f"{PREFIX}mimic", SPACE | attributes)
+def own_mimics(mimics: Sequence[Mimic]) -> Change:
+    """Return a change that writes `<mimic>` as `<drake:mimic>`."""
+
+    def change(model: XmlElement) -> None:
+        for joint in model.findall("joint"):
+            for mimic in mimics:
+                if mimic.joint != joint.get("name"):
+                    continue
+                attributes = {
+                    "joint": mimic.leader,
+                    "multiplier": repr(mimic.multiplier),
+                    "offset": repr(mimic.offset),
+                }
+                joint.add(f"{PREFIX}mimic", SPACE | attributes)
+
+    return change
 
 
 def weightless_links(model: XmlElement) -> tuple[str, ...]:
     """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
-    return tuple(
-        link.get("name", "")
-        for link in model.findall("link")
-        if link.findtext("gravity").strip().lower() in ("0", "false")
-    )
+    return tuple(link.get("name") for link in model.findall("link") if has_no_weight(link))
 
 
 def weight_cause(names: Sequence[str]) -> str:
@@ -128,6 +133,8 @@ def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
     smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
     if spec.path.suffix == SDF:
         bounds = [sdf_without_bounds, without_own] if smooth else []
-        return [*bounds, sdf_mimics_of(()) if free else own_mimics]
+        file = load_sdf(spec.path, spec.settings.get(MODEL, ""))
+        kept = kept_mimics(file.mimics, followers_of(spec.settings, f"{spec.path}.toml"))
+        return [*bounds, sdf_mimics_of(()) if free else own_mimics(kept)]
     bounds_change = without_bounds if smooth else without_crossed_bounds
     return [without_shapes, bounds_change, *([mimics_of(())] if free else [])]

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL
@@ -65,11 +67,11 @@ from physics_crosscheck.harness.engines.protocol import (
     held_joints,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import XmlSource, engine_errors
+from physics_crosscheck.harness.engines.source import engine_errors
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
-    read_urdf,
+    load_urdf,
     sample_urdf,
 )
 from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
@@ -187,13 +189,14 @@ class MujocoEngine(Engine):
         """Load an MJCF or URDF file."""
         import mujoco
 
-        robot = read_urdf(spec.path) if spec.path.suffix == ".urdf" else None
+        file = load_urdf(spec.path) if spec.path.suffix == ".urdf" else None
+        robot = None if file is None else file.document.root
         xml_sources, warnings = sources(spec.path), Warnings()
         try:
             with warnings.collecting(), temporary_urdf(robot, spec.path, changes(spec)) as path:
                 tree = mujoco.MjSpec.from_file(str(path))
-                if robot is not None:
-                    complete_urdf(tree, spec, robot)
+                if file is not None:
+                    complete_urdf(tree, spec, file)
                 apply_settings(tree, spec)
                 if robot is None:  # a URDF's copy holds them
                     without_joints(tree, held_joints(spec))
@@ -238,7 +241,7 @@ class MujocoEngine(Engine):
 
     def file_remarks(self, path: Path) -> Iterator[Remark]:
         """Yield masses and inertias that the compiler replaces, and elements without effect."""
-        robot = read_urdf(path) if path.suffix == ".urdf" else None
+        robot = load_urdf(path).document.root if path.suffix == ".urdf" else None
         if robot is not None and robot.find("mujoco/compiler") is None:
             return
         with temporary_urdf(
@@ -286,7 +289,7 @@ class MujocoModel(Model):
         self,
         model: Any,
         spec: ModelSpec,
-        xml_sources: tuple[XmlSource, ...],
+        xml_sources: tuple[Document, ...],
         warnings: Warnings,
         controls: tuple[Array, Array],
     ) -> None:
@@ -357,7 +360,9 @@ class MujocoModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield changes that MuJoCo and its formats make to the model."""
         with self._warnings.collecting():
-            yield from model_remarks(self.model, self._spec, self._sources, self._states.qpos(z), w)
+            file = self._urdf_file
+            q = self._states.qpos(z)
+            yield from model_remarks(self.model, self._spec, file, self._sources, q, w)
         for warning in self._warnings:
             yield Remark(kind="warning", message=f"MuJoCo warns: {warning}", address="")
 
@@ -397,19 +402,24 @@ class MujocoModel(Model):
         return tuple(self._warnings)
 
     @cached_property
+    def _urdf_file(self) -> UrdfFile | None:
+        path = self._spec.path
+        return load_urdf(path) if path.suffix == ".urdf" else None
+
+    @cached_property
     def _poses(self) -> PoseEvaluator:
         import mujoco
 
-        if self._spec.path.suffix != ".urdf":
+        file = self._urdf_file
+        if file is None:
             return PoseEvaluator(self.model, "body")
         # By default MuJoCo fuses links on fixed joints, such as a tool's, with their parents.
-        robot = read_urdf(self._spec.path)
         with (
             self._warnings.collecting(),
-            temporary_urdf(robot, self._spec.path, changes(self._spec)) as path,
+            temporary_urdf(file.document.root, self._spec.path, changes(self._spec)) as path,
         ):
             tree = mujoco.MjSpec.from_file(str(path))
-            complete_urdf(tree, self._spec, robot)  # a floating root has coordinates
+            complete_urdf(tree, self._spec, file)  # a floating root has coordinates
             tree.compiler.fusestatic = False
             try:
                 return PoseEvaluator(tree.compile(), "link")

@@ -8,16 +8,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
 from physics_crosscheck.harness.engines.source import (
     NoXmlError,
-    XmlSource,
     check_memory,
     one_line,
-    read_source,
-    read_xml,
+    read_document,
+    refused,
 )
 
 _OVERRIDING = {"step": "timestep", "gravity": "gravity", "integrator": "integrator"}
@@ -27,7 +27,7 @@ _DECLARED = re.compile(r"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 
 
-def sources(path: Path) -> tuple[XmlSource, ...]:
+def sources(path: Path) -> tuple[Document, ...]:
     """Return a file and its includes, if they are XML; MuJoCo's parser accepts more.
 
     Raises:
@@ -46,21 +46,20 @@ def included(path: Path) -> tuple[Path, ...]:
     return tuple(_sources_by_path(path))
 
 
-def _sources_by_path(path: Path) -> dict[Path, XmlSource | None]:
-    by_path: dict[Path, XmlSource | None] = {}
+def _sources_by_path(path: Path) -> dict[Path, Document | None]:
+    by_path: dict[Path, Document | None] = {}
     _collect(path, path.parent, by_path)
     return by_path
 
 
-def _collect(path: Path, folder: Path, by_path: dict[Path, XmlSource | None]) -> None:
+def _collect(path: Path, folder: Path, by_path: dict[Path, Document | None]) -> None:
     if path in by_path:
         return
-    text = read_source(path, tolerant=True)
     by_path[path] = None
     try:
-        source = read_xml(text, path)
+        source = read_document(path)
     except NoXmlError as error:
-        if error.second_root or _DECLARED.search(_COMMENT.sub("", text)):
+        if error.second_root or _declares(path):
             raise
         return  # two hyphens in a comment, say: MuJoCo accepts them
     by_path[path] = source
@@ -68,11 +67,17 @@ def _collect(path: Path, folder: Path, by_path: dict[Path, XmlSource | None]) ->
         name = include.get("file", "")
         if name and (folder / name).exists():  # paths are relative to the first file
             if not (folder / name).is_file():
-                raise source.refused(include, f"<include file> has {name!r}, which is not a file")
+                raise refused(include, f"<include file> has {name!r}, which is not a file")
             _collect(folder / name, folder, by_path)
 
 
-def stated(xml_sources: Sequence[XmlSource], attribute: str) -> Iterator[tuple[str, str]]:
+def _declares(path: Path) -> bool:
+    """Return whether a file declares a DTD or entities."""
+    text = path.read_bytes().decode("utf-8", errors="replace")
+    return bool(_DECLARED.search(_COMMENT.sub("", text)))
+
+
+def stated(xml_sources: Sequence[Document], attribute: str) -> Iterator[tuple[str, str]]:
     """Yield the value of an attribute in each `<option>`, with its file and line."""
     for source in xml_sources:
         for option in source.root.iter("option"):
@@ -81,7 +86,7 @@ def stated(xml_sources: Sequence[XmlSource], attribute: str) -> Iterator[tuple[s
 
 
 def checked_step(
-    step: float, xml_sources: Sequence[XmlSource], spec: ModelSpec, least: float
+    step: float, xml_sources: Sequence[Document], spec: ModelSpec, least: float
 ) -> float:
     """Return the step of a compiled model if it is valid.
 
@@ -99,7 +104,7 @@ def checked_step(
 
 
 def checked_numbers(
-    arrays: Mapping[str, object], xml_sources: Sequence[XmlSource], path: Path
+    arrays: Mapping[str, object], xml_sources: Sequence[Document], path: Path
 ) -> None:
     """Refuse a model with a number that is not finite.
 
@@ -133,7 +138,7 @@ class _Word(NamedTuple):
     element: XmlElement
 
 
-def _words(xml_sources: Sequence[XmlSource]) -> Iterator[_Word]:
+def _words(xml_sources: Sequence[Document]) -> Iterator[_Word]:
     """Yield every number."""
     for source in xml_sources:
         for element in source.root.iter():
@@ -163,7 +168,7 @@ def _numbers(words: str) -> Iterator[tuple[str, float]]:
             return
 
 
-def override_remarks(xml_sources: Sequence[XmlSource], spec: ModelSpec) -> Iterator[Remark]:
+def override_remarks(xml_sources: Sequence[Document], spec: ModelSpec) -> Iterator[Remark]:
     """Yield values of the file that the sidecar's settings override."""
     for key, attribute in _OVERRIDING.items():
         if key not in spec.settings:
@@ -182,7 +187,7 @@ def override_remarks(xml_sources: Sequence[XmlSource], spec: ModelSpec) -> Itera
                 )
 
 
-def doubled_remarks(xml_sources: Sequence[XmlSource]) -> Iterator[Remark]:
+def doubled_remarks(xml_sources: Sequence[Document]) -> Iterator[Remark]:
     """Yield repeated elements that most files have once: MuJoCo merges them, and the last value
     counts.
     """
@@ -204,7 +209,7 @@ def _same(words: str, given: object) -> bool:
     return [value for _, value in _numbers(words)] == values
 
 
-def load_error(error: Exception, path: Path, xml_sources: Sequence[XmlSource]) -> EngineError:
+def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) -> EngineError:
     """Return MuJoCo's message as one line, with the line number if it is in this file.
 
     Raises:

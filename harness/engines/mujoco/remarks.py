@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.mujoco.mjcf import (
     doubled_remarks,
     load_error,
@@ -25,25 +27,30 @@ from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
 from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark, limit_remarks
-from physics_crosscheck.harness.engines.source import XmlSource
 from physics_crosscheck.harness.engines.urdf import UrdfReader, urdf_remarks
 
 _URDF = UrdfReader(name="mujoco", no_inertial="its geoms' masses, or none")
 
 
 def model_remarks(
-    m: Any, spec: ModelSpec, xml_sources: Sequence[XmlSource], z: Array, w: Array
+    m: Any,
+    spec: ModelSpec,
+    file: UrdfFile | None,
+    xml_sources: Sequence[Document],
+    z: Array,
+    w: Array,
 ) -> Iterator[Remark]:
     """Yield all remarks about a compiled model along the states (z, w), (K, nz) each.
 
-    `z` are (K, nq), as in qpos; `xml_sources` are its files that are XML.
+    `z` are (K, nq), as in qpos; `file` is the content of a URDF; `xml_sources` are its files that
+    are XML.
     """
     import mujoco
 
-    urdf = spec.path.suffix == ".urdf"
-    if urdf:
+    urdf = file is not None
+    if file is not None:
         names = [m.joint(i).name for i in range(m.njnt)]
-        yield from urdf_remarks(_URDF, spec.path, names, z, w)
+        yield from urdf_remarks(_URDF, file, names, z, w)
     for i in range(m.njnt):
         if int(m.jnt_type[i]) in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             yield from _joint(m, i, "robot" if urdf else "body", z[:, m.jnt_qposadr[i]])
@@ -116,7 +123,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         )
 
 
-def _options(m: Any, spec: ModelSpec, xml_sources: Sequence[XmlSource]) -> Iterator[Remark]:
+def _options(m: Any, spec: ModelSpec, xml_sources: Sequence[Document]) -> Iterator[Remark]:
     gravity = [float(g) for g in m.opt.gravity]
     shown = ", ".join(f"{g:g}" for g in gravity)
     if sum(g != 0 for g in gravity) > 1:

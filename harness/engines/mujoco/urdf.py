@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.mujoco.settings import is_on
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
-from physics_crosscheck.harness.engines.urdf import base_name, joint_springs
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     followers_of,
@@ -19,7 +19,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 )
 
 
-def complete_urdf(tree: Any, spec: ModelSpec, robot: XmlElement) -> None:
+def complete_urdf(tree: Any, spec: ModelSpec, file: UrdfFile) -> None:
     """Add a floating root and the springs of Gazebo and the sidecar, which a URDF can't state for
     MuJoCo.
     """
@@ -27,9 +27,9 @@ def complete_urdf(tree: Any, spec: ModelSpec, robot: XmlElement) -> None:
         root = tree.worldbody.first_body()
         if root is None:
             raise EngineError(f"{spec.path}: it has no link that can float")
-        root.add_freejoint().name = base_name(robot)
+        root.add_freejoint().name = file.base
     held = held_joints(spec)
-    for joint, (stiffness, rest) in joint_springs(robot, spec.path).items():
+    for joint, (stiffness, rest) in file.springs.items():
         if joint in held:
             continue
         element = tree.joint(joint)

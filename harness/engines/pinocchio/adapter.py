@@ -54,14 +54,14 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
         changes = (without_shapes, *([trim_numbers] if trimmed else []))
         UrdfModel.__init__(self, spec, "Pinocchio", READER, defaults, changes)
         if not trimmed:
-            refuse_blanks(self.declared.source, "Pinocchio")
-        self._dropped = "" if trimmed else dropped_cause(self.declared.source, "Pinocchio")
+            refuse_blanks(self.declared.file.document, "Pinocchio")
+        self._dropped = "" if trimmed else dropped_cause(self.declared.file.document, "Pinocchio")
         with temporary_urdf(self.declared.robot, spec.path, self.declared.changes) as path:
             model = build_urdf(path, spec.path, self.root if self.floats else "")
         if any(
             one.mass < 0 for one in model.inertias
         ):  # it replaces such a mass by 1e-30 in a division
-            refuse_negative_masses(self.declared.source, "Pinocchio", floats=self.floats)
+            refuse_negative_masses(self.declared.file, "Pinocchio", floats=self.floats)
         moving = list(model.names)[1:]
         names = [[] if self.floats and i == 0 else [name] for i, name in enumerate(moving)]
         self._held = self.mimics if self.settings["hold_mimics"] else ()

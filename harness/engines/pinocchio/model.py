@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.pinocchio.reading import frames, lift_models
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.runge_kutta import to_state
@@ -17,7 +18,6 @@ from physics_crosscheck.harness.engines.tree_model import (
     constrained_accelerations,
     leader_matrix,
 )
-from physics_crosscheck.harness.engines.urdf import Mimic
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,
     from_quaternion,

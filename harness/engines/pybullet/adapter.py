@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -54,11 +55,7 @@ from physics_crosscheck.harness.engines.source import engine_errors, one_line
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
-    Mimic,
-    base_name,
-    joint_springs,
-    mimics,
-    read_urdf_source,
+    load_urdf,
     refuse_negative_masses,
     sample_urdf,
 )
@@ -69,7 +66,11 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     followers_of,
     temporary_urdf,
 )
-from physics_crosscheck.harness.engines.urdf_sidecar import check_settings
+from physics_crosscheck.harness.engines.urdf_sidecar import (
+    check_settings,
+    joint_springs,
+    kept_mimics,
+)
 
 _client: int | None = None
 _loaded: object = None
@@ -122,19 +123,13 @@ class PybulletEngine(Engine):
 
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
-        source = read_urdf_source(spec.path)
-        robot = source.root
+        file = load_urdf(spec.path)
         check_settings(spec, self.title, self.default_settings_note, DEFAULTS)
         # PyBullet accepts them, but moves with other masses.
-        refuse_negative_masses(source, self.title, floats=bool(spec.settings.get("floating")))
-        held = held_joints(spec)
-        springs = [
-            Spring({joint: 1.0}, stiffness, 0.0, rest)
-            for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
-            if joint not in held
-        ]
+        refuse_negative_masses(file, self.title, floats=bool(spec.settings.get("floating")))
+        springs = [*joint_springs(file, held_joints(spec)), *spec.springs]
         with engine_errors(spec.path, self.title):
-            return PybulletModel(spec, robot, [*springs, *spec.springs])
+            return PybulletModel(spec, file, springs)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return step and gravity."""
@@ -156,10 +151,10 @@ class PybulletModel(Model):
 
     integrator = "semi-implicit euler"
 
-    def __init__(self, spec: ModelSpec, robot: XmlElement, springs: list[Spring]) -> None:
+    def __init__(self, spec: ModelSpec, file: UrdfFile, springs: list[Spring]) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
-        self._declared = spec, robot, springs
+        self._declared = spec, file, springs
         self._load()
 
     def _load(self) -> None:
@@ -170,7 +165,8 @@ class PybulletModel(Model):
         if _client is None:
             _client = p.connect(p.DIRECT)
         _loaded = self
-        spec, robot, springs = self._declared
+        spec, file, springs = self._declared
+        robot = file.document.root
         p.resetSimulation()
         # PyBullet caches files by name even across a reset, so a rewritten file would not be read
         # again. The default residual threshold would stop the solver early, at 1e-7.
@@ -187,7 +183,7 @@ class PybulletModel(Model):
         self._bare = bare_links(robot) if self._setting("bare_links") else []
         self._joints, self._joint_names, balls = self._moving_joints()
         floats = self._setting("floating")
-        base = [Base(self._body, base_name(robot))] if floats else []
+        base = [Base(self._body, file.base)] if floats else []
         self._turning: list[Base | Ball] = [*base, *balls]
         turned = (name for one in self._turning for name in one.names)
         self.coordinates = (*turned, *self._joint_names)
@@ -196,20 +192,19 @@ class PybulletModel(Model):
         pulls = [self._resolve(spring) for spring in springs]
         self._stepper = BodyStepper(self._body, self._joints, self._turning, pulls)
         held = followers_of(spec.settings, self.path)
-        followed = [m for m in mimics(robot, spec.path) if held is None or m.joint in held]
-        self._gears = [self._gear(mimic) for mimic in followed]
+        self._gears = [self._gear(mimic) for mimic in kept_mimics(file.mimics, held)]
 
     def _load_file(self) -> int:
         import pybullet as p
 
-        spec, robot, _ = self._declared
+        spec, file, _ = self._declared
         # Without the flag PyBullet computes inertias from the collision shapes.
         flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         # Visual shapes do not affect the motion and take 95 % of the loading time.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
         try:
             with (
-                temporary_urdf(robot, spec.path, changes_of(spec)) as path,
+                temporary_urdf(file.document.root, spec.path, changes_of(spec)) as path,
                 collect_printed_errors() as messages,
             ):
                 fixed = int(not self._setting("floating"))
@@ -241,7 +236,11 @@ class PybulletModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield ignored parts of the URDF, and effects that are switched off or left on."""
         yield from model_remarks(
-            Path(self.path), self.coordinates, {k: self._setting(k) for k in self._left_on()}, z, w
+            self._declared[1],
+            self.coordinates,
+            {k: self._setting(k) for k in self._left_on()},
+            z,
+            w,
         )
         yield from axes_remarks(self._lost)
 

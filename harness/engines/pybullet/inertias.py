@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import finite_numbers
 from physics_crosscheck.reference.mechanism.rotations import from_rpy, to_rpy
 
 PRODUCTS = ("ixy", "ixz", "iyz")

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.installed import capture_output
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
-from physics_crosscheck.harness.engines.pybullet.inertias import PRODUCTS
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.urdf import UrdfReader, read_urdf, urdf_remarks
+from physics_crosscheck.harness.engines.urdf import UrdfReader, load_urdf, urdf_remarks
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 
@@ -81,7 +81,7 @@ _URDF = UrdfReader(
 
 
 def model_remarks(
-    file: Path, joints: Sequence[str], on: Mapping[str, float | bool], z: Array, w: Array
+    file: UrdfFile, joints: Sequence[str], on: Mapping[str, float | bool], z: Array, w: Array
 ) -> Iterator[Remark]:
     """Yield ignored parts of the URDF, and effects that are disabled, or left on by these
     settings.
@@ -106,11 +106,10 @@ def model_remarks(
 def products_caveat(path: Path) -> tuple[str, ...]:
     """Return a note on products of inertia if a URDF has them."""
     try:
-        robot = read_urdf(path)
+        links = load_urdf(path).links.values()
     except EngineError:
         return ()  # loading it reports the error
-    products = (inertia.get(key, "0") for inertia in robot.iter("inertia") for key in PRODUCTS)
-    if not any(word.strip("+-0. \n\t") for word in products):
+    if not any(any(link.body.inertia[3:]) for link in links):
         return ()
     return (
         f"{path.name} has products of inertia; PyBullet finds their principal axes "

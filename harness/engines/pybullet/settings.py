@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
 from physics_crosscheck.harness.engines.pybullet.inertias import exact_axes
-from physics_crosscheck.harness.engines.source import finite_numbers
 from physics_crosscheck.harness.engines.urdf import ROUNDED
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,

@@ -36,7 +36,7 @@ def elements(file: Path) -> tuple[XmlElement, ...]:
         LocationError: for a file that can't be read or parsed.
     """
     try:
-        return tuple(read_elements(SourceFile(file, file.read_bytes())))
+        return read_elements(SourceFile(file, file.read_bytes()))
     except OSError as error:
         raise LocationError(f"can't be read: {error.strerror}", file=file) from None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 from physics_crosscheck.harness.documents.elements import (
@@ -79,7 +79,7 @@ def xml_paths(source: SourceFile) -> Resolve:
 
 
 def _steps(
-    match: re.Match[str], elements: list[XmlElement]
+    match: re.Match[str], elements: Sequence[XmlElement]
 ) -> tuple[list[tuple[str, str | None]], str | None]:
     """Return tags with names, and the index of a number of the last one's text, as in
     `link[rod]/pose[2]`.
@@ -151,13 +151,13 @@ def _address(resolve: Resolve, element: XmlElement, ending: str) -> Iterator[str
 
 
 def _walk(
-    elements: list[XmlElement],
+    elements: Sequence[XmlElement],
     steps: list[tuple[str, str | None]],
     address: str,
     source: SourceFile,
 ) -> list[XmlElement]:
     """Return the elements that match the steps of an address, at least one."""
-    pool, parents = elements, list[XmlElement]()
+    pool, parents = list(elements), list[XmlElement]()
     for tag, name in steps:
         matches = [e for e in pool if e.tag == tag and name in (None, e.identity)]
         if not matches:

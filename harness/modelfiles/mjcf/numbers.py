@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
-from physics_crosscheck.harness.modelfiles.document import Document, DocumentError
 from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number, numerals, with_values
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -38,7 +39,7 @@ class CompiledNumbers:
         for part in engine.parts(path):
             try:
                 document = Document(part)
-            except DocumentError as error:  # the engine may read it
+            except LocationError as error:  # the engine may read it
                 unread.append(str(error))
                 continue
             self._texts[part] = document.data

@@ -10,13 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.mjcf.tree import KINDS, compiled_robot, compiled_tree
-from physics_crosscheck.harness.modelfiles.robot import Omission, ReadError, Robot, refused
-from physics_crosscheck.harness.records.case import CaseKind
+from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, refused
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
 
@@ -97,7 +96,7 @@ def _refused(
     left_out: tuple[Omission, ...] = (),
     name: str = "",
     line: int = 0,
-    kind: CaseKind = "unsupported",
+    kind: ReadKind = "unsupported",
 ) -> Robot:
     """Return a robot without a tree, with these problems."""
     compare = "`crosscheck compare` compares it with another file, without equations"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf import is_automatic
-from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
+from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, is_static
+from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
 from physics_crosscheck.harness.modelfiles.robot import Omission
-from physics_crosscheck.harness.modelfiles.sdf.parts import SdfJoint
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {
@@ -51,32 +51,15 @@ _WHOLE = ("model", "include", "collision")
 """Elements that count as a whole, whatever their content."""
 
 
-def sdf_left_out(
-    document: Document,
-    model: XmlElement,
-    world: XmlElement | None,
-    joints: Mapping[str, SdfJoint],
-    followers: Collection[str],
-) -> tuple[Omission, ...]:
+def sdf_left_out(file: SdfFile, followers: Collection[str]) -> tuple[Omission, ...]:
     """Return all of it, except visual geometry, which does not matter."""
-    return count_notes(_all(document, model, world, joints), followers)
+    return count_notes(_all(file), followers)
 
 
-def is_static(model: XmlElement) -> bool:
-    """Return whether a model is static."""
-    return any(
-        one.tag == "static" and one.text.strip().lower() in ("1", "true") for one in model.children
-    )
-
-
-def _all(
-    document: Document,
-    model: XmlElement,
-    world: XmlElement | None,
-    joints: Mapping[str, SdfJoint],
-) -> Iterator[Note]:
-    for joint in joints.values():
-        yield from _of_joint(document, joint)
+def _all(file: SdfFile) -> Iterator[Note]:
+    document, model, world = file.document, file.model, file.world
+    for joint in file.joints.values():
+        yield from _of_joint(joint, file.mimics)
     for element in model.children:
         name = element.attributes.get("name", "")
         if any(part.tag == "collision" for part in element.children):
@@ -103,26 +86,19 @@ def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
                     yield f"<{part.tag}> of an automatic <inertial>", name
 
 
-def _of_joint(document: Document, joint: SdfJoint) -> Iterator[Note]:
-    axis = document.child(joint.element, "axis")
-    if axis is None or joint.joint is None:
+def _of_joint(joint: SdfJoint, mimics: Collection[str]) -> Iterator[Note]:
+    if joint.joint is None:
         return
-    dynamics, limit = document.child(axis, "dynamics"), document.child(axis, "limit")
-    if _number(document, dynamics, "friction"):
+    if joint.friction:
         yield "dry friction", joint.name
-    if document.child(axis, "mimic") is not None:
+    if joint.name in mimics:
         yield FREE_MIMIC, joint.name
     if joint.joint.limits is not None:
         yield "limits of position", joint.name
     for key in ("effort", "velocity"):
-        if _number(document, limit, key) > 0:
+        values = read_numbers(joint.element.findtext(f"axis/limit/{key}"), 1)
+        if values is not None and values[0] > 0:
             yield f"limits of {key}", joint.name
-
-
-def _number(document: Document, holder: XmlElement | None, key: str) -> float:
-    element = None if holder is None else document.child(holder, key)
-    values = None if element is None else read_numbers(element.text, 1)
-    return 0.0 if values is None else values[0]
 
 
 def _unread(element: XmlElement, name: str) -> Iterator[Note]:

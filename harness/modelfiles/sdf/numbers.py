@@ -7,16 +7,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf import is_automatic
-from physics_crosscheck.harness.modelfiles.document import Document
+from physics_crosscheck.harness.documents.sdf.read import chosen_model
+from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.numbers import (
     Number,
     numerals,
     set_temporarily,
     with_values,
 )
-from physics_crosscheck.harness.modelfiles.sdf.read import chosen_model, read_document
+from physics_crosscheck.harness.modelfiles.sdf.read import read_document
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 _RELEVANT = re.compile(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.modelfiles.document import Document, read_numbers
+from physics_crosscheck.harness.documents.urdf import UrdfFile, UrdfJoint
 from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
 from physics_crosscheck.harness.modelfiles.robot import Omission
-from physics_crosscheck.harness.modelfiles.urdf.parts import UrdfJoint
 
 _VISUALS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
@@ -45,31 +45,20 @@ _MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
 """Attributes with a meaning."""
 
 
-def urdf_left_out(
-    document: Document,
-    joints: Mapping[str, UrdfJoint],
-    springs: Collection[str],
-    followers: Collection[str],
-) -> tuple[Omission, ...]:
+def urdf_left_out(file: UrdfFile, followers: Collection[str]) -> tuple[Omission, ...]:
     """Return all of it, except visual geometry, which does not matter.
 
     Args:
-        document: the file.
-        joints: of the file.
-        springs: names of the joints with springs.
+        file: the content of the file.
         followers: names of the joints whose mimics are enforced.
     """
-    return count_notes(_all(document, joints, springs), followers)
+    return count_notes(_all(file), followers)
 
 
-def _all(
-    document: Document, joints: Mapping[str, UrdfJoint], springs: Collection[str]
-) -> Iterator[Note]:
-    for joint in joints.values():
-        yield from _of_joint(document, joint)
-    for name in springs:
-        if name not in joints or joints[name].kind not in ("hinge", "slide"):
-            yield "spring of a joint that is neither hinge nor slide", name
+def _all(file: UrdfFile) -> Iterator[Note]:
+    for joint in file.joints.values():
+        yield from _of_joint(joint, file.mimics)
+    document = file.document
     yield from _unread(document.root, "")
     yield from _unknown_attributes(document.root, "")
     for element in document.root.children:
@@ -91,33 +80,21 @@ def _of_parts(element: XmlElement, name: str) -> Iterator[Note]:
                 yield from _unknown_attributes(inner, name)
 
 
-def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Note]:
-    dynamics, limit = (document.child(joint.element, tag) for tag in ("dynamics", "limit"))
+def _of_joint(joint: UrdfJoint, mimics: Collection[str]) -> Iterator[Note]:
+    limit = joint.element.find("limit")
     if joint.kind is None:
         return
-    if dynamics is not None and _nonzero(dynamics, "friction"):
+    if joint.friction:
         yield "dry friction", joint.name
     if joint.damping and joint.kind == "free":
         yield "damping of a floating joint", joint.name
-    if document.child(joint.element, "mimic") is not None:
+    if joint.name in mimics:
         yield FREE_MIMIC, joint.name
-    if limit is not None:
-        yield from _of_limit(limit, joint)
-
-
-def _of_limit(limit: XmlElement, joint: UrdfJoint) -> Iterator[Note]:
-    if any(map(_holds, joint.bounds)):
+    if any(abs(bound) != float("inf") for bound in joint.bounds):
         yield "limits of position", joint.name
-    for key in ("lower", "upper"):
-        if key in limit.attributes and read_numbers(limit.attributes[key], 1) is None:
-            yield f"limit that is not a number: {key}", joint.name
     for key in ("effort", "velocity"):
-        if _nonzero(limit, key):
+        if limit is not None and _nonzero(limit, key):
             yield f"limits of {key}", joint.name
-
-
-def _holds(bound: float) -> bool:
-    return abs(bound) != float("inf")
 
 
 def _nonzero(element: XmlElement, key: str) -> bool:

@@ -8,28 +8,27 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.modelfiles.couplings import couplings
-from physics_crosscheck.harness.modelfiles.document import Document
+from physics_crosscheck.harness.documents.tree import GRAVITY
+from physics_crosscheck.harness.documents.urdf import (
+    read_joint,
+    read_link,
+    read_mimics,
+    read_springs,
+    read_urdf,
+)
+from physics_crosscheck.harness.modelfiles.build_tree import couplings, enforceable
 from physics_crosscheck.harness.modelfiles.numbers import (
     Number,
     numerals,
     set_temporarily,
     with_values,
 )
-from physics_crosscheck.harness.modelfiles.urdf.parts import (
-    read_joint,
-    read_joints,
-    read_link,
-    read_links,
-    read_mimics,
-    read_springs,
-)
-from physics_crosscheck.harness.modelfiles.urdf.read import GRAVITY
-from physics_crosscheck.harness.modelfiles.urdf.root import IMPLICIT, root_of
-from physics_crosscheck.harness.modelfiles.urdf.tree import fix_joints, plan_bodies
+from physics_crosscheck.harness.modelfiles.urdf.read import bodies_of, singles
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.tree import Tree
 
@@ -58,14 +57,12 @@ class UrdfNumbers:
 
     def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
         self._document = Document(path)
-        self._links, self._joints = read_links(self._document), read_joints(self._document)
-        self._root = root_of(self._document, self._links, self._joints)
-        self._held = held
-        self._floating = floating and self._root != IMPLICIT
+        self._file = file = read_urdf(self._document)
+        self._held, self._floating = held, floating
         self.numerals: tuple[Number, ...] = numerals(self._document)
-        owners = {id(link.element) for link in self._links.values()}
-        owners |= {id(joint.element) for joint in self._joints.values()}
-        owners |= {id(one) for one in self._document.root.children if one.tag == "gazebo"}
+        owners = {id(link.element) for link in file.links.values()}
+        owners |= {id(joint.element) for joint in file.joints.values()}
+        owners |= {id(one) for one in self._document.root.findall("gazebo")}
         self.relevant_numbers = tuple(
             i
             for i, one in enumerate(self.numerals)
@@ -74,25 +71,26 @@ class UrdfNumbers:
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
-        document, root = self._document, self._root
-        if root is None:
+        document = self._document
+        if not self._file.root:
             return None
         count = len(document.obstacles)
         with ExitStack() as restored:
             for index, value in values.items():
                 set_temporarily(self.numerals[index], value, restored)
             elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
-            links, joints = dict(self._links), dict(self._joints)
+            links, joints = dict(self._file.links), dict(self._file.joints)
             for element in elements.values():
-                name = element.attributes.get("name", "")
+                name = element.get("name")
                 if element.tag == "link":
                     links[name] = read_link(document, element, name)
                 elif element.tag == "joint":
                     joints[name] = read_joint(document, element, name)
-            moving = fix_joints(joints, self._held)
-            springs, mimics = read_springs(document), read_mimics(document, moving)
-            bodies = plan_bodies(root, links, moving, self._floating).with_springs(springs)
-            tree = assembled(bodies, GRAVITY, couplings=couplings(mimics)).tree
+            springs, mimics = read_springs(document), read_mimics(document, joints)
+            file = replace(self._file, links=links, joints=joints, springs=springs)
+            leaders = enforceable(mimics, singles(joints) - set(self._held))
+            bodies = bodies_of(file, self._floating, self._held)
+            tree = assembled(bodies, GRAVITY, couplings=couplings(leaders)).tree
         if len(document.obstacles) > count:
             del document.obstacles[count:]
             return None

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.errors import LocationError, ReadError
+from physics_crosscheck.harness.documents.tree import GRAVITY
+from physics_crosscheck.harness.documents.urdf import (
+    ENDLESS,
+    SINGLE,
+    UrdfFile,
+    UrdfJoint,
+    read_urdf,
+)
 from physics_crosscheck.harness.modelfiles.build_tree import (
     build_tree,
     elements_of,
+    enforceable,
     part_of,
     robot_of,
 )
-from physics_crosscheck.harness.modelfiles.document import EXPAND, Document, DocumentError
-from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, refused
+from physics_crosscheck.harness.modelfiles.robot import Robot, refused
 from physics_crosscheck.harness.modelfiles.urdf.left_out import urdf_left_out
-from physics_crosscheck.harness.modelfiles.urdf.parts import (
-    read_joints,
-    read_links,
-    read_mimics,
-    read_springs,
-)
-from physics_crosscheck.harness.modelfiles.urdf.root import IMPLICIT, root_of
-from physics_crosscheck.harness.modelfiles.urdf.tree import fix_joints, plan_bodies
-from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.reference.mechanism.bodies import RigidBody, Triple
-
-GRAVITY = (0.0, 0.0, -9.81)
-"""m/s^2; a URDF does not state gravity."""
+from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
 
 
 def read_urdf_robot(path: Path, *, gravity: Triple = GRAVITY, floating: bool = False) -> Robot:
@@ -43,37 +42,31 @@ def read_urdf_robot(path: Path, *, gravity: Triple = GRAVITY, floating: bool = F
         path: of the file.
         gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
-            fixed to the world, like a link named `world`.
+            fixed to the world.
     """
     try:
         document = Document(path)
-    except DocumentError as error:
-        return refused(path, path.stem, [error.error])
+    except LocationError as error:
+        return refused(path, path.stem, [ReadError.unreadable(error, path)])
     with np.errstate(all="ignore"):  # overflow is reported
         return _read(document, gravity, floating)
 
 
 def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
-    path = document.path
-    _check_document(document)
-    links, joints, springs = read_links(document), read_joints(document), read_springs(document)
-    root = root_of(document, links, joints)
-    name = document.root.attributes.get("name") or path.stem
-    parts = tuple(part_of(document, link.element, link.body) for link in links.values())
-    mimics = read_mimics(document, joints)
-    left_out = urdf_left_out(document, joints, springs, mimics)
-    if document.obstacles or root is None:
+    path, file = document.path, read_urdf(document)
+    name = document.root.get("name") or path.stem
+    parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
+    mimics = enforceable(file.mimics, singles(file.joints))
+    left_out = urdf_left_out(file, mimics)
+    if document.obstacles:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    if floating and root == IMPLICIT:
-        floating = False
-        left_out += (Omission(what="a free joint of the world", count=1, where=(root,)),)
-
-    def bodies_with(still: Collection[str]) -> tuple[RigidBody, ...]:
-        moving = fix_joints(joints, still)
-        return plan_bodies(root, links, moving, floating).with_springs(springs)
-
     build = build_tree(
-        document, elements_of(links), elements_of(joints), mimics, bodies_with, gravity
+        document,
+        elements_of(file.links),
+        elements_of(file.joints),
+        mimics,
+        lambda still: bodies_of(file, floating, still),
+        gravity,
     )
     if document.obstacles:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
@@ -83,15 +76,54 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
     )  # fmt: skip
 
 
-def _check_document(document: Document) -> None:
-    """Note why a document is not a URDF, or not yet."""
-    root = document.root
-    if root.tag != "robot":
-        document.add_problem(root, f"the root is <{root.tag}>, not <robot>", "give a URDF")
-    xacro = [one for one in root.children if one.tag.startswith("xacro:")]
-    if xacro:
-        such = f"{counted(len(xacro), 'element')} such as <{xacro[0].tag}>"
-        document.add_problem(xacro[0], f"it is xacro source: {such}", EXPAND, "file")
-    for inner in root.children:
-        if inner.tag == "robot":
-            document.add_problem(inner, "a <robot> inside the <robot>", "keep one robot per file")
+def singles(joints: Mapping[str, UrdfJoint]) -> set[str]:
+    """Return the names of slides and hinges."""
+    return {name for name, joint in joints.items() if joint.kind in SINGLE}
+
+
+def bodies_of(file: UrdfFile, floating: bool, still: Collection[str]) -> tuple[RigidBody, ...]:
+    """Return the links as bodies with springs, depth first; joints of one link in the file's order.
+
+    Args:
+        file: the content of the file.
+        floating: whether the root link moves freely.
+        still: joints that are fixed at their drawn positions.
+    """
+    return tuple(_bodies(file, floating, still))
+
+
+def _bodies(file: UrdfFile, floating: bool, still: Collection[str]) -> Iterator[RigidBody]:
+    below: dict[str, list[UrdfJoint]] = {}
+    for joint in file.joints.values():
+        below.setdefault(joint.parent, []).append(joint)
+    free = (Joint(name=file.base, kind="free"),)
+    yield replace(file.links[file.root].body, joints=free if floating else ())
+    waiting = list(reversed(below.get(file.root, [])))
+    while waiting:
+        joint = waiting.pop()
+        moves = joint.kind is not None and joint.name not in still
+        # A free body next to a fixed root counts from the world, as in engines.
+        loose = moves and joint.kind == "free" and joint.parent == file.root and not floating
+        yield replace(
+            file.links[joint.child].body,
+            parent=joint.parent,
+            position=ZERO if loose else joint.origin,
+            rpy=ZERO if loose else joint.rpy,
+            joints=(_joint(joint, file.springs),) if moves else (),
+        )
+        waiting += reversed(below.get(joint.child, []))
+
+
+def _joint(joint: UrdfJoint, springs: Mapping[str, tuple[float, float]]) -> Joint:
+    """Return the joint of a body, with its spring."""
+    assert joint.kind is not None  # it moves
+    stiffness, rest = springs.get(joint.name, (0.0, 0.0))
+    return Joint(
+        name=joint.name,
+        kind=joint.kind,
+        axis=joint.axis,
+        damping=0.0 if joint.kind == "free" else joint.damping,
+        stiffness=stiffness,
+        rest=rest,
+        limits=None if joint.bounds == ENDLESS else joint.bounds,
+    )

@@ -1,4 +1,4 @@
-"""SdfFrames of an SDFormat model, by its pose semantics (SDFormat 1.7 and later).
+"""Frames of an SDFormat model, by its pose semantics (SDFormat 1.7 and later).
 
 A `<pose>` gives the pose of a frame in another one. By default a link's is in the model's frame, a
 joint's in its child's, and a `<frame>`'s in the frame that it is attached to; `relative_to` names
@@ -13,12 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.sdf import MODEL, WORLD, attached, carrier, child_of
-from physics_crosscheck.harness.modelfiles.document import Document
+from physics_crosscheck.harness.documents.tree import named_elements
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+
+MODEL, WORLD = "__model__", "world"
+"""Names of frames that no file declares."""
 
 NAMED = ("link", "joint", "frame")
 
@@ -69,28 +72,13 @@ class SdfFrames:
 
     def __init__(self, document: Document, model: XmlElement) -> None:
         self._document, self._model = document, model
-        self.named: dict[str, XmlElement] = {}
-        for element in model.children:
-            if element.tag in NAMED:
-                self._add(element)
+        parts = (one for one in model if one.tag in NAMED)
+        self.named = named_elements(document, parts, "link, joint or frame", (MODEL, WORLD))
         self._poses: dict[str, StatedPose] = {
             name: read_pose(document, element, f"{element.tag} {quote(name)}")
             for name, element in self.named.items()
         }
         self._places: dict[str, Place] = {MODEL: IDENTITY}
-
-    def _add(self, element: XmlElement) -> None:
-        name, document = element.attributes.get("name", ""), self._document
-        if not name:
-            document.add_problem(element, f"a <{element.tag}> has no name", "give it a unique name")
-        elif name in (*self.named, MODEL, WORLD):
-            document.add_problem(
-                element,
-                f"a second link, joint or frame is called {quote(name)}",
-                "give it a unique name",
-            )
-        else:
-            self.named[name] = element
 
     def tagged(self, tag: str) -> Mapping[str, XmlElement]:
         """Return the elements of a tag, by name."""
@@ -134,6 +122,37 @@ class SdfFrames:
             )
         placed = self._model.attributes.get("placement_frame", "")
         return pose.place.compose(inverse(self.place(placed))) if placed else pose.place
+
+
+def attached(name: str, named: Mapping[str, XmlElement], model: XmlElement) -> str:
+    """Return the link, or `world`, that a frame is attached to, or an empty text.
+
+    Args:
+        name: of a link, joint or frame, or `__model__`.
+        named: links, joints and frames by name.
+        model: the model, which is attached to its canonical link: by default the first.
+    """
+    passed: set[str] = set()
+    while name not in passed:
+        passed.add(name)
+        if name == MODEL:
+            first = next((key for key, one in named.items() if one.tag == "link"), "")
+            name = model.get("canonical_link") or first
+        element = named.get(name)
+        if element is None or element.tag == "link":
+            return name if element is not None or name == WORLD else ""
+        name = child_of(element) if element.tag == "joint" else carrier(element)
+    return ""
+
+
+def child_of(joint: XmlElement) -> str:
+    """Return the text of a joint's `<child>`."""
+    return joint.findtext("child").strip()
+
+
+def carrier(frame: XmlElement) -> str:
+    """Return the frame that a `<frame>` is attached to."""
+    return frame.get("attached_to") or MODEL
 
 
 def inverse(place: Place) -> Place:

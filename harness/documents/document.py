@@ -1,4 +1,4 @@
-"""A robot's file as elements with lines, read as tolerantly as engines read it."""
+"""A model file as elements with lines, read as tolerantly as engines read it."""
 
 from __future__ import annotations
 
@@ -9,26 +9,18 @@ from codecs import BOM_UTF8
 from functools import cached_property
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.elements import XmlElement, read_elements, repaired_xml
-from physics_crosscheck.harness.documents.errors import LocationError, quote
+from physics_crosscheck.harness.documents.elements import XmlElement, read_repaired
+from physics_crosscheck.harness.documents.errors import (
+    LocationError,
+    ReadError,
+    ReadKind,
+    quote,
+)
 from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
-from physics_crosscheck.harness.modelfiles.robot import ReadError
-from physics_crosscheck.harness.records.case import CaseKind
 
-_ENDLESS = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _UNEXPANDED = re.compile(r"\$[({]")
 EXPAND = "expand it first: xacro FILE > robot.urdf"
-
-
-class DocumentError(ValueError):
-    """A file that is not XML."""
-
-    kind = "file"
-
-    def __init__(self, error: ReadError) -> None:
-        super().__init__(str(error))
-        self.error = error
 
 
 class Document:
@@ -40,13 +32,13 @@ class Document:
 
     Attributes:
         path: of the file.
-        data: its bytes, as UTF-8, with unchanged lines.
+        data: its bytes; if these are not XML, repaired ones, as UTF-8 with unchanged lines.
         omitted: number of bytes of the file before these: those of a byte order mark.
-        elements: all of them, in order.
+        elements: all of them, in order; change only copies of them.
         obstacles: problems so far.
 
     Raises:
-        DocumentError: for a file that is not XML.
+        LocationError: for a file that can't be read, or is not XML.
     """
 
     def __init__(self, path: Path, written: bytes | None = None) -> None:
@@ -55,24 +47,16 @@ class Document:
         try:
             written = read_regular(path, MAX_MODEL_BYTES) if written is None else written
         except OSError as error:
-            raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
-        self.data = repaired_xml(written)
-        self.omitted = len(BOM_UTF8) if written.startswith(BOM_UTF8) else 0
-        try:
-            self.elements = read_elements(SourceFile(path, self.data))
-        except LocationError as error:
-            problem = ReadError(
-                sentence=error.sentence, file=path, line=error.line or 0, remedy=error.remedy
-            )
-            raise DocumentError(problem) from None
+            raise LocationError(f"can't be read: {error.strerror or error}", file=path) from None
+        source, self.elements = read_repaired(SourceFile(path, written))
+        self.data = source.data
+        repaired = self.data is not written
+        self.omitted = len(BOM_UTF8) if repaired and written.startswith(BOM_UTF8) else 0
 
     @property
     def root(self) -> XmlElement:
         """The first element."""
         return self.elements[0]
-
-    def _whole(self, sentence: str, remedy: str) -> ReadError:
-        return ReadError(sentence=sentence, file=self.path, line=0, remedy=remedy)
 
     @cached_property
     def _ends(self) -> list[int]:
@@ -87,7 +71,7 @@ class Document:
         return bisect_right(self._ends, offset) + 1
 
     def add_problem(
-        self, element: XmlElement, sentence: str, remedy: str, kind: CaseKind = "robot"
+        self, element: XmlElement, sentence: str, remedy: str, kind: ReadKind = "robot"
     ) -> None:
         """Add a problem that prevents building a tree."""
         line = self.line(element)
@@ -113,7 +97,7 @@ class Document:
         if element is None or text is None:
             return default
         values = read_numbers(text, len(default))
-        if values is None or not all(map(math.isfinite, values)):
+        if values is None:
             count = len(default)
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             remedy = (
@@ -135,7 +119,7 @@ class Document:
         if element is None or not element.text.strip():
             return default
         values = read_numbers(element.text, len(default))
-        if values is None or not all(map(math.isfinite, values)):
+        if values is None:
             count = len(default)
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             self.add_problem(
@@ -153,14 +137,18 @@ class Document:
 
 
 def read_numbers(text: str, count: int) -> tuple[float, ...] | None:
-    """Return `count` numbers, which may be infinite, or None if the text is anything else.
+    """Return `count` finite numbers, or None if the text is anything else."""
+    numbers = finite_numbers(text)
+    return None if numbers is None or len(numbers) != count else tuple(numbers)
 
-    A comma between two of them counts as a blank if that gives their number: "0.1, 0, 0".
+
+def finite_numbers(words: str) -> list[float] | None:
+    """Return the numbers that a text lists, or None if one is not a finite number.
+
+    A comma may follow a number before a blank, as in "1, 2, 3", which some engines read. They read
+    "1,2,3" as 0 0 0 and "1 ,2 ,3" as 1 0 0, so these are not numbers.
     """
-    words = text.split(",") if count > 1 and text.count(",") == count - 1 else text.split()
-    words = [word.strip() for word in words]
-    if len(words) != count:
-        return None
-    if not all(DECIMAL.fullmatch(word) or _ENDLESS.fullmatch(word) for word in words):
-        return None
-    return tuple(map(float, words))
+    *before, last = words.split() or [""]
+    parts = [*(word.removesuffix(",") for word in before), last] if last else []
+    numbers = [float(w) if DECIMAL.fullmatch(w) else math.nan for w in parts]
+    return numbers if all(map(math.isfinite, numbers)) else None

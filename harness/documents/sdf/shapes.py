@@ -1,17 +1,91 @@
-"""The inertia of an SDFormat link that follows from its collision shapes."""
+"""Shapes that define the inertia of an SDFormat link.
+
+For `<inertial auto="true">` the format computes a link's mass, center and moments from its
+collision shapes and their densities
+(http://sdformat.org/tutorials?tut=auto_inertial_params_proposal).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.sdf import SIZES, WATER, solid
-from physics_crosscheck.harness.modelfiles.document import Document
-from physics_crosscheck.harness.modelfiles.sdf.frames import SdfFrames, inverse, read_pose
+from physics_crosscheck.harness.documents.sdf.frames import SdfFrames, inverse, read_pose
 from physics_crosscheck.reference.mechanism.spatial_inertia import NO_INERTIA, SpatialInertia
+
+WATER = 1000.0
+"""The default density of a shape, kg/m^3."""
+
+SIZES: Mapping[str, Mapping[str, tuple[float, ...]]] = MappingProxyType({
+    "box": {"size": (1.0, 1.0, 1.0)},
+    "sphere": {"radius": (1.0,)},
+    "ellipsoid": {"radii": (1.0, 1.0, 1.0)},
+    "cylinder": {"radius": (1.0,), "length": (1.0,)},
+    "capsule": {"radius": (0.5,), "length": (1.0,)},
+    "cone": {"radius": (0.5,), "length": (1.0,)},
+})  # fmt: skip
+"""The sizes of each shape that has moments, m, with their defaults."""
+
+Solid = tuple[float, float, tuple[float, float, float]]
+"""Volume, m^3; height of the center along z, m; moments about it per kg, m^2."""
+
+
+def is_automatic(inertial: XmlElement) -> bool:
+    """Return whether the attribute `auto` of an `<inertial>` selects the shapes' inertia."""
+    return inertial.get("auto").strip().lower() in ("1", "true")
+
+
+def has_automatic(link: XmlElement) -> bool:
+    """Return whether a link's inertia follows from its collision shapes."""
+    return any(map(is_automatic, link.findall("inertial")))
+
+
+def solid(shape: str, sizes: Sequence[float]) -> Solid:
+    """Return the volume, center and moments of a solid shape.
+
+    Args:
+        shape: one of `SIZES`.
+        sizes: its sizes, in the order of `SIZES`, m.
+    """
+    if shape == "box":
+        return _box(*sizes)
+    if shape == "cone":
+        return _cone(*sizes)
+    if shape == "cylinder":
+        return _round(sizes[0], sizes[1], 0.0)
+    if shape == "capsule":
+        return _round(sizes[0], sizes[1], sizes[0])
+    a, b, c = sizes if shape == "ellipsoid" else (*sizes, *sizes, *sizes)
+    moments = ((b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5)
+    return 4 / 3 * math.pi * a * b * c, 0.0, moments
+
+
+def _box(x: float, y: float, z: float) -> Solid:
+    moments = ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12)
+    return x * y * z, 0.0, moments
+
+
+def _cone(radius: float, length: float) -> Solid:
+    """Return those of a cone whose tip is on +z; its center is at a quarter of its length."""
+    across = 3 / 80 * (4 * radius**2 + length**2)
+    volume = math.pi * radius**2 * length / 3
+    return volume, -length / 4, (across, across, 0.3 * radius**2)
+
+
+def _round(radius: float, length: float, cap: float) -> Solid:
+    """Return those of a cylinder with half a ball of radius `cap` on each end."""
+    cylinder, ball = math.pi * radius**2 * length, 4 / 3 * math.pi * cap**3
+    across = cylinder * (length**2 / 12 + radius**2 / 4)
+    across += ball * (0.4 * cap**2 + length**2 / 4 + 3 / 8 * length * cap)
+    along = cylinder * radius**2 / 2 + ball * 0.4 * cap**2
+    volume = cylinder + ball
+    return volume, 0.0, (across / volume, across / volume, along / volume)
 
 
 def automatic_inertia(
