@@ -27,6 +27,9 @@ from physics_crosscheck.reference.mechanism.system import System
 STATES = 24
 """States at which a model is evaluated, in addition to each component's extremes."""
 
+TOGETHER = 20
+"""Numbers that are changed together first, if most of them have no effect."""
+
 MAX_EXAMPLES = 3
 """Maximum number of examples of a reason."""
 
@@ -65,12 +68,11 @@ def count_numbers(task: SystemTask) -> Coverage:
         trials = Trials(task.declared, numbers, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
-        trials.nudge([i for i in tried if reasons[i]])
-        # Nudge bound numbers one by one: most have an effect, so that groups of them save no time.
-        for i in tried:
-            if not reasons[i] and _place(numbers[i]) in bound:
-                trials.nudge([i])
-        trials.nudge([i for i in tried if not reasons[i] and _place(numbers[i]) not in bound])
+        trials.nudge([i for i in tried if reasons[i]], together=len(numbers))
+        others = [i for i in tried if not reasons[i]]
+        # Most bound numbers have an effect, so that groups of them save no time.
+        trials.nudge([i for i in others if _place(numbers[i]) in bound], together=1)
+        trials.nudge([i for i in others if _place(numbers[i]) not in bound], together=TOGETHER)
         trials.flip([i for i, one in enumerate(numbers) if _DIRECTION.fullmatch(one.path)])
     effects = {**dict.fromkeys(range(len(numbers)), NumberEffect.UNTRIED), **trials.effects}
     effects |= {i: NumberEffect.CHOICE for i, choice in enumerate(chosen) if choice}

@@ -64,25 +64,38 @@ class Trials:
         self._texts = {file: file.read_bytes() for file in files}
         self._end = time.process_time() + PATIENCE
 
-    def nudge(self, group: Sequence[int]) -> None:
-        """Nudge numbers; change those that the engine rejects to the next whole number."""
-        self._halve(group, lambda i: _moved(self._numbers[i], i))
+    def nudge(self, numbers: Sequence[int], together: int) -> None:
+        """Nudge numbers; change those that the engine rejects to the next whole number.
+
+        Args:
+            together: how many to nudge first in one copy.
+        """
+        for first in range(0, len(numbers), together):
+            group = numbers[first : first + together]
+            self._halve(group, lambda i: _moved(self._numbers[i], i))
 
     def flip(self, group: Iterable[int]) -> None:
         """Change the signs of numbers whose nudge had no effect."""
         quiet = [i for i in group if self.effects.get(i) is NumberEffect.NONE]
         self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
 
-    def _halve(self, group: Sequence[int], words: Callable[[int], Sequence[str]]) -> None:
+    def _halve(
+        self, group: Sequence[int], words: Callable[[int], Sequence[str]], acts: bool = False
+    ) -> None:
+        """Try numbers together, and by halves if they have an effect; `acts` if they have one."""
         if not group or time.process_time() > self._end:
             return
-        effect = self._tried({i: words(i)[0] for i in group})
+        if acts and len(group) > 1:
+            effect = NumberEffect.MOTION
+        else:
+            effect = self._tried({i: words(i)[0] for i in group})
         if effect is NumberEffect.NONE:
             self.effects.update(dict.fromkeys(group, NumberEffect.NONE))
         elif len(group) > 1:
-            half = len(group) // 2
-            self._halve(group[:half], words)
-            self._halve(group[half:], words)
+            first, second = group[: len(group) // 2], group[len(group) // 2 :]
+            self._halve(first, words)
+            still = all(self.effects.get(i) is NumberEffect.NONE for i in first)
+            self._halve(second, words, acts=still)
         else:
             for other in words(group[0])[1:]:
                 if effect is not NumberEffect.REFUSED:
