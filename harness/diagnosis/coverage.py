@@ -4,25 +4,235 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.diagnosis.behaviour import Probe
-from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect, Trials
+from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
+from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
+from physics_crosscheck.harness.diagnosis.robot_task import problem_of
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import replace_numbers
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError, Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.bindings import locate
+from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
 from physics_crosscheck.harness.modelfiles.locations import Literal, literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
+from physics_crosscheck.harness.modelfiles.numbers import Number
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
+from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.mechanism.tree import WORLD
+
+POSE_STATES = 8
+"""States at which poses of frames are evaluated; extremes of the motions are among the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """Positions and velocities at which a model is evaluated, (S, nz) each, and its frames.
+
+    Attributes:
+        h: step of the unmodified model, s; a number of the file may be the step.
+        resolution: smallest relative change that counts.
+    """
+
+    z: Array
+    w: Array
+    h: float
+    engine: Engine
+    frames: SidecarFrames
+    resolution: float
+
+    def loaded(self, sidecar: Sidecar) -> Model | None:
+        """Return the loaded model, or None if the engine rejects it."""
+        try:
+            model = self.engine.load(sidecar.spec(self.engine.name))
+        except (EngineError, SidecarError):
+            return None
+        return model if len(model.coordinates) == self.z.shape[1] else None
+
+    def evaluate(self, model: Model) -> Behaviour:
+        """Evaluate a model; its poses are evaluated on demand, while it is still loaded."""
+        q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
+        return Behaviour(
+            moved=(q[:, 0] - self.z) / self.h,
+            pushed=(v[:, 0] - self.w) / self.h,
+            evaluate_poses=partial(self._evaluate_poses, model),
+        )
+
+    def _evaluate_poses(self, model: Model) -> tuple[Array, Array]:
+        places = [target.place for target in self.frames.targets if target.place in model.places]
+        if not places:
+            return np.zeros(0), np.zeros(0)
+        return model.poses(places, self.z[:POSE_STATES])
+
+
+@dataclass(frozen=True, eq=False)
+class Behaviour:
+    """Behaviour of a model at some states.
+
+    Attributes:
+        moved, pushed: rates of change of positions and velocities over a step, (S, nz).
+        evaluate_poses: returns origins of the frames and their rotations.
+    """
+
+    moved: Array
+    pushed: Array
+    evaluate_poses: Callable[[], tuple[Array, Array]]
+
+    @cached_property
+    def posed(self) -> tuple[Array, Array]:
+        """Origins of the frames, and their rotations."""
+        return self.evaluate_poses()
+
+    def moves_as(self, other: Behaviour, resolution: float) -> bool:
+        """Return whether the motions agree, within a share of the largest rate."""
+        pairs = ((self.moved, other.moved), (self.pushed, other.pushed))
+        return all(_alike(one, two, resolution) for one, two in pairs)
+
+    def poses_as(self, other: Behaviour, resolution: float) -> bool:
+        """Return whether the frames agree, within a share of the largest distance."""
+        pairs = zip(self.posed, other.posed, strict=True)
+        return all(one.shape == two.shape and _alike(one, two, resolution) for one, two in pairs)
+
+
+def _alike(values: Array, reference: Array, resolution: float) -> bool:
+    size = float(np.max(np.abs(reference), initial=0.0))
+    return bool(np.all(np.abs(values - reference) <= resolution * size))
+
+
+NUDGE = 1e-3
+"""Relative change of a number, or absolute change of zero."""
+
+PATIENCE = 2.0
+"""Processor seconds after which the remaining numbers are not tried."""
+
+_GOLDEN = 0.6180339887498949
+"""Spreads the sizes of changes, so that two of them do not cancel."""
+
+
+class NumberEffect(Enum):
+    """Effect of a number."""
+
+    MOTION = "motion"
+    FRAMES = "frames"
+    FAINT = "effect below the resolution"
+    NONE = "no effect on motion"
+    FIXED = "links that do not move"
+    REFUSED = "not counted: no other value can be tried"
+    CHOICE = "switches and counts"
+    UNTRIED = "not counted: out of time"
+
+
+class Trials:
+    """Copies of a model with changed numbers.
+
+    Args:
+        numbers: of the model's files.
+        base: behaviour of the unmodified model.
+        folder: for the copies.
+
+    Attributes:
+        effects: effect of each tried number, by its index.
+    """
+
+    def __init__(
+        self,
+        sidecar: Sidecar,
+        numbers: Sequence[Literal],
+        probe: Probe,
+        base: Behaviour,
+        folder: Path,
+    ) -> None:
+        self.effects: dict[int, NumberEffect] = {}
+        self._sidecar, self._numbers, self._probe = sidecar, numbers, probe
+        self._base, self._folder = base, folder
+        parts = (one.location.file for one in numbers)
+        files = dict.fromkeys((sidecar.model, Path(f"{sidecar.model}.toml"), *parts))
+        self._texts = {file: file.read_bytes() for file in files}
+        self._end = time.process_time() + PATIENCE
+
+    def nudge(self, numbers: Sequence[int], together: int) -> None:
+        """Nudge numbers; change those that the engine rejects to the next whole number.
+
+        Args:
+            together: how many to nudge first in one copy.
+        """
+        for first in range(0, len(numbers), together):
+            group = numbers[first : first + together]
+            self._halve(group, lambda i: _moved(self._numbers[i], i))
+
+    def flip(self, group: Iterable[int]) -> None:
+        """Change the signs of numbers whose nudge had no effect."""
+        quiet = [i for i in group if self.effects.get(i) is NumberEffect.NONE]
+        self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
+
+    def _halve(
+        self, group: Sequence[int], words: Callable[[int], Sequence[str]], acts: bool = False
+    ) -> None:
+        """Try numbers together, and by halves if they have an effect; `acts` if they have one."""
+        if not group or time.process_time() > self._end:
+            return
+        if acts and len(group) > 1:
+            effect = NumberEffect.MOTION
+        else:
+            effect = self._tried({i: words(i)[0] for i in group})
+        if effect is NumberEffect.NONE:
+            self.effects.update(dict.fromkeys(group, NumberEffect.NONE))
+        elif len(group) > 1:
+            first, second = group[: len(group) // 2], group[len(group) // 2 :]
+            self._halve(first, words)
+            still = all(self.effects.get(i) is NumberEffect.NONE for i in first)
+            self._halve(second, words, acts=still)
+        else:
+            for other in words(group[0])[1:]:
+                if effect is not NumberEffect.REFUSED:
+                    break
+                effect = self._tried({group[0]: other})
+            self.effects[group[0]] = effect
+
+    def _tried(self, words: Mapping[int, str]) -> NumberEffect:
+        """Return the effect of some numbers with new text."""
+        places = ((self._numbers[i].location, word) for i, word in words.items())
+        texts = replace_numbers(self._texts, places)
+        try:
+            model = self._probe.loaded(with_texts(self._sidecar, texts, self._folder))
+        except SidecarError:
+            model = None
+        if model is None:
+            return NumberEffect.REFUSED
+        done = self._probe.evaluate(model)
+        if not done.moves_as(self._base, self._probe.resolution):
+            return NumberEffect.MOTION
+        return (
+            NumberEffect.NONE
+            if done.poses_as(self._base, self._probe.resolution)
+            else NumberEffect.FRAMES
+        )
+
+
+def _moved(literal: Literal, i: int) -> tuple[str, ...]:
+    """Return new texts for a number, in the order of trials."""
+    value = literal.location.value
+    step = NUDGE * (1 + (i * _GOLDEN) % 1)
+    up, down = (value * (1 + step), value * (1 - step)) if value else (step, -step)
+    whole: tuple[str, ...] = () if value else ("1e-15",)
+    if literal.location.text.lstrip("+-").isdigit():
+        whole = (*whole, str(int(value) + 1), str(int(value) - 1))
+    return (repr(up), repr(down), *whole)
+
 
 STATES = 24
 """States at which a model is evaluated, in addition to each component's extremes."""
@@ -68,7 +278,7 @@ def count_numbers(task: SystemTask) -> Coverage:
         trials = Trials(task.declared, numbers, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
-        trials.nudge([i for i in tried if reasons[i]], together=len(numbers))
+        trials.nudge([i for i in tried if reasons[i]], together=max(1, len(numbers)))
         others = [i for i in tried if not reasons[i]]
         # Most bound numbers have an effect, so that groups of them save no time.
         trials.nudge([i for i in others if _place(numbers[i]) in bound], together=1)
@@ -197,3 +407,98 @@ def _examples(why: str, numbers: Sequence[CountedNumber]) -> tuple[str, ...]:
         return tuple(one.address for one in numbers)
     names = (one.path.rpartition("/")[2] or one.line for one in numbers)
     return tuple(dict.fromkeys(names))[:MAX_EXAMPLES]
+
+
+_INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
+
+
+def count_robot(task: TreeTask) -> Coverage:
+    """Count the numbers of a file whose change moves the ends of segments beyond the resolution.
+
+    Only the equations are used, at the states of a diagnosis; no engine runs.
+
+    Raises:
+        RobotError, ReferenceError: with the file.
+    """
+    numbers = robot_numbers(task.file, task.spec.settings)
+    if numbers.unread:
+        return Coverage(note="; ".join(numbers.unread))
+    problem = problem_of(task, numbers, is_reference=False)
+    says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
+    if task.sidecar is None:  # the bodies of a robot file are compared in their poses too
+        says |= _in_frames(task, problem, [i for i in says if says[i] in _UNMOVED])
+    choices, fixed = engines()[task.engine].choices, _fixed(task)
+    counted = [
+        CountedNumber(
+            path=one.path,
+            address=one.address,
+            line=f"{one.file.name}:{one.line}",
+            effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
+        )
+        for i, one in enumerate(numbers.numerals)
+    ]
+    return summarized(counted, engines()[task.engine].non_physical)
+
+
+def _effect(problem: RobotProblem, index: int, resolution: float) -> NumberEffect:
+    """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
+    effect = problem.effect(index)
+    if effect is None or not np.isfinite(effect).all():
+        return NumberEffect.REFUSED
+    moved = float(np.max(np.abs(effect), initial=0.0)) * NUDGE * problem.hypotheses[index].size
+    if moved > resolution:
+        return NumberEffect.MOTION
+    return NumberEffect.FAINT if moved else NumberEffect.NONE
+
+
+_UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
+
+
+def _in_frames(
+    task: TreeTask, problem: RobotProblem, unmoved: Collection[int]
+) -> dict[int, NumberEffect]:
+    """Return those of the numbers that move nothing in time, but where a body is."""
+    target, numbers = task.target, problem.numbers
+    names = tuple(problem.flow.tree.frames)
+    q = target.samples.start[:, : len(target.names)]
+    before = TreeFrames(problem.flow.tree, names)(q)
+    least = task.resolution * max(1.0, float(np.max(np.abs(before), initial=0.0)))
+    effects = {}
+    for i in unmoved:
+        number = numbers.numerals[i]
+        tree = numbers.tree({i: number.value - SLOPE_NUDGE * number.scale})  # known, from the slope
+        if tree is None or tree.dof != len(target.names) or tuple(tree.frames) != names:
+            continue
+        moved = float(np.max(np.abs(TreeFrames(tree, names)(q) - before), initial=0.0))
+        if moved * NUDGE / SLOPE_NUDGE > least:
+            effects[i] = NumberEffect.FRAMES
+    return effects
+
+
+def _otherwise(
+    number: Number, effect: NumberEffect, choices: str, fixed: Collection[str]
+) -> NumberEffect:
+    """Return a reason for no effect from the number's place in the file, or its effect."""
+    if effect is NumberEffect.NONE and choices and re.fullmatch(choices, number.path):
+        return NumberEffect.CHOICE
+    if (
+        effect is NumberEffect.NONE
+        and _INERTIAL.fullmatch(number.path)
+        and _owner(number.element) in fixed
+    ):
+        return NumberEffect.FIXED
+    return effect
+
+
+def _owner(element: XmlElement) -> str:
+    """Return the name of the link or body that contains an element, or ""."""
+    above: XmlElement | None = element
+    while above is not None and above.tag not in ("link", "body"):
+        above = above.parent
+    return "" if above is None else above.attributes.get("name", "")
+
+
+def _fixed(task: TreeTask) -> frozenset[str]:
+    """Return names of fixed links."""
+    robot = read_robot(task.file, floating=bool(task.spec.settings.get("floating")))
+    return frozenset(part.name for part in robot.parts if part.body == WORLD)

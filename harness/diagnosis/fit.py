@@ -35,6 +35,10 @@ nonlinearity alone.
 """
 
 
+Faults = Mapping[int, float]
+"""Faults by index of the hypothesis; missing ones are zero."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
     """One number that might be wrong.
@@ -74,10 +78,10 @@ class FitProblem(Protocol):
     def hypotheses(self) -> Sequence[Hypothesis]:
         """Hypotheses that might explain the discrepancy."""
 
-    def defect(self, faults: Mapping[int, float]) -> Array:
+    def defect(self, faults: Faults) -> Array:
         """Return engine - reference at all ends with repaired faults, scaled, (N,)."""
 
-    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
         """Return the defect per unit of each fault, near the given faults, (len(indices), N).
 
         It is accurate to about four digits. `indices`: of hypotheses; None: all.
@@ -110,12 +114,12 @@ class Resolved:
         """The uncertainty as a share of the discrepancy."""
         return float(np.linalg.norm(self.uncertainty)) / self.size
 
-    def defect(self, faults: Mapping[int, float]) -> Array:
+    def defect(self, faults: Faults) -> Array:
         """Return the problem's defect at the kept end states, (n,)."""
         kept: Array = self.problem.defect(faults)[self.kept]
         return kept
 
-    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
         """Return the problem's slopes at the kept end states, (len(indices), n)."""
         kept: Array = self.problem.slopes(faults, indices)[:, self.kept]
         return kept
@@ -190,9 +194,7 @@ def cosine(a: Array, b: Array) -> float:
     return abs(float(a @ b)) / sizes if sizes else 0.0
 
 
-def refine(
-    problem: Resolved, start: Mapping[int, float], slopes: Array, iterations: int = ITERATIONS
-) -> Fit:
+def refine(problem: Resolved, start: Faults, slopes: Array, iterations: int = ITERATIONS) -> Fit:
     """Fit the faults of some hypotheses by Gauss-Newton, checking each step on the models.
 
     Args:
@@ -292,7 +294,7 @@ class Try:
     """
 
     remaining: float
-    start: Mapping[int, float]
+    start: Faults
     slopes: Array
 
 

@@ -18,8 +18,7 @@ from physics_crosscheck.harness.diagnosis.robot_followers import (
     run_followers,
     scaled,
 )
-from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
-from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
+from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem, suspicions
 from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers

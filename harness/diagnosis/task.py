@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.diagnosis.corrected import causes, correct_motion
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
-from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel, everything
-from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
+from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,
     freedoms,
     reference_ends,
     sample_segments,
 )
+from physics_crosscheck.harness.diagnosis.trial import TrialModel, scratch
+from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers
+from physics_crosscheck.harness.records.cause import Cause, CauseId
+from physics_crosscheck.harness.records.finding import (
+    CorrectedMotion,
+    CorrectedScenario,
+    Diagnosis,
+    Explanation,
+)
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
+from physics_crosscheck.reference.solving.variants import Variants
 
 RECORDED = 8
 """Maximum number of explanations in the record."""
@@ -113,3 +122,146 @@ def trial_model(
             known_slopes=known_slopes or {},
         )
         yield trial, uncertainty
+
+
+SAMPLES = 240
+TOLERANCE = 1e-10
+"""Relative tolerance of the corrected motion, far below the resolution of a plot."""
+
+MAX_AMPLITUDES = 1e3
+"""Number of amplitudes at which a diverging corrected motion ends."""
+
+
+def correct_motion(
+    trial_model: TrialModel, motions: Mapping[str, Motion], ranking: Ranking
+) -> CorrectedMotion | None:
+    """Return motions and defects corrected with the best fit's estimate, or None without one.
+
+    Raises:
+        EngineError, BlownUpError: for a failing run.
+    """
+    if not ranking.explained:
+        return None
+    fit, equations = _chosen(trial_model, ranking)
+    if equations:
+        point = trial_model.point(fit.repair)
+        corrected = {name: _solved(trial_model.variants, point, m) for name, m in motions.items()}
+    else:
+        model = trial_model.repaired(fit.repair)
+        if model is None:
+            return None
+        corrected = {name: _run(model, trial_model.coordinates, m) for name, m in motions.items()}
+    before, after = trial_model.defect({}), trial_model.defect(fit.repair)
+    return CorrectedMotion(
+        causes=causes(fit),
+        put_into="equations" if equations else "file",
+        scenarios=_scenarios(corrected, trial_model.samples, before, after),
+    )
+
+
+def causes(fit: Fit) -> tuple[Cause, ...]:
+    """Return the causes of a fit, with the fitted values."""
+    rows = zip(fit.hypotheses, fit.estimates, fit.standard_errors, strict=True)
+    return tuple(
+        Cause(
+            kind=hypothesis.id.kind,
+            subject=hypothesis.id.subject,
+            nominal=number(hypothesis.value),
+            estimate=number(estimate),
+            standard_error=number(error),
+            locations=hypothesis.where,
+        )
+        for hypothesis, estimate, error in rows
+    )
+
+
+def _chosen(trial_model: TrialModel, ranking: Ranking) -> tuple[Fit, bool]:
+    """Return the best fit, or an equally good one of the equations only; and whether it is one."""
+    best = ranking.fits[0]
+    for fit in ranking.fits:
+        alike = fit.remaining <= max(3 * best.remaining, 3 * ranking.floor)
+        if alike and all(trial_model.candidates[i].perturbation.parameters for i in fit.members):
+            return fit, True
+    return best, False
+
+
+def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Array]:
+    """Solve the equations at other parameters from the motion's initial state: (t, states)."""
+    state = motion.start[0]
+    n = len(state) // 2
+    from scipy.integrate import solve_ivp  # slow import
+
+    limit = MAX_AMPLITUDES * np.maximum(motion.amplitude, 1e-12)
+    times = np.linspace(0.0, motion.duration, SAMPLES)
+    parts = []
+    for span in motion.spans:
+        stop = span.start + span.length * span.count
+        last = span is motion.spans[-1]
+        inside = times[(times >= span.start) & ((times <= stop) if last else (times < stop))]
+        short = 1e-9 * span.length
+
+        def field(t: float, y: Array, end: float = stop - short) -> Array:
+            # Up to its end a span uses its own input, not that of the next span.
+            u = motion.inputs(np.array([min(t, end)]))
+            a = variants.acceleration(y[None, :n], y[None, n:], u, np.array([[t]]), point[None])
+            return np.concatenate([y[n:], a[0]])
+
+        def gone(t: float, y: Array) -> float:
+            return float(np.min(limit - np.abs(y)))
+
+        gone.terminal = True  # type: ignore[attr-defined]
+        done = solve_ivp(
+            field,
+            (span.start, stop),
+            state,
+            method="DOP853",
+            rtol=TOLERANCE,
+            atol=TOLERANCE * motion.amplitude,
+            t_eval=np.union1d(inside, [stop]),
+            events=gone,
+        )
+        states = done.y.T
+        parts.append(states[np.isin(done.t, inside)])
+        if done.status != 0:
+            break
+        state = states[-1]
+    states = np.concatenate(parts)
+    return times[: len(states)], states
+
+
+def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Array, Array]:
+    t, states = follow(model, coordinates, motion, model.step)
+    picked = even_indices(len(t), SAMPLES)
+    return t[picked], states[picked]
+
+
+def _scenarios(
+    motions: Mapping[str, tuple[Array, Array]],
+    samples: Sequence[Segments],
+    before: Array,
+    after: Array,
+) -> tuple[CorrectedScenario, ...]:
+    starts = np.cumsum([0, *(some.end.size for some in samples)])
+    scenarios = []
+    for i, some in enumerate(samples):
+        (t, states), part = motions[some.name], slice(starts[i], starts[i + 1])
+        scenarios.append(
+            CorrectedScenario(
+                scenario=some.name,
+                t=_short(t, 6),
+                corrected=_rows(states, 6),
+                segment_t=_short(some.t, 6),
+                before=_rows(before[part].reshape(some.end.shape), 3),
+                after=_rows(after[part].reshape(some.end.shape), 3),
+            )
+        )
+    return tuple(scenarios)
+
+
+def _rows(states: Array, digits: int) -> Rows:
+    """Return a row per component."""
+    return tuple(_short(row, digits) for row in states.T)
+
+
+def _short(values: Array, digits: int) -> Numbers:
+    return numbers(float(f"{value:.{digits}g}") for value in values.tolist())

@@ -11,8 +11,8 @@ import numpy as np
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
-from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
 from physics_crosscheck.harness.diagnosis.task import trial_model
+from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.bindings import bindings

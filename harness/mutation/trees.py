@@ -15,13 +15,13 @@ import numpy as np
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
-from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
 from physics_crosscheck.harness.diagnosis.robot_task import (
     at_some,
     diagnose_robot,
     problem_of,
     ranked,
 )
+from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts

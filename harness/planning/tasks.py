@@ -19,8 +19,7 @@ from physics_crosscheck.harness.checks.prepare import (
     prepare,
 )
 from physics_crosscheck.harness.checks.task import ModelTask, model_task
-from physics_crosscheck.harness.diagnosis.coverage import count_numbers
-from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
+from physics_crosscheck.harness.diagnosis.coverage import count_numbers, count_robot
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, TargetFacts

@@ -12,9 +12,8 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
-from physics_crosscheck.harness.diagnosis import coverage_trials as trials
-from physics_crosscheck.harness.diagnosis.coverage import count_numbers
-from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
+from physics_crosscheck.harness.diagnosis import coverage as trials
+from physics_crosscheck.harness.diagnosis.coverage import count_numbers, count_robot
 from physics_crosscheck.harness.modelfiles.locations import literals
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map

@@ -8,8 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.diagnosis.coverage_trials import NumberEffect
-from physics_crosscheck.harness.diagnosis.robot_coverage import count_robot
+from physics_crosscheck.harness.diagnosis.coverage import NumberEffect, count_robot
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers

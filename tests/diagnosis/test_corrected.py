@@ -10,10 +10,9 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
-from physics_crosscheck.harness.diagnosis.corrected import correct_motion
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.fit import Fit
-from physics_crosscheck.harness.diagnosis.task import trial_model
+from physics_crosscheck.harness.diagnosis.task import correct_motion, trial_model
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import CorrectedMotion

@@ -12,8 +12,8 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
 from physics_crosscheck.harness.diagnosis.task import trial_model
+from physics_crosscheck.harness.diagnosis.trial import TrialModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar

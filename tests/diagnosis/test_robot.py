@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import diagnose
-from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
+from physics_crosscheck.harness.diagnosis.robot_problem import suspicions
 from physics_crosscheck.harness.diagnosis.robot_task import (
     STATES,
     at_some,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from physics_crosscheck.harness.diagnosis.hypotheses.trial import with_engine_settings
+from physics_crosscheck.harness.diagnosis.trial import with_engine_settings
 from physics_crosscheck.harness.modelfiles.bindings import rewrite, with_literals
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.diagnosis.fit import Hypothesis
-from physics_crosscheck.harness.diagnosis.hypotheses.candidate import Perturbation, TrialHypothesis
+from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
+from physics_crosscheck.harness.diagnosis.hypotheses import Perturbation, TrialHypothesis
 from physics_crosscheck.harness.diagnosis.samples import (
     RUNGS_OF_SLOPES,
     RUNGS_USED,
@@ -41,9 +41,6 @@ NUDGE = 1e-4
 
 REFUSED = 1e6
 """Placeholder for ends that an engine rejects; it explains nothing."""
-
-Faults = Mapping[int, float]
-"""Faults by index of the candidate; missing ones are zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
