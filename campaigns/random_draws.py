@@ -32,6 +32,7 @@ from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -153,17 +154,15 @@ def _of_linearizations(
     push = np.max(np.abs(motion.inputs(motion.t)), axis=0, initial=0.0)
     for equilibrium in equations.system.equilibria:
         taylor = linearize(equations, equilibrium)
-        found = linearize_engine(
-            model,
-            coordinates,
-            equilibrium=taylor.equilibrium,
+        point = OperatingPoint(
+            name=taylor.equilibrium,
             position=taylor.position,
-            taylor=taylor.arrays,
+            hold=np.zeros_like(push),
+            matrices=taylor.arrays,
             amplitude=np.where(motion.amplitude > 0, motion.amplitude, 1.0),
             push=np.where(push > 0, push, 1.0),
-            hold=np.zeros_like(push),
-            resolution=RESOLUTION,
         )
+        found = linearize_engine(model, coordinates, point, RESOLUTION)
         for key, own, error in (
             ("A", found.a, found.a_uncertainty),
             ("B", found.b, found.b_uncertainty),

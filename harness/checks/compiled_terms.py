@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.audit_finding import finding
 from physics_crosscheck.harness.checks.linearizations import Linearized
-from physics_crosscheck.harness.checks.prepare import Equilibrium, MassAndForce
+from physics_crosscheck.harness.checks.prepare import MassAndForce
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.accelerations import (
     RESOLVED_SHARE,
@@ -17,6 +17,7 @@ from physics_crosscheck.harness.numerics.accelerations import (
     Estimate,
 )
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -133,7 +134,7 @@ class Compiled:
         """Return mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
         return self.mechanics(states, inputs)
 
-    def _about(self, equilibrium: Equilibrium) -> Iterator[AuditFinding]:
+    def _about(self, equilibrium: OperatingPoint) -> Iterator[AuditFinding]:
         """Yield the terms that differ about an equilibrium."""
         n = len(self.names)
         step = MOVED * np.where(
@@ -229,7 +230,7 @@ class Compiled:
             _slope_errors(miss_error, step),
         )
 
-    def _rest(self, equilibrium: Equilibrium, position: Array, name: str, force: float) -> str:
+    def _rest(self, equilibrium: OperatingPoint, position: Array, name: str, force: float) -> str:
         if np.array_equal(position, equilibrium.position) and not equilibrium.hold.any():
             where, other = f"in equilibrium {equilibrium.name!r}", "have none there"
         else:
@@ -238,7 +239,7 @@ class Compiled:
         return f"a force of {force:.6g} acts on {name} at rest {where}, but the equations {other}"
 
     def _held(
-        self, equilibrium: Equilibrium, position: Array | None, step: Array
+        self, equilibrium: OperatingPoint, position: Array | None, step: Array
     ) -> Iterator[AuditFinding]:
         """Yield a note if joint limits act about an equilibrium, so that terms are measured
         elsewhere.

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.harness.checks.case_record import linearization_record
-from physics_crosscheck.harness.checks.prepare import Equilibrium, PreparedSystem, PreparedTree
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
-from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION, linearize_step
+from physics_crosscheck.harness.numerics.differences import MAX_PERTURBATION
+from physics_crosscheck.harness.numerics.discrete import linearize_step
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.model import EngineLinearization
@@ -25,37 +24,12 @@ def run_linearizations(task: Linearized) -> tuple[EngineLinearization, ...]:
     """
     model, coordinates = task.load()
     moved = 2 * MAX_PERTURBATION * np.minimum(task.target.amplitude[: coordinates.back.size], 1.0)
-    return tuple(
-        _linearization(task, model, coordinates, e)
-        for e in task.target.equilibria
-        if not stopped(model, coordinates, e.position, moved)
-    )
-
-
-def _linearization(
-    task: Linearized, model: Model, coordinates: CoordinateMap, about: Equilibrium
-) -> EngineLinearization:
-    """Linearize in the limit of a zero step, and for one step at the file's own time step."""
-    one_step = linearize_step(
-        model,
-        coordinates,
-        task.target.stepped,
-        position=about.position,
-        taylor=about.matrices,
-        amplitude=task.target.amplitude,
-        push=task.target.push,
-        hold=about.hold,
-        resolution=task.resolution,
-    )
-    linearization = linearize_engine(
-        model,
-        coordinates,
-        equilibrium=about.name,
-        position=about.position,
-        taylor=about.matrices,
-        amplitude=task.target.amplitude,
-        push=task.target.push,
-        hold=about.hold,
-        resolution=task.resolution,
-    )
-    return linearization_record(linearization, one_step)
+    records = []
+    for point in task.target.equilibria:
+        if stopped(model, coordinates, point.position, moved):
+            continue
+        # Once for a step of the file's own length, and once as h -> 0.
+        step = linearize_step(model, coordinates, task.target.stepped, point, task.resolution)
+        limit = linearize_engine(model, coordinates, point, task.resolution)
+        records.append(linearization_record(limit, step))
+    return tuple(records)

@@ -36,8 +36,12 @@ from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
-from physics_crosscheck.harness.numerics.differences import moved, slopes
-from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION
+from physics_crosscheck.harness.numerics.differences import (
+    MAX_PERTURBATION,
+    OperatingPoint,
+    moved,
+    slopes,
+)
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import FLOOR
@@ -158,23 +162,6 @@ class Prepared(ABC):
         """Return (energy, supplied, dissipated) as a function of (q, v, u, (t,))."""
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """A linearization as plain arrays.
-
-    Attributes:
-        name: of the equilibrium.
-        position: (n,).
-        hold: inputs that hold it, (inputs,).
-        matrices: A, B, Cy, D, M, C and K; of declared energies also F.
-    """
-
-    name: str
-    position: Array
-    hold: Array
-    matrices: Mapping[str, Array]
-
-
 @dataclass(frozen=True, kw_only=True)
 class PreparedSystem(Prepared):
     """A folder that declares energies, solved.
@@ -193,7 +180,7 @@ class PreparedSystem(Prepared):
     amplitude: Array
     push: Array
     numeric_power: NumericFunction
-    equilibria: tuple[Equilibrium, ...]
+    equilibria: tuple[OperatingPoint, ...]
     steps: SteppedEquations | None
     variants: Variants
 
@@ -323,9 +310,9 @@ class PreparedTree(Prepared):
         return self.followers.map(joints_of(self.followers, there, file, engine), self.names)
 
     @cached_property
-    def equilibria(self) -> tuple[Equilibrium, ...]:
+    def equilibria(self) -> tuple[OperatingPoint, ...]:
         """The home position, held by forces on the joints."""
-        return (_held(self.system, self.home, self.samples),)
+        return (_held(self),)
 
     @property
     def amplitude(self) -> Array:
@@ -533,15 +520,15 @@ def _solved(
     )
 
 
-def _held(system: TreeSystem, position: Array, drawn: Segments) -> Equilibrium:
-    """Linearize about a position, at rest, held by forces on the joints.
+def _held(target: PreparedTree) -> OperatingPoint:
+    """Linearize about the home position, at rest, held by forces on the joints.
 
     A and B are differences of accelerations; an engine's are those of the same steps.
     """
-    equations, n = TreeEquations(system), len(system.coordinates)
+    equations, n, position = TreeEquations(target.system), len(target.names), target.home
     still = np.zeros((1, n))
     hold = equations.forces_for(position[None], still, still)[0]
-    sizes = np.max(np.abs(drawn.start), axis=0)
+    sizes = np.max(np.abs(target.samples.start), axis=0)
     deltas = MAX_PERTURBATION * np.concatenate(
         [np.minimum(np.where(sizes > 0, sizes, 1.0), 1.0), np.maximum(np.abs(hold), 1.0)]
     )
@@ -556,7 +543,14 @@ def _held(system: TreeSystem, position: Array, drawn: Segments) -> Equilibrium:
         "A": both[:, : 2 * n], "B": both[:, 2 * n :], "M": mass, "K": -mass @ lower[:, :n],
         "C": -mass @ lower[:, n:], "Cy": np.zeros((0, 2 * n)), "D": np.zeros((0, n)),
     }  # fmt: skip
-    return Equilibrium("home, held by forces", position, hold, matrices)
+    return OperatingPoint(
+        name="home, held by forces",
+        position=position,
+        hold=hold,
+        matrices=matrices,
+        amplitude=target.amplitude,
+        push=target.push,
+    )
 
 
 def _motion_from_rest(system: TreeSystem, drawn: Segments, seconds: float) -> Motion | str:
@@ -598,6 +592,7 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
         motions = scaled({s.name: solve(equations, s) for s in system.scenarios})
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
+    push = np.where(push > 0, push, 1.0)
     amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
     with with_location(folder):
         record = system_record(folder, equations, linear, motions, described=described)
@@ -608,10 +603,18 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
         system=system,
         motions=motions,
         amplitude=amplitude,
-        push=np.where(push > 0, push, 1.0),
+        push=push,
         numeric_power=equations.numeric_power,
         equilibria=tuple(
-            Equilibrium(e.equilibrium, e.position, np.zeros(len(push)), e.arrays) for e in linear
+            OperatingPoint(
+                name=e.equilibrium,
+                position=e.position,
+                hold=np.zeros(len(push)),
+                matrices=e.arrays,
+                amplitude=amplitude,
+                push=push,
+            )
+            for e in linear
         ),
         steps=stepped_equations(equations),
         variants=variants(equations, amplitude),

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from physics_crosscheck.harness.numerics.accelerations import Estimate
@@ -10,6 +14,45 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 SIZES = (1.0, 0.5, 0.25)
 """Perturbations in units of the largest; extrapolation removes their even powers."""
+
+
+MAX_PERTURBATION = 0.02
+"""Perturbations as a share of the motions' sizes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatingPoint:
+    """An equilibrium, and the equations' linearization there.
+
+    Attributes:
+        name: of the equilibrium.
+        position: (n,).
+        hold: inputs that hold it, (inputs,).
+        matrices: A, B, Cy, D, M, C and K; of declared energies also F.
+        amplitude: size of the system's motions, per component, (2n,).
+        push: size of its inputs, (inputs,).
+    """
+
+    name: str
+    position: Array
+    hold: Array
+    matrices: Mapping[str, Array]
+    amplitude: Array
+    push: Array
+
+    @cached_property
+    def deltas(self) -> Array:
+        """Perturbations of the state and the inputs, (2n + inputs,)."""
+        sizes = np.concatenate([np.minimum(self.amplitude, 1.0), self.push])
+        perturbations: Array = MAX_PERTURBATION * sizes
+        return perturbations
+
+    @cached_property
+    def perturbed(self) -> tuple[Array, Array]:
+        """States and inputs of all perturbations, (6 c, 2n) and (6 c, inputs); c = len(deltas)."""
+        size, by = len(self.amplitude), moved(self.deltas)
+        origin = np.concatenate([self.position, np.zeros(size - len(self.position))])
+        return origin + by[:, :size], self.hold + by[:, size:]
 
 
 def moved(deltas: Array) -> Array:

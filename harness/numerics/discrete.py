@@ -9,14 +9,13 @@ motion decays, the step destabilizes the equilibrium.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.differences import moved, slopes
+from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
 from physics_crosscheck.harness.numerics.stepping import (
     ROUNDED_DIGITS,
     ROUNDING_MARGIN,
@@ -25,9 +24,6 @@ from physics_crosscheck.harness.numerics.stepping import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
-
-MAX_PERTURBATION = 0.02
-"""Perturbations as a share of the motions' sizes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,33 +55,21 @@ def linearize_step(
     model: Model,
     coordinates: CoordinateMap,
     stepped: Stepped | None,
-    *,
-    position: Array,
-    taylor: Mapping[str, Array],
-    amplitude: Array,
-    push: Array,
-    hold: Array,
+    point: OperatingPoint,
     resolution: float,
 ) -> StepLinearization | None:
     """Linearize one step, of the file's own time step, about an equilibrium.
 
     Args:
         stepped: the equations; None if they depend on time.
-        position: equilibrium positions, (n,).
-        taylor: A of the Taylor linearization, among others.
-        amplitude: size of the system's motions, per component, (2n,).
-        push: size of its inputs, (inputs,).
-        hold: inputs at the equilibrium, (inputs,).
+        point: the equilibrium.
         resolution: smallest difference that counts, as a share of the largest entry.
 
     Returns:
         None if a step of the engine is not finite.
     """
-    size = len(amplitude)
-    origin = np.concatenate([position, np.zeros(size - len(position))])
-    deltas = MAX_PERTURBATION * np.concatenate([np.minimum(amplitude, 1.0), push])
-    by = moved(deltas)
-    states, inputs = origin + by[:, :size], hold + by[:, size:]
+    size, deltas = len(point.amplitude), point.deltas
+    states, inputs = point.perturbed
     run = Steps(model, coordinates, states, inputs)
     took = run.engine(1)
     ends = took[: len(states)]
@@ -107,7 +91,7 @@ def linearize_step(
         differs = bool(np.any((off > doubt) & (off + doubt > resolution)))
     from scipy.linalg import expm  # slow import, not needed by every command
 
-    exact = expm(taylor["A"] * model.step)
+    exact = expm(point.matrices["A"] * model.step)
     return StepLinearization(
         step=model.step,
         a=a,

@@ -6,7 +6,6 @@ matrix over the segment. Its logarithm gives the engine's A and B.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.numerics.accelerations import Estimate
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.differences import moved, slopes
-from physics_crosscheck.harness.numerics.discrete import MAX_PERTURBATION
+from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -74,37 +72,20 @@ class LinearizationComparison:
 def linearize_engine(
     model: Model,
     coordinates: CoordinateMap,
-    *,
-    equilibrium: str,
-    position: Array,
-    taylor: Mapping[str, Array],
-    amplitude: Array,
-    push: Array,
-    hold: Array,
+    point: OperatingPoint,
     resolution: float,
 ) -> LinearizationComparison:
     """Linearize an engine's model about an equilibrium, and compare.
 
     Args:
-        position: equilibrium positions, (n,).
-        taylor: A, B, Cy, D of the Taylor linearization.
-        amplitude: size of the system's motions, per component, (2n,).
-        push: size of its inputs, (inputs,).
-        hold: inputs at the equilibrium, (inputs,).
+        point: the equilibrium.
         resolution: smallest difference that counts, as a share of the largest entry.
     """
+    taylor = point.matrices
     a, b = taylor["A"], taylor["B"]
-    fastest = _fastest(a, amplitude)
+    fastest = _fastest(a, point.amplitude)
     length = 2 * np.pi / fastest / 20
-    transition = _transition(
-        model,
-        coordinates,
-        position=position,
-        length=length,
-        amplitude=amplitude,
-        push=push,
-        hold=hold,
-    )
+    transition = _transition(model, coordinates, point, length)
     from scipy.linalg import logm  # slow import, not needed by every command
 
     generator = logm(transition.value).real / length
@@ -126,7 +107,7 @@ def linearize_engine(
     if b.size and len(taylor["Cy"]):
         transfer_error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
     return LinearizationComparison(
-        equilibrium=equilibrium,
+        equilibrium=point.name,
         a=found_a,
         b=found_b,
         a_uncertainty=uncertainty[:size, :size],
@@ -155,26 +136,15 @@ def _fastest(a: Array, amplitude: Array) -> float:
 
 
 def _transition(
-    model: Model,
-    coordinates: CoordinateMap,
-    *,
-    position: Array,
-    length: float,
-    amplitude: Array,
-    push: Array,
-    hold: Array,
+    model: Model, coordinates: CoordinateMap, point: OperatingPoint, length: float
 ) -> Estimate:
     """Return exp([[A, B], [0, 0]] length), extrapolated in perturbation size and in h."""
-    size = len(amplitude)
-    origin = np.concatenate([position, np.zeros(size - len(position))])
-    deltas = MAX_PERTURBATION * np.concatenate([np.minimum(amplitude, 1.0), push])
-    by, columns = moved(deltas), len(deltas)
-    segments = Segments.unsolved(
-        origin + by[:, :size], length, hold + by[:, size:], scale=deltas[:size]
-    )
+    size, deltas = len(point.amplitude), point.deltas
+    states, inputs = point.perturbed
+    segments = Segments.unsolved(states, length, inputs, scale=deltas[:size])
     limit = extrapolate(model, coordinates, segments, rungs=RUNGS_USED).limit
     derivatives = slopes(limit.value, limit.uncertainty, deltas)
-    matrix, doubt = np.eye(columns), np.zeros((columns, columns))
+    matrix, doubt = np.eye(len(deltas)), np.zeros((len(deltas), len(deltas)))
     matrix[:size], doubt[:size] = derivatives.value, derivatives.uncertainty
     return Estimate(value=matrix, uncertainty=doubt)
 

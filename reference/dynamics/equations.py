@@ -8,8 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.declaration import Declaration
+from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, pieces
 
 
 class VectorFunction(Protocol):
@@ -76,6 +77,14 @@ class EquationsOfMotion(ABC):
             rounded: whether to include rounding of the operations, besides errors of inputs and
                 times.
         """
+
+    def signals(self, scenario: Scenario) -> tuple[SignalPiece, ...]:
+        """Return the inputs of a scenario, split at their breaks.
+
+        Raises:
+            DeclarationError: as `pieces`.
+        """
+        return pieces(self.system, scenario)
 
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
         """Return derivatives of the accelerations by q and v, (B, n, 2n), at B states.

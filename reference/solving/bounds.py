@@ -30,6 +30,7 @@ def with_bounds(
     *,
     exact: bool,
     flow: Array | None = None,
+    along: bool = True,
 ) -> Motion:
     """Return a solved motion with the bounds of its segments, and along it.
 
@@ -37,6 +38,7 @@ def with_bounds(
         motion: the motion, with the bound of its solution method.
         exact: whether it, and the inputs' values, were computed with more digits than a double.
         flow: transition matrices of the segments, (K, 2n, 2n), if they are known.
+        along: whether to bound the error of the states against the motion from the start.
     """
     flows, turned, rates = [], [], []
     for rows, span, signal in each(motion.spans, signals):
@@ -57,6 +59,8 @@ def with_bounds(
         )
         rates.append(field(times + span.length, motion.end[rows]))
     motion = replace(motion, bound=motion.bound + np.max(np.concatenate(turned), axis=0))
+    if not along:
+        return motion
     times, slopes = np.append(motion.t, motion.duration), np.concatenate(rates)
     if exact:
         return replace(motion, global_bound=_rounded(motion, times, slopes))

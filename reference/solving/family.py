@@ -1,7 +1,7 @@
 """A system's equations with its constants as arguments, derived and compiled once.
 
 A motion at other constants needs no derivation or compilation: `Family.with_constants` substitutes
-numbers. The reference motion is found by multiple shooting (`solving.shooting`).
+numbers. `solving.solve` finds its motions by multiple shooting.
 """
 
 from __future__ import annotations
@@ -10,26 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
-import numpy as np
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations, bounded_symbols, slopes_by
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.roundoff import running_error
-from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, about, t
+from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, pieces
-from physics_crosscheck.reference.solving.bounds import each, rounded_away
-from physics_crosscheck.reference.solving.integrate import ReferenceError, trajectory
-from physics_crosscheck.reference.solving.segments import Motion
-from physics_crosscheck.reference.solving.shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
-from physics_crosscheck.reference.solving.solve import (
-    check_duration,
-    check_motion,
-    fastest_rate,
-    start_of,
-    tile,
-)
 
 
 @dataclass(frozen=True)
@@ -145,53 +133,12 @@ class DrawnEquations(EquationsOfMotion):
         expressions = list(self.family.equations.acceleration)
         return running_error(expressions, variables, rounded=rounded)
 
+    def signals(self, scenario: Scenario) -> tuple[SignalPiece, ...]:
+        """Return the inputs of a scenario at these constants."""
+        return self.family.signals(self.system, scenario)
+
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
         """Return the slopes, computed numerically from the derivatives of M and f."""
         if self.family.derivatives is None:
             return super().slopes(states, inputs, times)
         return slopes_by(self.family.derivatives.bind(self.values), states, inputs, times)
-
-
-def solve_drawn(equations: DrawnEquations, scenario: Scenario) -> Motion:
-    """Return the reference motion of a scenario at sampled constants, without a global bound.
-
-    Raises:
-        DeclarationError, ReferenceError: as `reference.solving.solve.solve`.
-    """
-    with about("Scenario", scenario.name):
-        place = f"system {equations.system.name!r}, scenario {scenario.name!r}"
-        try:
-            motion = _shot(equations, scenario, place)
-        except ReferenceError as error:
-            raise ReferenceError(f"{place}: {error}") from error
-        check_motion(equations, motion, place)
-        return motion
-
-
-def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
-    system = equations.system
-    signals = equations.family.signals(system, scenario)
-    start, duration = start_of(system, scenario), float(scenario.duration)
-    fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
-    check_duration(fastest, duration, place)
-    rough = np.linspace(0.0, duration, ROUGH_SAMPLES)
-    states = trajectory(equations, start, signals, rough, rtol=ROUGH_ACCURACY)
-    if not equations.linear:
-        fastest = fastest_rate(equations, signals, rough, states)
-        check_duration(fastest, duration, place)
-    spans = tile(signals, fastest)
-    motion, flow = shoot(equations, signals, spans, rough, states)
-    rounded = [
-        rounded_away(
-            equations,
-            signal,
-            motion.t[rows],
-            motion.nodes[rows],
-            span.length,
-            flow=flow[rows],
-            rounded=True,
-        )
-        for rows, span, signal in each(spans, signals)
-    ]
-    bound = motion.bound + np.max(np.concatenate(rounded), axis=0)
-    return replace(motion, bound=bound, fastest=fastest)

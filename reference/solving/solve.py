@@ -19,7 +19,7 @@ from physics_crosscheck.reference.mechanism.declaration import (
     about,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
 from physics_crosscheck.reference.solving.bounds import with_bounds
 from physics_crosscheck.reference.solving.closed_form import solve_closed_form
 from physics_crosscheck.reference.solving.integrate import (
@@ -41,11 +41,16 @@ LEAST_TURN = 1e-6
 __all__ = ["ReferenceError", "solve", "start_of"]
 
 
-def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
+def solve(equations: EquationsOfMotion, scenario: Scenario, *, bound_along: bool = True) -> Motion:
     """Return the reference motion of a scenario, in segments.
 
     Linear equations under inputs with a generator have a closed form; all others are integrated
     twice.
+
+    Args:
+        equations: derived ones, a recursion, or those of a family.
+        scenario: of the system.
+        bound_along: whether to bound the error along the motion, which needs each segment in turn.
 
     Raises:
         DeclarationError: for an input that is not smooth between identifiable breaks, or an
@@ -55,7 +60,7 @@ def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
     with about("Scenario", scenario.name):
         place = f"system {equations.system.name!r}, scenario {scenario.name!r}"
         try:
-            motion = _solved(equations, scenario, place)
+            motion = _solved(equations, scenario, place, bound_along=bound_along)
         except ReferenceError as error:
             raise ReferenceError(f"{place}: {error}") from error
         check_motion(equations, motion, place)
@@ -73,30 +78,35 @@ def start_of(system: Declaration, scenario: Scenario) -> Array:
     )
 
 
-def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Motion:
+def _solved(
+    equations: EquationsOfMotion, scenario: Scenario, place: str, *, bound_along: bool
+) -> Motion:
     system = equations.system
-    signals = pieces(system, scenario)
+    signals, derived = equations.signals(scenario), isinstance(equations, Equations)
     start = start_of(system, scenario)
     duration = float(scenario.duration)
     fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
     check_duration(fastest, duration, place)
     times = np.linspace(0.0, duration, ROUGH_SAMPLES)
     states = start[None]
-    if not equations.linear:
+    if not (derived and equations.linear):
         states = trajectory(equations, start, signals, times, rtol=ROUGH_ACCURACY)
+    if not equations.linear:
         fastest = fastest_rate(equations, signals, times, states)
         check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
     flow = None
-    exact = equations.linear and all(signal.generators is not None for signal in signals)
+    exact = (
+        derived and equations.linear and all(signal.generators is not None for signal in signals)
+    )
     if exact and isinstance(equations, Equations):
         at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
         motion = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
     elif isinstance(equations, Equations):
         motion = solve_numerically(equations, start, signals, spans)
-    else:  # a recursion costs as much for one state as for many
+    else:  # a recursion costs as much for one state as for many; so does a call at other constants
         motion, flow = shoot(equations, signals, spans, times, states)
-    motion = with_bounds(equations, signals, motion, exact=exact, flow=flow)
+    motion = with_bounds(equations, signals, motion, exact=exact, flow=flow, along=bound_along)
     return replace(motion, fastest=fastest)
 
 

@@ -14,6 +14,7 @@ from physics_crosscheck.harness.diagnosis.samples import (
     sample_segments,
 )
 from physics_crosscheck.harness.numerics.accelerations import Accelerations
+from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.harness.numerics.segments import extrapolate
@@ -54,17 +55,15 @@ def compare(made: Bench) -> Array:
 
 def linearization(made: Bench) -> Array:
     taylor = linearize(made.equations, made.system.equilibria[0])
-    found = linearize_engine(
-        made.model,
-        made.coordinates,
-        equilibrium="rest",
+    point = OperatingPoint(
+        name="rest",
         position=taylor.position,
-        taylor=taylor.arrays,
+        hold=np.zeros(1),
+        matrices=taylor.arrays,
         amplitude=made.motion.amplitude,
         push=np.array([5.0]),
-        hold=np.zeros(1),
-        resolution=1e-9,
     )
+    found = linearize_engine(made.model, made.coordinates, point, 1e-9)
     a = np.abs(found.a - taylor.arrays["A"]) / found.a_uncertainty
     b = np.abs(found.b - taylor.arrays["B"]) / found.b_uncertainty
     return np.hstack([a, b])

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.engines.protocol import Array, StepRule
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.discrete import StepLinearization, linearize_step
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.render.terminal.table import _single_steps
@@ -30,18 +31,7 @@ def one_step(
 ) -> StepLinearization:
     own = prepared(folder)
     loaded, coordinates = load(own.system, model, engine)
-    about = own.equilibria[0]
-    found = linearize_step(
-        loaded,
-        coordinates,
-        own.stepped,
-        position=about.position,
-        taylor=about.matrices,
-        amplitude=own.amplitude,
-        push=own.push,
-        hold=np.zeros_like(own.push),
-        resolution=resolution,
-    )
+    found = linearize_step(loaded, coordinates, own.stepped, own.equilibria[0], resolution)
     assert found is not None
     return found
 
@@ -103,17 +93,16 @@ class Ruled(SymplecticEuler):
 
 def of_oscillator(bench: MakeBench, model: SymplecticEuler) -> StepLinearization:
     made = bench(model)
-    found = linearize_step(
-        model,
-        made.coordinates,
-        SteppedEquations(made.equations),
+    point = OperatingPoint(
+        name="rest",
         position=np.zeros(1),
-        taylor={"A": _a(model)},
+        hold=np.zeros(1),
+        matrices={"A": _a(model)},
         amplitude=np.array([0.25, 1.5]),
         push=np.ones(1),
-        hold=np.zeros(1),
-        resolution=1e-9,
     )
+    stepped = SteppedEquations(made.equations)
+    found = linearize_step(model, made.coordinates, stepped, point, 1e-9)
     assert found is not None
     return found
 

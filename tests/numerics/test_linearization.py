@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.linearization import (
     LinearizationComparison,
     linearize_engine,
@@ -14,17 +15,15 @@ from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 def linear(bench: Bench, resolution: float = 1e-9) -> LinearizationComparison:
     taylor = linearize(bench.equations, bench.system.equilibria[0])
-    return linearize_engine(
-        bench.model,
-        bench.coordinates,
-        equilibrium="rest",
+    point = OperatingPoint(
+        name="rest",
         position=taylor.position,
-        taylor=taylor.arrays,
+        hold=np.zeros(1),
+        matrices=taylor.arrays,
         amplitude=bench.motion.amplitude,
         push=np.array([5.0]),
-        hold=np.zeros(1),
-        resolution=resolution,
     )
+    return linearize_engine(bench.model, bench.coordinates, point, resolution)
 
 
 def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench: MakeBench) -> None:

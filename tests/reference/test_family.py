@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.solving.family import Family, solve_drawn
+from physics_crosscheck.reference.solving.family import Family
 from physics_crosscheck.reference.solving.solve import solve
 
 CASES = [
@@ -29,14 +29,14 @@ def test_a_drawn_motion_is_that_of_the_equations_derived_there(
 ) -> None:
     system = load_system(builtin() / name)
     family = Family.compile(derive(system))
-    found = solve_drawn(family.with_constants(constants), system.scenario(scenario))
+    found = solve(family.with_constants(constants), system.scenario(scenario))
     there = at_constants(system, constants)
     wanted = solve(derive(there), there.scenario(scenario))
     assert found.t.shape == wanted.t.shape
     size = np.max(np.abs(wanted.end), axis=0)
     assert np.max(np.abs(found.start - wanted.start) / size) < 1e-9
     # Each segment from its own start: they are that of the equations to the bounds of both.
-    moved = solve_drawn(family.with_constants({}), system.scenario(scenario))
+    moved = solve(family.with_constants({}), system.scenario(scenario))
     assert np.max(np.abs(moved.end[: len(found.end)] - found.end[: len(moved.end)])) > 1e-3
     assert np.all(found.bound < 1e-13 * np.maximum(size, 1.0))
     times = np.linspace(0.0, wanted.duration, 77)
@@ -50,7 +50,7 @@ def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
         "M": 2.777978231871478, "m": 0.5031382674606564, "l": 0.42104926367495704,
         "k": 78.7854114449368, "g": 9.764055777893367,
     }  # fmt: skip
-    found = solve_drawn(
+    found = solve(
         Family.compile(derive(system)).with_constants(constants), system.scenario("driven")
     )
     there = at_constants(system, constants)
@@ -64,14 +64,14 @@ def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
 def test_a_second_draw_derives_and_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     system = load_system(builtin() / "simple_pendulum")
     family = Family.compile(derive(system))
-    solve_drawn(family.with_constants({}), system.scenario("free"))
+    solve(family.with_constants({}), system.scenario("free"))
 
     def never(*_: object, **__: object) -> NoReturn:
         raise AssertionError("something is derived or compiled again")
 
     for name in ("lambdify", "diff", "simplify", "expand"):
         monkeypatch.setattr(sp, name, never)
-    solve_drawn(family.with_constants({"l": 0.6}), system.scenario("free"))
+    solve(family.with_constants({"l": 0.6}), system.scenario("free"))
 
 
 def test_inputs_that_hold_a_varied_constant_follow_it() -> None:
@@ -85,6 +85,6 @@ def test_inputs_that_hold_a_varied_constant_follow_it() -> None:
     family = Family.compile(derive(system))
     there = at_constants(system, {"k": 80.0})
     wanted = solve(derive(there), there.scenario("step"))
-    solve_drawn(family.with_constants({}), pushed)
-    found = solve_drawn(family.with_constants({"k": 80.0}), pushed)
+    solve(family.with_constants({}), pushed)
+    found = solve(family.with_constants({"k": 80.0}), pushed)
     assert np.max(np.abs(found.end - wanted.end)) < 1e-12

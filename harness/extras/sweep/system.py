@@ -52,8 +52,9 @@ from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import Scenario
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
-from physics_crosscheck.reference.solving.family import DrawnEquations, Family, solve_drawn
+from physics_crosscheck.reference.solving.family import DrawnEquations, Family
 from physics_crosscheck.reference.solving.segments import Motion
+from physics_crosscheck.reference.solving.solve import solve
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ class Swept(Source):
         """
         return self._motions.get(
             (draw, equations.values, scenario),
-            lambda: solve_drawn(equations, self.system.scenario(scenario)),
+            lambda: solve(equations, self.system.scenario(scenario), bound_along=False),
         )
 
     @cached_property
@@ -176,7 +177,7 @@ class Swept(Source):
         """Motions of all scenarios at the declared constants, as scales of the components."""
         equations = self.family.with_constants({})
         scenarios: tuple[Scenario, ...] = self.system.scenarios
-        return {one.name: solve_drawn(equations, one) for one in scenarios}
+        return {one.name: solve(equations, one, bound_along=False) for one in scenarios}
 
     @cached_property
     def amplitude(self) -> Array:
