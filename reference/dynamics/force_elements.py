@@ -3,15 +3,224 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.path_lengths import Lines
+from physics_crosscheck.reference.dynamics.propagation import Acting, Placement
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
-from physics_crosscheck.reference.mechanism.tree import Tree, TreeForce
+from physics_crosscheck.reference.mechanism.force_paths import (
+    CablePath,
+    FrameForce,
+    JointForce,
+    LinkFrame,
+    Way,
+)
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    VANISHING,
+    Field,
+    Scalars,
+    cross,
+    from_quaternion,
+    product,
+    quaternion_product,
+    rotate,
+    rotate_back,
+    rotation_vector,
+)
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeForce, TreeLink
+
+Line = tuple[Scalars, Scalars]
+"""A length, (1, ...), and its derivatives by the velocities (power per unit force), (nv, ...)."""
+
+
+class Lines:
+    """Lengths of a tree's force paths over one number type; the batch is last.
+
+    Args:
+        tree: the links.
+        recursion: the tree's kinematics over the same numbers.
+        field: the number type.
+    """
+
+    def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
+        self._tree, self._recursion, self._field = tree, recursion, field
+        self._fixed = cache(self._quaternion_of)
+
+    def lines_of(self, ways: list[Way], q: Scalars) -> list[Line]:
+        """Return each path's length and derivatives."""
+        placements = self._recursion.placements(q)
+        poses = self._recursion.poses_of(placements)
+        lines: list[Line] = []
+        for way in ways:
+            if isinstance(way, JointForce):
+                lines.append(self._joint(way, q))
+            elif isinstance(way, CablePath):
+                lines.append(self._cable(way, q, placements, poses))
+            elif way.against is None:
+                lines.append(self._frame(way, q, placements))
+            else:
+                lines.append(self._between(way, way.against, q, placements, poses))
+        return lines
+
+    def turning(self, way: JointForce[int] | FrameForce[LinkFrame], q: Scalars) -> Scalars:
+        """Return the cosine of half the path's angle, (1, ...); s jumps where it changes sign."""
+        if isinstance(way, JointForce):
+            return self._quaternion(way.joint, q)[:1]
+        assert way.against is not None  # otherwise there is no angle
+        return self._turn(way.against, way.frame, q)[:1]
+
+    def _joint(self, way: JointForce[int], q: Scalars) -> Line:
+        there, batch = self._tree.velocities[way.joint], q.shape[1:]
+        row = self._field.array(np.zeros((self._tree.nv, *batch)))
+        gear = self._field.array(np.array(way.gear)).reshape(-1, *(1,) * len(batch))
+        turn = self._quaternion(way.joint, q)
+        rotation = from_quaternion(turn)
+        moment = gear[-3:] + 0 * turn[1:]
+        moment = rotate_back(rotation, moment) if way.in_parent else moment
+        row[there.start : there.start + 3] = moment
+        if len(way.gear) == 3:
+            return (moment * rotation_vector(turn)).sum(axis=0)[None], row
+        row[there.start + 3 : there.stop] = rotate_back(rotation, gear[:3] + 0 * turn[1:])
+        return 0 * q[:1], row
+
+    def _quaternion(self, link: int, q: Scalars) -> Scalars:
+        here = self._tree.positions[link]
+        return q[here.stop - 4 : here.stop]
+
+    def _turn(self, base: LinkFrame, frame: LinkFrame, q: Scalars) -> Scalars:
+        """Return the quaternion (4, ...) of a frame in another, continuous in q."""
+        back = self._attitude(base, q)
+        back = np.concatenate([back[:1], -back[1:]])
+        result: Scalars = quaternion_product(back, self._attitude(frame, q))
+        return result
+
+    def _attitude(self, mark: LinkFrame, q: Scalars) -> Scalars:
+        tall = (4, *(1,) * (q.ndim - 1))
+        rotation, link = self._fixed(mark).reshape(tall) + 0 * q[:1], mark.link
+        while link != WORLD:
+            joint = self._tree.links[link]
+            if joint.kind == "hinge":
+                half = q[self._tree.positions[link]] / 2
+                axis = self._field.array(joint.axis).reshape(3, *(1,) * (q.ndim - 1))
+                turn = np.concatenate([self._field.cos(half), axis * self._field.sin(half)])
+                rotation = quaternion_product(turn, rotation)
+            elif joint.kind != "slide":
+                rotation = quaternion_product(self._quaternion(link, q), rotation)
+            rotation = quaternion_product(self._fixed(joint).reshape(tall), rotation)
+            link = joint.parent
+        result: Scalars = rotation
+        return result
+
+    def _quaternion_of(self, fixed: LinkFrame | TreeLink) -> Scalars:
+        """Return the quaternion of a frame in its parent, (4,)."""
+        from scipy.spatial.transform import Rotation  # slow import, not needed by every command
+
+        turn = Rotation.from_matrix(fixed.rotation).as_quat(scalar_first=True)
+        return self._field.array(turn)
+
+    def _cable(
+        self,
+        way: CablePath[LinkFrame],
+        q: Scalars,
+        placements: list[Placement],
+        poses: list[Placement],
+    ) -> Line:
+        length, on = 0 * q[:1], self._nothing(q)
+        for share, marks in way.branches:
+            by = self._field.array([share])
+            points = [self._marked(mark, poses, q).origin for mark in marks]
+            for k in range(len(marks) - 1):
+                apart = points[k + 1] - points[k]
+                size = ((apart * apart).sum(axis=0) + VANISHING) ** 0.5
+                length = length + by * size[None]
+                along = by * apart / size
+                self._push(on, marks[k + 1], poses, along, None)
+                self._push(on, marks[k], poses, -along, None)
+        return length, self._recursion.propagate(placements, on)
+
+    def _frame(self, way: FrameForce[LinkFrame], q: Scalars, placements: list[Placement]) -> Line:
+        on = self._nothing(q)
+        force, moment = self._gear(way, q)
+        rotation = self._field.array(way.frame.rotation)
+        if way.frame.link != WORLD:
+            tall = (1,) * (q.ndim - 1)
+            turn = rotation.reshape(3, 3, *tall)
+            origin = self._field.array(way.frame.position).reshape(3, *tall)
+            along = rotate(turn, force)
+            on[way.frame.link] = along, rotate(turn, moment) + cross(origin, along)
+        return 0 * q[:1], self._recursion.propagate(placements, on)
+
+    def _between(
+        self,
+        way: FrameForce[LinkFrame],
+        against: LinkFrame,
+        q: Scalars,
+        placements: list[Placement],
+        poses: list[Placement],
+    ) -> Line:
+        frame, other = (self._marked(mark, poses, q) for mark in (way.frame, against))
+        force, moment = self._gear(way, q)
+        vector = rotation_vector(self._turn(against, way.frame, q))
+        apart = rotate_back(other.rotation, frame.origin - other.origin)
+        length = (force * apart + moment * vector).sum(axis=0)[None]
+        on = self._nothing(q)
+        along, about = rotate(other.rotation, force), rotate(other.rotation, moment)
+        self._push(on, way.frame, poses, along, about)
+        self._push(on, against, poses, -along, -about)
+        row = self._recursion.propagate(placements, on)
+        for link in self._above(way.frame.link) & self._above(against.link):
+            row[self._tree.velocities[link]] = 0 * row[self._tree.velocities[link]]
+        return length, row
+
+    def _above(self, link: int) -> set[int]:
+        """Return the indices of a link and its ancestors."""
+        indices: set[int] = set()
+        while link != WORLD:
+            indices.add(link)
+            link = self._tree.links[link].parent
+        return indices
+
+    def _gear(self, way: FrameForce[LinkFrame], q: Scalars) -> tuple[Scalars, Scalars]:
+        gear = self._field.array(np.array(way.gear)).reshape(6, *(1,) * (q.ndim - 1)) + 0 * q[:1]
+        return gear[:3], gear[3:]
+
+    def _nothing(self, q: Scalars) -> list[Acting]:
+        none = self._field.array(np.zeros((3, *q.shape[1:])))
+        return [(none, none) for _ in self._tree.links]
+
+    def _marked(self, mark: LinkFrame, poses: list[Placement], q: Scalars) -> Placement:
+        """Return a frame's pose in the world."""
+        tall = (1,) * (q.ndim - 1)
+        rotation = self._field.array(mark.rotation).reshape(3, 3, *tall) + 0 * q[:1]
+        origin = self._field.array(mark.position).reshape(3, *tall) + 0 * q[:1]
+        if mark.link == WORLD:
+            return Placement(rotation, origin)
+        pose = poses[mark.link]
+        return Placement(
+            product(pose.rotation, rotation), pose.origin + rotate(pose.rotation, origin)
+        )
+
+    def _push(
+        self,
+        on: list[Acting],
+        mark: LinkFrame,
+        poses: list[Placement],
+        force: Scalars,
+        moment: Scalars | None,
+    ) -> None:
+        """Add a force at a frame, and a moment, both along the world's axes."""
+        if mark.link == WORLD:
+            return
+        turn = poses[mark.link].rotation
+        local_force = rotate_back(turn, force)
+        origin = self._field.array(mark.position).reshape(3, *(1,) * (local_force.ndim - 1))
+        about = cross(origin, local_force)
+        if moment is not None:
+            about = about + rotate_back(turn, moment)
+        on[mark.link] = on[mark.link][0] + local_force, on[mark.link][1] + about
 
 
 class _Line(NamedTuple):

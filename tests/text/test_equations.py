@@ -13,8 +13,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import DeclarationError, Equilibrium, System
-from physics_crosscheck.harness.checks.derivation import derivation
-from physics_crosscheck.harness.checks.tree_derivation import tree_derivation
+from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
 from physics_crosscheck.harness.render.html.maths import mathml

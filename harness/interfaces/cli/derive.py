@@ -8,9 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from physics_crosscheck.harness.checks.derivation import derivation
+from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
 from physics_crosscheck.harness.checks.robot_record import format_omission
-from physics_crosscheck.harness.checks.tree_derivation import tree_derivation
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
 from physics_crosscheck.harness.interfaces.cli.targets import (

@@ -10,7 +10,7 @@ import casadi
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.dynamics.path_lengths import Lines
+from physics_crosscheck.reference.dynamics.force_elements import Lines
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.force_paths import (
