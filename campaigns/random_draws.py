@@ -27,9 +27,10 @@ from physics_crosscheck.harness.diagnosis.samples import (
 )
 from physics_crosscheck.harness.engines.protocol import Array, Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.bindings import at_constants, with_constants
+from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.parametric_file import parametric_model_file
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint
@@ -100,7 +101,8 @@ def judge_at(pairing: Pairing, constants: Mapping[str, float], scenario: str, in
     drawn = at_constants(system, constants)
     equations = derive(drawn)
     motion = solve(equations, replace(drawn.scenario(scenario), duration=DURATION))
-    copy = with_constants(system, sidecar, constants, into)
+    model_file = parametric_model_file(system, sidecar, constants, ())
+    copy = model_file.write({c.name: c.value for c in drawn.constants}, into)
     model, coordinates = load(drawn, copy, engine)
     motion = replace(motion, scale=component_scale(motion, []))
     found = extrapolate(model, coordinates, motion, resolution=RESOLUTION)

@@ -164,21 +164,6 @@ def at_constants(system: System, constants: Mapping[str, float]) -> System:
     return replace(system, constants=tuple(changed))
 
 
-def with_constants(
-    system: System, sidecar: Sidecar, constants: Mapping[str, float], into: Path
-) -> Sidecar:
-    """Copy a model into another folder with every bound literal at changed constants.
-
-    Other constants keep their values. A correct literal stays as written; a wrong one is corrected.
-    The copy's reference is that of `at_constants`.
-
-    Raises:
-        DeclarationError, SidecarError, LocationError: naming the problem and its place.
-    """
-    bound = bindings(at_constants(system, constants), sidecar)
-    return with_literals(sidecar, {b.address: b.expected for b in bound if not b.exact}, into)
-
-
 def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -> Sidecar:
     """Copy a model file and its sidecar into another folder with literals replaced, by address.
 

@@ -1,8 +1,8 @@
 """A model file at many values of its constants: its literals are located and parsed once.
 
-It does what `modelfiles.bindings.with_constants` does, prepared for thousands of copies: it keeps
-the place of each bound literal, and its value as a function of the constants. A copy differs from
-the user's files only in the digits of literals that depend on a varied constant.
+It is prepared for thousands of copies: it keeps the place of each bound literal, and its value as
+a function of the constants. A copy differs from the user's files only in the digits of literals
+that depend on a varied constant. Its reference is that of `modelfiles.bindings.at_constants`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,6 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import (
     at_constants,
     bindings,
-    with_constants,
     with_literals,
 )
 from physics_crosscheck.harness.modelfiles.folders import system_folders
@@ -30,6 +29,7 @@ from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
 from tests.engines.extras import EXTRAS, need
+from tests.physics import redrawn
 
 SECONDS = 2.0
 COARSE = 1e-5
@@ -121,7 +121,7 @@ def test_a_model_and_equations_at_random_constants_agree(
 ) -> None:
     nominal = load_system(sidecar.model.parent)
     system, draw, motion = drawn(sidecar.model.parent)
-    copy = with_constants(nominal, sidecar, draw, tmp_path / "copy")
+    copy = redrawn(nominal, sidecar, draw, tmp_path / "copy")
     found = verdict(system, copy, engine, motion, 1e-9)
     assert found.outcome is Outcome.AGREES, found.reason
     # The draw moves the motion: the file as it ships does something else.

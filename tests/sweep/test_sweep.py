@@ -15,12 +15,12 @@ from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
 from physics_crosscheck.harness.extras.sweep.run import run_single, sweep
 from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.modelfiles.bindings import with_constants
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_system
+from tests.physics import redrawn
 from tests.sweep.made import options, plan_of, swept_folder
 
 VARY = ("k=20:200:log", "m=0.8:2")
@@ -99,9 +99,7 @@ def test_a_row_is_had_again_by_its_number_alone(
 def written_by_hand(folder: Path, row: SweepRow, place: Path) -> tuple[Path, Sidecar]:
     """A folder that declares a row's constants, as a person would write it."""
     system = load_system(folder)
-    sidecar = with_constants(
-        system, read_sidecar(folder / f"{row.model}.toml"), row.constants, place
-    )
+    sidecar = redrawn(system, read_sidecar(folder / f"{row.model}.toml"), row.constants, place)
     text = (folder / "system.py").read_text()
     declared = {c.name: c.value for c in system.constants}
     for name, value in row.constants.items():
