@@ -16,7 +16,7 @@ from physics_crosscheck.harness.checks.case import Followed, follow
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.checks.verdict import filled
-from physics_crosscheck.harness.diagnosis.samples import RUNGS_USED
+from physics_crosscheck.harness.diagnosis.samples import RUNGS_USED, finite
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -108,11 +108,7 @@ class FollowersRun:
             self.way.limits.limit.value,
         )
         value = residual.limit.value[:, places] + off
-        uncertainty = np.where(
-            np.isfinite(residual.limit.uncertainty),
-            residual.limit.uncertainty,
-            np.max(np.abs(value)),
-        )
+        uncertainty = finite(residual.limit.uncertainty, value)
         scale = following.scale
         return value / scale, np.maximum(uncertainty[:, places] / scale, EPSILON)
 

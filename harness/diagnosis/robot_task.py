@@ -19,6 +19,7 @@ from physics_crosscheck.harness.diagnosis.robot_followers import (
     scaled,
 )
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem, suspicions
+from physics_crosscheck.harness.diagnosis.samples import finite
 from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
@@ -283,8 +284,7 @@ def _apart(run: FollowersRun) -> tuple[Array, Array]:
     """Return engine - reference and its uncertainty; followers last."""
     limit, target = run.way.limits.limit, run.task.target
     apart = (limit.value - target.samples.end) / target.scale
-    largest = np.max(np.abs(apart))
-    uncertain = np.where(np.isfinite(limit.uncertainty), limit.uncertainty / target.scale, largest)
+    uncertain = finite(limit.uncertainty / target.scale, apart)
     uncertainty = np.maximum(uncertain + target.samples.bound / target.scale, EPSILON)
     off, off_uncertainty = run.apart()
     return (

@@ -51,6 +51,11 @@ def engine_ends(
     return np.concatenate(values), np.concatenate(uncertainties)
 
 
+def finite(uncertainty: Array, discrepancy: Array) -> Array:
+    """Return uncertainties; those of unknown limits are as large as the largest discrepancy."""
+    return np.where(np.isfinite(uncertainty), uncertainty, np.max(np.abs(discrepancy)))
+
+
 def freedoms(
     model: Model, coordinates: CoordinateMap, samples: Sequence[Segments]
 ) -> tuple[str, ...]:

@@ -14,13 +14,13 @@ from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,
+    finite,
     freedoms,
     reference_ends,
     sample_segments,
 )
 from physics_crosscheck.harness.diagnosis.trial import TrialModel, scratch
 from physics_crosscheck.harness.engines.protocol import Model
-from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -95,13 +95,10 @@ def trial_model(
         task: the model and its motions.
         known_slopes: slopes of literals, if known from a similar model.
     """
-    engine = engines()[task.engine]
     model, coordinates = task.load()
     samples = sample_segments(task.target.motions)
     ends, uncertainty = engine_ends(model, coordinates, samples)
-    # Where no limit is known, the error may be as large as the largest discrepancy.
-    largest = np.max(np.abs(ends - reference_ends(samples)))
-    uncertainty = np.where(np.isfinite(uncertainty), uncertainty, largest)
+    uncertainty = finite(uncertainty, ends - reference_ends(samples))
     # Add the reference's error bound and rounding error, as in the verdict.
     bounds = [np.tile(some.bound / some.unit, len(some.t)) for some in samples]
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
@@ -110,11 +107,9 @@ def trial_model(
     )
     with scratch() as folder:
         trial = TrialModel(
-            sidecar=task.declared,
-            engine=engine,
+            task=task,
             model=model,
             coordinates=coordinates,
-            variants=task.target.variants,
             samples=samples,
             ends=ends,
             candidates=candidates,

@@ -5,11 +5,12 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses import Perturbation, TrialHypothesis
 from physics_crosscheck.harness.diagnosis.samples import (
@@ -20,14 +21,13 @@ from physics_crosscheck.harness.diagnosis.samples import (
     variant_ends,
 )
 from physics_crosscheck.harness.engines.protocol import (
-    Engine,
     EngineError,
     Force,
     Model,
     StateForce,
 )
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_literals
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.cause import CauseId
@@ -48,8 +48,8 @@ class TrialModel:
     """A model, its equations, and hypotheses on it.
 
     Attributes:
-        sidecar, engine, model, coordinates: the unmodified model.
-        variants: the equations with free parameters.
+        task: the unmodified model, and its equations.
+        model, coordinates: the model in its engine.
         samples: the segments.
         ends: the model's end states, scaled and flat, (N,).
         candidates: H hypotheses.
@@ -57,11 +57,9 @@ class TrialModel:
         known_slopes: slopes of the literals, if known from a similar model.
     """
 
-    sidecar: Sidecar
-    engine: Engine
+    task: SystemTask
     model: Model
     coordinates: CoordinateMap
-    variants: Variants
     samples: Sequence[Segments]
     ends: Array
     candidates: tuple[TrialHypothesis, ...]
@@ -69,6 +67,11 @@ class TrialModel:
     known_slopes: Mapping[CauseId, Array] = field(default_factory=dict)
     _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
     _reference_ends: dict[bytes, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def variants(self) -> Variants:
+        """The equations with free parameters."""
+        return self.task.target.variants
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -190,13 +193,13 @@ class TrialModel:
         return np.full_like(self.ends, REFUSED)
 
     def _load(self, repair: _Repair) -> Model | None:
-        sidecar, settings = self.sidecar, repair.settings
+        task, settings = self.task, repair.settings
         literals = {address: change for address, change in repair.literals.items() if change}
         if literals:
             moved = self._literals(literals)
             if moved is None:
                 return None
-            sidecar = with_literals(sidecar, moved, self.folder)
+            task = task.with_sidecar(with_literals(task.declared, moved, self.folder))
         if repair.gravity.any():
             gravity = [*self.model.gravity, 0.0][
                 :3
@@ -206,9 +209,8 @@ class TrialModel:
                 "gravity": [float(g) for g in np.array(gravity) + repair.gravity],
             }
         if settings:
-            sidecar = with_engine_settings(sidecar, self.engine.name, **settings)
-        same = sidecar is self.sidecar
-        model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
+            task = task.with_settings(**settings)
+        model = self.model if task is self.task else engines()[task.engine].load(task.spec)
         if not repair.turned:
             return model
         return ReorientedModel(model=model, sign=repair.sign, offset=repair.offset)
@@ -216,7 +218,7 @@ class TrialModel:
     def _literals(self, changes: Mapping[str, float]) -> dict[str, float] | None:
         """Return new values, or None if one would change sign to another than its nominal's."""
         values = {}
-        for address, place in locate(self.sidecar, changes).items():
+        for address, place in locate(self.task.declared, changes).items():
             signs = {np.sign(place.value), 0.0, *self._nominal_signs(address)}
             values[address] = place.value + changes[address]
             if np.sign(values[address]) not in signs:
@@ -275,12 +277,6 @@ class _Repair:
             self.sign.tobytes(),
             self.offset.tobytes(),
         )
-
-
-def with_engine_settings(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
-    """Return a sidecar with other settings for one engine."""
-    merged = {**sidecar.engine_settings.get(engine, {}), **settings}
-    return replace(sidecar, engine_settings={**sidecar.engine_settings, engine: merged})
 
 
 @contextmanager

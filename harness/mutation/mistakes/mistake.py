@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from physics_crosscheck.harness.diagnosis.trial import with_engine_settings
 from physics_crosscheck.harness.modelfiles.bindings import rewrite, with_literals
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -41,7 +40,10 @@ class Edit:
             rewrite(copy, self.literals)
             # The edits may include numbers of the sidecar itself.
             copy = read_sidecar(Path(f"{copy.model}.toml"))
-        return with_engine_settings(copy, engine, **self.settings) if self.settings else copy
+        if not self.settings:
+            return copy
+        settings = {**copy.engine_settings.get(engine, {}), **self.settings}
+        return replace(copy, engine_settings={**copy.engine_settings, engine: settings})
 
 
 def literal_causes(*addresses: str) -> frozenset[CauseId]:
