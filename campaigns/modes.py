@@ -27,7 +27,7 @@ from campaigns.mechanisms.written import sidecar
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import ModelTask, TreeTask, model_task
-from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
+from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
