@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from physics_crosscheck.reference.mechanism.laws import Laws
+
 Numbers = tuple[float, ...]
 
 
@@ -221,6 +223,8 @@ class CompiledTree:
         shapes: file names, as in the model, of meshes that the inertias depend on.
         engine_variants: where the engine's force law differs from the file: a cause, and the forces
             that the engine computes.
+        laws: numbers of limits, friction, equalities, contacts and drives; None if unknown.
+        paths: force elements without coefficients, along which these act.
     """
 
     bodies: tuple[CompiledBody, ...]
@@ -236,3 +240,5 @@ class CompiledTree:
     states: int = 0
     shapes: tuple[str, ...] = ()
     engine_variants: tuple[tuple[str, tuple[CompiledForce, ...]], ...] = ()
+    laws: Laws | None = None
+    paths: tuple[CompiledForce, ...] = ()

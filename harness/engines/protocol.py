@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.reference.mechanism.laws import Contact
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,6 +317,73 @@ class Model(ABC):
         return ()
 
 
+class WholeState(NamedTuple):
+    """A state of a model with all its forces.
+
+    Velocities are those that the engine stores: angular about a body's axes, linear along the axes
+    of its parent. Positions z and velocities m are (nz,).
+    """
+
+    z: Array
+    m: Array
+    controls: Array
+    activations: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WholeStep:
+    """Forces, contacts and the next state that an engine computes at one state.
+
+    Attributes:
+        acceleration: derivative of the stored velocities, (nz,).
+        unbalanced: force that its solver left, (nz,).
+        contacts: as its collision detector finds them.
+        after: the state after one step of the file.
+    """
+
+    acceleration: Array
+    unbalanced: Array
+    contacts: tuple[Contact, ...]
+    after: WholeState
+
+
+class WholeModel(ABC):
+    """A model file with all its forces, loaded for single steps.
+
+    Attributes:
+        coordinates: as in `Model`.
+        step: of the file, s.
+        controls, activations: number of inputs and states of actuators.
+        edits: options of the file that are changed, as `name=value`.
+        uncovered: features of the engine that are switched off, since no law describes them.
+    """
+
+    coordinates: tuple[str, ...]
+    step: float
+    controls: int
+    activations: int
+    edits: tuple[str, ...]
+    uncovered: tuple[str, ...] = ()
+
+    @property
+    @abstractmethod
+    def starts(self) -> Iterable[WholeState]:
+        """States of the file at rest: its drawn configuration first."""
+
+    @property
+    @abstractmethod
+    def ranges(self) -> tuple[Array, Array]:
+        """Ranges of coordinates, (nz, 2), and of controls, (controls, 2); infinite without one."""
+
+    @abstractmethod
+    def moved(self, state: WholeState, steps: int) -> WholeState:
+        """Return the state after some steps."""
+
+    @abstractmethod
+    def evaluate(self, state: WholeState) -> WholeStep:
+        """Return accelerations, contacts and the next state."""
+
+
 class Engine(ABC):
     """An adapter: its names, formats and capabilities, and how to load a model file.
 
@@ -384,6 +452,14 @@ class Engine(ABC):
         Raises:
             EngineError: with file, place and remedy.
         """
+
+    def load_whole(self, spec: ModelSpec) -> WholeModel | None:
+        """Load a file with all its forces; None if their law is not documented here.
+
+        Raises:
+            EngineError: with file, place and remedy.
+        """
+        return None
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return settings that files of a format can't state and a run needs, at ordinary

@@ -326,6 +326,14 @@ class ForceElements:
                 values.append(self._lines.turning(element.along, q))
         return np.concatenate(values)
 
+    def lines(self, q: Scalars) -> Iterator[Line]:
+        """Yield each element's length, (1, ...), and its derivatives by velocities, (nv, ...)."""
+        for line in self._along(q):
+            row = self._field.array(np.zeros((self._tree.nv, *q.shape[1:])))
+            for there, column in line.columns:
+                row[there] = row[there] + column
+            yield line.length, row
+
     def _along(self, q: Scalars) -> Iterator[_Line]:
         """Yield each element with its length."""
         lines = iter(self._lines.lines_of(self._ways, q) if self._ways else ())

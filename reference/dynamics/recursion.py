@@ -115,7 +115,7 @@ class Recursion:
         It includes bodies and gravity only, without springs, dampers or armatures.
         """
         placements = self.placements(q)
-        motions = self._motions(placements, v, a)
+        motions = self.motions(placements, v, a)
         forces = [motion.wrench(link) for motion, link in zip(motions, self._links, strict=True)]
         return self.propagate(placements, forces)
 
@@ -128,7 +128,7 @@ class Recursion:
         """
         placements, tree = self.placements(q), self.tree
         out = self._field.array(np.zeros((tree.nv, 10 * len(tree.links), *v.shape[1:])))
-        for i, motion in enumerate(self._motions(placements, v, a)):
+        for i, motion in enumerate(self.motions(placements, v, a)):
             force, moment = motion.wrench_regressor(self._field)
             ancestor, columns = i, slice(10 * i, 10 * i + 10)
             while True:
@@ -148,7 +148,7 @@ class Recursion:
             forces.append((force, cross(tall(self._field.array(link.lift), batch), force)))
         return self.propagate(self.placements(q), forces)
 
-    def _motions(
+    def motions(
         self, placements: list[Placement], v: Scalars, a: Scalars | None
     ) -> list[LinkMotion]:
         """Return the motion of each link, relative to a freely falling frame."""

@@ -51,6 +51,7 @@ from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
 from physics_crosscheck.harness.engines.mujoco.urdf import changes, complete_urdf
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     DefaultLeftOn,
@@ -135,6 +136,9 @@ _STIFF: Mapping[str, object] = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999
 """The default softness of equalities, and the stiffest that a step allows, which settles in one
 step.
 """
+
+LAW_VERSION = 4
+"""Major version whose constraint law is known here; earlier ones mix margins otherwise."""
 
 _SAMPLE = """<mujoco><option timestep="0.004" integrator="{}" jacobian="dense"/>
 <compiler angle="radian"/><worldbody>
@@ -226,6 +230,19 @@ class MujocoEngine(Engine):
         # step sizes would agree.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return self.model_of(model, spec, xml_sources, warnings, controls)
+
+    def load_whole(self, spec: ModelSpec) -> MujocoWhole | None:
+        """Load an MJCF with all its forces."""
+        import mujoco
+
+        if spec.path.suffix not in self.compiles or mujoco.mj_version() // 1_000_000 != LAW_VERSION:
+            return None
+        xml_sources, warnings = sources(spec.path), Warnings()
+        try:
+            with warnings.collecting():
+                return MujocoWhole(mujoco.MjModel.from_xml_path(str(spec.path)))
+        except Exception as error:
+            raise load_error(error, spec.path, xml_sources) from None
 
     def model_of(self, *compiled: Any) -> MujocoModel:
         """Return the model to step; the arguments are those of `MujocoModel`."""

@@ -34,7 +34,7 @@ def step_rule(m: Any) -> StepRule | None:
         case kinds.mjINT_RK4:
             return StepRule(scheme="Runge-Kutta 4", besides=besides)
         case kinds.mjINT_IMPLICIT if not (
-            _has_nonlinear_damping(m) or _has_unresolved_drag(m) or _has_motors_on_frames(m)
+            has_nonlinear_damping(m) or _has_unresolved_drag(m) or _has_motors_on_frames(m)
         ):
             return StepRule(
                 scheme="semi-implicit Euler",
@@ -60,7 +60,7 @@ def _euler_damping(m: Any) -> Array | None:
     """
     if not (acts(m, "DAMPER") and acts(m, "EULERDAMP")):
         return np.zeros((m.nv, m.nv))
-    if _has_nonlinear_damping(m):
+    if has_nonlinear_damping(m):
         return None
     if not np.any(m.dof_damping > 0):  # MuJoCo treats dampers as explicit if none is positive
         return np.zeros((m.nv, m.nv))
@@ -76,7 +76,7 @@ def _derivative_entries(m: Any) -> NDArray[np.bool_] | None:
     return None if entries.all() else entries
 
 
-def _has_nonlinear_damping(m: Any) -> bool:
+def has_nonlinear_damping(m: Any) -> bool:
     """Return whether a joint's damper is not constant."""
     return any(any(powers(m, "dof_damping", i)[1:]) for i in range(m.nv))
 

@@ -182,6 +182,18 @@ def _saturation(m: Any) -> Iterator[bool]:
         yield any((*limited, m.actuator_forcelimited[i]))
 
 
+def smooth_omissions(m: Any) -> tuple[str, ...]:
+    """Return the smooth forces of a compiled model that have no formula."""
+    return (*uncovered(m), *(what for what, _ in besides(m) if what in _SMOOTH))
+
+
+_SMOOTH = (
+    "tendons around shapes that pull",
+    "armatures along tendons in space",
+    "ellipsoids in a medium",
+)
+
+
 def uncovered(m: Any) -> tuple[str, ...]:
     """Return features that act under all settings and that no tree of bodies represents."""
     lifted = bool(np.any(m.body_gravcomp)) and bool(np.any(m.jnt_actgravcomp))

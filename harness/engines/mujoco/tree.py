@@ -16,6 +16,7 @@ from physics_crosscheck.harness.engines.compiled import (
     Numbers,
 )
 from physics_crosscheck.harness.engines.mujoco.equalities import couplings
+from physics_crosscheck.harness.engines.mujoco.laws import laws_of
 from physics_crosscheck.harness.engines.mujoco.mjcf import included, load_error, sources
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     UNCOUPLED,
@@ -128,6 +129,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
             m: Any = tree.compile()
     except Exception as error:
         raise load_error(error, path, xml_sources) from None
+    laws, paths = laws_of(m)
     x, y, z = map(float, m.opt.gravity if acts(m, "GRAVITY") else np.zeros(3))
     return CompiledTree(
         pulls=tuple(pulls(m)),
@@ -143,6 +145,8 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         states=int(m.na),
         shapes=shapes,
         engine_variants=((UNCOUPLED, pulls_as_computed(m)),) if any(split_tendons(m)) else (),
+        laws=laws,
+        paths=paths,
     )
 
 

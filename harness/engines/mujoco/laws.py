@@ -1,0 +1,324 @@
+"""Numbers of MuJoCo's laws that are not smooth, from a compiled model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from physics_crosscheck.harness.engines.compiled import CompiledForce, CompiledLength, Numbers
+from physics_crosscheck.harness.engines.mujoco.pulls import (
+    Combination,
+    acts,
+    actuators,
+    box_fluid,
+    control,
+    of_actuator,
+    of_tendon,
+    output,
+)
+from physics_crosscheck.harness.engines.mujoco.rule import has_nonlinear_damping
+from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
+from physics_crosscheck.reference.mechanism.laws import (
+    Anchor,
+    Curve,
+    Drive,
+    DryFriction,
+    Dynamics,
+    Laws,
+    Range,
+    SoftEquality,
+    SoftLimit,
+    Softness,
+    Surface,
+    Touch,
+)
+
+_DYNAMICS: Mapping[str, Dynamics] = {
+    "NONE": "none", "INTEGRATOR": "integrator", "FILTER": "filter",
+    "FILTEREXACT": "exact filter", "MUSCLE": "muscle",
+}  # fmt: skip
+_CURVES: Mapping[str, Curve] = {
+    "NONE": "none", "FIXED": "fixed", "AFFINE": "affine", "MUSCLE": "muscle",
+}  # fmt: skip
+_BALL = 1
+"""Value of mjtJoint."""
+
+
+def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
+    """Return the numbers of the laws, and the paths along which they act: tendons, then drives."""
+    import mujoco
+
+    on = acts(m, "CONSTRAINT")
+    integrator = mujoco.mjtIntegrator(m.opt.integrator).name.removeprefix("mjINT_").lower()
+    drives = [i for i in range(actuators(m)) if of_actuator(m, i, _gear(m, i)) is not None]
+    override = bool(int(m.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
+    laws = Laws(
+        step=float(m.opt.timestep),
+        integrator="" if _has_no_rule(m, integrator) else integrator,
+        elliptic=m.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC,
+        friction_ratio=float(m.opt.impratio),
+        safe=acts(m, "REFSAFE"),
+        damps_implicitly=acts(m, "EULERDAMP") and acts(m, "DAMPER"),
+        acts=acts(m, "ACTUATION"),
+        limits=tuple(_limits(m)) if on and acts(m, "LIMIT") else (),
+        frictions=tuple(_frictions(m)) if on and acts(m, "FRICTIONLOSS") else (),
+        equalities=tuple(_equalities(m)) if on and acts(m, "EQUALITY") else (),
+        surfaces=tuple(_surface(m, i, override=override) for i in range(m.ngeom)),
+        pairs=tuple(_pairs(m, override=override)),
+        drives=tuple(_drive(m, i, m.ntendon + k) for k, i in enumerate(drives)),
+        sums=tuple(
+            (
+                tuple(k for k, i in enumerate(drives) if _driven_tendon(m, i) == t),
+                _pair(m.tendon_actfrcrange[t]),
+            )
+            for t in np.flatnonzero(m.tendon_actfrclimited)
+        ),
+        joint_ranges={
+            j: (_pair(m.jnt_actfrcrange[j]), bool(m.jnt_actgravcomp[j]))
+            for j in range(m.njnt)
+            if m.jnt_actfrclimited[j]
+        },
+        light=frozenset(int(i) for i in np.flatnonzero(np.array(m.body_simple) == 2)),
+        uncovered=tuple(_uncovered(m)),
+    )
+    return laws, (*_tendons(m), *(_path(of_actuator(m, i, _gear(m, i))) for i in drives))
+
+
+def _has_no_rule(m: Any, integrator: str) -> bool:
+    """Return whether damping that is not constant leaves the next state without a rule."""
+    implicit = integrator.startswith("implicit")
+    return has_nonlinear_damping(m) or (implicit and box_fluid(m) is not None)
+
+
+def _softness(reference: Any, impedance: Any) -> Softness:
+    return Softness(reference=_pair(reference), impedance=_numbers(impedance))
+
+
+def _limits(m: Any) -> Iterator[SoftLimit]:
+    """Yield the ranges of joints and tendons."""
+    for j in np.flatnonzero(m.jnt_limited):
+        lower, upper = _pair(m.jnt_range[j])
+        yield SoftLimit(
+            joint=int(j), lower=lower, upper=upper, margin=float(m.jnt_margin[j]),
+            softness=_softness(m.jnt_solref[j], m.jnt_solimp[j]),
+        )  # fmt: skip
+    for t in np.flatnonzero(m.tendon_limited):
+        lower, upper = _pair(m.tendon_range[t])
+        yield SoftLimit(
+            path=int(t), lower=lower, upper=upper, margin=float(m.tendon_margin[t]),
+            softness=_softness(m.tendon_solref_lim[t], m.tendon_solimp_lim[t]),
+        )  # fmt: skip
+
+
+def _frictions(m: Any) -> Iterator[DryFriction]:
+    """Yield the dry friction of joints and tendons."""
+    for j in range(m.njnt):
+        d = int(m.jnt_dofadr[j])
+        if m.dof_frictionloss[d]:
+            softness = _softness(m.dof_solref[d], m.dof_solimp[d])
+            yield DryFriction(joint=j, force=float(m.dof_frictionloss[d]), softness=softness)
+    for t in range(m.ntendon):
+        if m.tendon_frictionloss[t] > 0:
+            softness = _softness(m.tendon_solref_fri[t], m.tendon_solimp_fri[t])
+            yield DryFriction(path=t, force=float(m.tendon_frictionloss[t]), softness=softness)
+
+
+def _equalities(m: Any) -> Iterator[SoftEquality]:
+    """Yield the active equalities of joints, tendons and bodies."""
+    import mujoco
+
+    kinds = mujoco.mjtEq
+    for i in np.flatnonzero(m.eq_active0):
+        kind, data = kinds(m.eq_type[i]), _numbers(m.eq_data[i])
+        first, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+        both = (first,) if other < 0 else (first, other)
+        softness = _softness(m.eq_solref[i], m.eq_solimp[i])
+        if kind == kinds.mjEQ_JOINT:
+            starts = tuple(float(m.qpos0[m.jnt_qposadr[k]]) for k in both)
+            yield SoftEquality(joints=both, polynomial=data[:5], starts=starts, softness=softness)
+        elif kind == kinds.mjEQ_TENDON:
+            starts = tuple(float(m.tendon_length0[k]) for k in both)
+            yield SoftEquality(paths=both, polynomial=data[:5], starts=starts, softness=softness)
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            weld = kind == kinds.mjEQ_WELD
+            yield SoftEquality(
+                anchors=_anchors(m, int(i), weld=weld),
+                turn_scale=data[10] if weld else None,
+                softness=softness,
+            )
+
+
+def _anchors(m: Any, i: int, *, weld: bool) -> tuple[Anchor, Anchor]:
+    """Return the two frames of an equality; the numbers of a weld begin with the second one."""
+    import mujoco
+
+    first, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+    if m.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        return _site(m, first), _site(m, other)
+    data = _numbers(m.eq_data[i])
+    first_origin, origin = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
+    turn = data[6:10] if weld else (1.0, 0.0, 0.0, 0.0)
+    return Anchor(body=first, position=first_origin, turn=turn), Anchor(body=other, position=origin)
+
+
+def _site(m: Any, i: int) -> Anchor:
+    return Anchor(
+        body=int(m.site_bodyid[i]),
+        position=_numbers(m.site_pos[i]),
+        turn=_numbers(m.site_quat[i]),
+    )
+
+
+def _surface(m: Any, i: int, *, override: bool) -> Surface:
+    """Return the surface of a geom; `override` replaces its numbers by those of the options."""
+    o = m.opt
+    sliding, spinning, rolling = _numbers((o.o_friction[[0, 2, 3]]) if override else (
+        m.geom_friction[i]))  # fmt: skip
+    return Surface(
+        body=int(m.geom_bodyid[i]),
+        dimension=int(m.geom_condim[i]),
+        friction=(sliding, spinning, rolling),
+        priority=int(m.geom_priority[i]),
+        mix=float(m.geom_solmix[i]),
+        margin=float(o.o_margin) / 2 if override else float(m.geom_margin[i]),
+        softness=_softness(o.o_solref, o.o_solimp)
+        if override
+        else _softness(m.geom_solref[i], m.geom_solimp[i]),
+    )
+
+
+def _pairs(m: Any, *, override: bool) -> Iterator[tuple[int, int, Touch]]:
+    """Yield the pairs of geoms that state their numbers themselves."""
+    o = m.opt
+    for i in range(m.npair):
+        first, other = int(m.pair_geom1[i]), int(m.pair_geom2[i])
+        touch = Touch(
+            dimension=int(m.pair_dim[i]),
+            friction=_numbers(o.o_friction if override else m.pair_friction[i]),
+            margin=float(o.o_margin if override else m.pair_margin[i]),
+            softness=_softness(o.o_solref, o.o_solimp)
+            if override
+            else _softness(m.pair_solref[i], m.pair_solimp[i]),
+            sliding=_pair(m.pair_solreffriction[i]),
+        )
+        yield first, other, touch
+
+
+def _tendons(m: Any) -> Iterator[CompiledForce]:
+    """Yield the path of each tendon; one that wraps shapes has no length here."""
+    for t in range(m.ntendon):
+        yield _path(of_tendon(m, t) or ())
+
+
+def _path(way: Combination | CompiledLength | None) -> CompiledForce:
+    if isinstance(way, CompiledLength):
+        return CompiledForce(name="path", along=way)
+    return CompiledForce(name="path", joints=way or ())
+
+
+def _drive(m: Any, i: int, path: int) -> Drive:
+    """Return an actuator."""
+    import mujoco
+
+    index = control(m, i)
+    first, count = int(m.actuator_actadr[i]), int(m.actuator_actnum[i])
+    dynamics = mujoco.mjtDyn(m.actuator_dyntype[i]).name.removeprefix("mjDYN_")
+    gain = mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_")
+    bias = mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_")
+    group = int(m.actuator_group[i])
+    off = 0 <= group <= 30 and bool(int(m.opt.disableactuator) >> group & 1)
+    clamped = m.actuator_ctrllimited[index] and acts(m, "CLAMPCTRL")
+    return Drive(
+        path=path,
+        control=index,
+        state=first + count - 1 if first >= 0 else -1,
+        control_range=_pair(m.actuator_ctrlrange[index]) if clamped else None,
+        state_range=_pair(m.actuator_actrange[i]) if m.actuator_actlimited[i] else None,
+        force_range=_pair(m.actuator_forcerange[i]) if m.actuator_forcelimited[i] else None,
+        dynamics=_DYNAMICS.get(dynamics, "none"),
+        constants=_numbers(m.actuator_dynprm[i])[:3],
+        gain=_CURVES.get(gain, "none"),
+        gains=_numbers(m.actuator_gainprm[i])[:9],
+        bias=_CURVES.get(bias, "none"),
+        biases=_numbers(m.actuator_biasprm[i])[:9],
+        early=bool(m.actuator_actearly[i]),
+        stretch=_pair(m.actuator_lengthrange[output(m, i)]),
+        period=_period(m, i),
+        on=not off and acts(m, "ACTUATION"),
+    )
+
+
+def _period(m: Any, i: int) -> float:
+    """Return the period of a servo's setpoint on a ball joint or between frames, or 0."""
+    import mujoco
+
+    kinds = mujoco.mjtTrn
+    fixed = m.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED
+    affine = m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE
+    matches = m.actuator_gainprm[i][0] == -m.actuator_biasprm[i][1]
+    still = m.actuator_dyntype[i] in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_INTEGRATOR)
+    if not (fixed and affine and matches and still):
+        return 0.0
+    gear, kind = np.array(_gear(m, i)), kinds(m.actuator_trntype[i])
+    target, other = map(int, m.actuator_trnid[i])
+    if kind == kinds.mjTRN_SITE and other >= 0 and not gear[:3].any():
+        return float(2 * np.pi * np.linalg.norm(gear[3:]))
+    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT) and m.jnt_type[target] == _BALL:
+        return float(2 * np.pi * np.linalg.norm(gear[:3]))
+    return 0.0
+
+
+def _driven_tendon(m: Any, i: int) -> int:
+    """Return the tendon that an actuator acts on, or -1."""
+    import mujoco
+
+    on_tendon = m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON
+    return int(m.actuator_trnid[i][0]) if on_tendon else -1
+
+
+def _uncovered(m: Any) -> Iterator[str]:
+    """Yield what acts on the bodies and has no law here."""
+    yield from smooth_omissions(m)
+    drives = range(actuators(m))
+    if any(_unusual(m, i) for i in drives):
+        yield "actuators of other laws or transmissions"
+    wrapped = [t for t in range(m.ntendon) if of_tendon(m, t) is None]
+    if any(m.tendon_limited[t] or m.tendon_frictionloss[t] for t in wrapped) or (wrapped and m.neq):
+        yield "limits, friction or equalities of tendons around shapes"
+    if getattr(m, "flg_adhesion", False) or getattr(m, "flg_surfacevel", False):
+        yield "adhesion or surface velocity"
+    kinds = {int(kind) for kind in np.array(m.eq_type)[np.flatnonzero(m.eq_active0)]}
+    if kinds - set(range(4)):  # connect, weld, joint, tendon
+        yield "equalities of flexible bodies"
+
+
+def _unusual(m: Any, i: int) -> bool:
+    """Return whether an actuator has no law here."""
+    import mujoco
+
+    names = (
+        mujoco.mjtDyn(m.actuator_dyntype[i]).name.removeprefix("mjDYN_") in _DYNAMICS,
+        mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_") in _CURVES,
+        mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_") in _CURVES,
+        of_actuator(m, i, _gear(m, i)) is not None,
+        not (hasattr(m, "actuator_delay") and m.actuator_delay[i]),
+        not (hasattr(m, "actuator_ctrlnum") and m.actuator_ctrlnum[i] != 1),
+        not m.actuator_plugin[i] >= 0,
+        m.actuator_actnum[i] <= 1,
+    )
+    return not all(names)
+
+
+def _gear(m: Any, i: int) -> Numbers:
+    return _numbers(m.actuator_gear[output(m, i)])
+
+
+def _numbers(values: Any) -> Numbers:
+    return tuple(float(value) for value in np.ravel(values))
+
+
+def _pair(values: Any) -> Range:
+    low, high = (float(value) for value in values)
+    return low, high

@@ -1,0 +1,128 @@
+"""MuJoCo with all its forces, for single steps from given states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from physics_crosscheck.harness.engines.mujoco.state import States
+from physics_crosscheck.harness.engines.protocol import Array, WholeModel, WholeState, WholeStep
+from physics_crosscheck.reference.mechanism.laws import Contact
+
+_EXACT: Mapping[str, object] = MappingProxyType({
+    "solver": 2, "tolerance": 0.0, "iterations": 200, "ls_iterations": 200,
+    "ls_tolerance": 1e-12, "noslip_iterations": 0, "jacobian": 0,
+})  # fmt: skip
+"""Options of an exact solver: Newton's, with dense matrices (4.0.0 has a wrong sparse Hessian)."""
+
+
+_EDITS = (
+    "solver=Newton", "tolerance=0", "iterations=200", "ls_iterations=200", "ls_tolerance=1e-12",
+    "noslip_iterations=0", "jacobian=dense", "warmstart=disable", "island=disable",
+)  # fmt: skip
+
+
+def _uncovered(model: Any) -> Iterator[str]:
+    """Yield features of the engine that no law here describes, and that are switched off."""
+    import mujoco
+
+    if model.opt.noslip_iterations:
+        yield "noslip iterations"
+    if model.opt.solver != mujoco.mjtSolver.mjSOL_NEWTON:
+        yield "the error of its own solver"
+
+
+class MujocoWhole(WholeModel):
+    """A compiled model as its file states it, with an exact solver."""
+
+    def __init__(self, model: Any) -> None:
+        import mujoco
+
+        self.uncovered = tuple(_uncovered(model))
+        self._shipped = {name: getattr(model.opt, name) for name in _EXACT}
+        flags = mujoco.mjtDisableBit
+        model.opt.disableflags |= int(flags.mjDSBL_WARMSTART) | int(flags.mjDSBL_AUTORESET)
+        model.opt.disableflags |= int(getattr(flags, "mjDSBL_ISLAND", 0))
+        model.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+        self.edits = _EDITS
+        self._model, self._data, self._states = model, mujoco.MjData(model), States(model)
+        self.coordinates, self.step = self._states.names, float(model.opt.timestep)
+        self.controls, self.activations = int(getattr(model, "nctrl", model.nu)), int(model.na)
+
+    @property
+    def starts(self) -> Iterator[WholeState]:
+        """The drawn configuration and all keyframes."""
+        m = self._model
+        rows = [(m.qpos0, np.zeros(self.controls), np.zeros(m.na))]
+        rows += [(m.key_qpos[k], m.key_ctrl[k], m.key_act[k]) for k in range(m.nkey)]
+        for qpos, controls, activations in rows:
+            z = np.array(self._states.coordinates_of(np.array(qpos, dtype=float), None))
+            yield WholeState(z, np.zeros(m.nv), np.array(controls), np.array(activations))
+
+    @property
+    def ranges(self) -> tuple[Array, Array]:
+        """Ranges of the coordinates, (nz, 2), and of the controls, (controls, 2)."""
+        m, joints = self._model, self._states.joints
+        single = np.array(m.jnt_limited, dtype=bool)[joints] & self._states.single
+        z = np.where(single[:, None], np.array(m.jnt_range)[joints], [-np.inf, np.inf])
+        limited = np.array(m.actuator_ctrllimited, dtype=bool)[:, None]
+        return z, np.where(limited, m.actuator_ctrlrange, [-np.inf, np.inf])
+
+    def moved(self, state: WholeState, steps: int) -> WholeState:
+        """Return the state after some steps."""
+        import mujoco
+
+        self._set(state, self._shipped)  # an exact solver would take most of the time
+        for _ in range(steps):
+            mujoco.mj_step(self._model, self._data)
+        z, m, activations = self._read(state.z)
+        return WholeState(z, m, state.controls, activations)
+
+    def evaluate(self, state: WholeState) -> WholeStep:
+        """Return the accelerations, contacts and the next state."""
+        import mujoco
+
+        m, d = self._model, self._data
+        self._set(state)
+        mujoco.mj_forward(m, d)
+        moved = np.zeros(m.nv)
+        mujoco.mj_mulM(m, d, moved, d.qacc)
+        acceleration, contacts = d.qacc.copy(), tuple(self._contacts())
+        unbalanced = d.qfrc_smooth + d.qfrc_constraint - moved
+        self._set(state)
+        mujoco.mj_step(m, d)
+        z, velocity, activations = self._read(state.z)
+        return WholeStep(
+            acceleration=acceleration,
+            unbalanced=unbalanced,
+            contacts=contacts,
+            after=WholeState(z, velocity, state.controls, activations),
+        )
+
+    def _contacts(self) -> Iterator[Contact]:
+        for contact in self._data.contact:
+            first, other = map(int, contact.geom)
+            yield Contact(
+                surfaces=(first, other),
+                distance=float(contact.dist),
+                position=np.array(contact.pos),
+                frame=np.array(contact.frame).reshape(3, 3),
+            )
+
+    def _set(self, state: WholeState, options: Mapping[str, object] = _EXACT) -> None:
+        import mujoco
+
+        for name, value in options.items():
+            setattr(self._model.opt, name, value)
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:], self._data.qvel[:] = self._states.qpos(state.z), state.m
+        self._data.ctrl[:], self._data.act[:] = state.controls, state.activations
+
+    def _read(self, near: Array) -> tuple[Array, Array, Array]:
+        """Return coordinates near to others, velocities and activations."""
+        qpos = np.array(self._data.qpos)
+        z = np.array(self._states.coordinates_of(qpos, near))
+        return z, self._data.qvel.copy(), self._data.act.copy()

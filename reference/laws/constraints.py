@@ -1,0 +1,370 @@
+"""Rows of limits, dry friction, equalities and contacts at one state of a tree.
+
+Source: MuJoCo's documentation, Computation, Constraint model; there also the mixing of two
+surfaces' numbers (Contact parameters) and the cones (Friction cones).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from physics_crosscheck.reference.laws.mechanics import LawTree, Posture, relative_turn
+from physics_crosscheck.reference.laws.soft import (
+    SMALLEST,
+    Cone,
+    Kind,
+    Rows,
+    gains,
+    impedance,
+)
+from physics_crosscheck.reference.mechanism.laws import (
+    Anchor,
+    Contact,
+    Laws,
+    SoftEquality,
+    SoftLimit,
+    Softness,
+    Surface,
+    Touch,
+)
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+
+LEAST_FRICTION = 1e-5
+"""Smallest friction coefficient of the documented law."""
+
+
+def mixed(first: Surface, other: Surface) -> Touch:
+    """Return the numbers of a contact of two surfaces."""
+    if first.priority != other.priority:
+        dominant = first if first.priority > other.priority else other
+        dimension, friction = dominant.dimension, dominant.friction
+        softness = dominant.softness
+    else:
+        dimension = max(first.dimension, other.dimension)
+        pairs = zip(first.friction, other.friction, strict=True)
+        sliding, spinning, rolling = (max(pair) for pair in pairs)
+        friction, softness = (sliding, spinning, rolling), _mixed_softness(first, other)
+    sliding, spinning, rolling = friction
+    return Touch(
+        dimension=dimension,
+        friction=(sliding, sliding, spinning, rolling, rolling),
+        margin=first.margin + other.margin,
+        softness=softness,
+    )
+
+
+def _mixed_softness(first: Surface, other: Surface) -> Softness:
+    share = _share(first.mix, other.mix)
+    mine, theirs = first.softness, other.softness
+    direct = mine.reference[0] <= 0 or theirs.reference[0] <= 0
+    pairs = list(zip(mine.reference, theirs.reference, strict=True))
+    low, high = (min(pair) if direct else share * pair[0] + (1 - share) * pair[1] for pair in pairs)
+    both = zip(mine.impedance, theirs.impedance, strict=True)
+    return Softness(
+        reference=(low, high), impedance=tuple(share * a + (1 - share) * b for a, b in both)
+    )
+
+
+def _share(first: float, other: float) -> float:
+    """Return the weight of the first of two surfaces."""
+    if first >= SMALLEST and other >= SMALLEST:
+        return first / (first + other)
+    return 0.5 if first < SMALLEST and other < SMALLEST else float(first >= SMALLEST)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weights:
+    """Inverse inertias in the drawn configuration, which scale the softness of all rows.
+
+    Attributes:
+        bodies: of translation and rotation, (bodies, 2); zero for bodies that stand still.
+        velocities: of each velocity, (nv,); averages of the three of a rotation or translation.
+        paths: (P,).
+    """
+
+    bodies: Array
+    velocities: Array
+    paths: Array
+
+    @staticmethod
+    def from_home(laws: Laws, tree: LawTree, home: Array) -> Weights:
+        """Return the weights at coordinates `home`, (nv,)."""
+        posture = next(tree.postures(home[None], np.zeros((1, len(home)))))
+        inverse = posture.inverse
+        bodies = np.zeros((len(tree.bodies), 2))
+        velocities = np.diagonal(inverse).copy()
+        for link, there in zip(tree.tree.links, tree.tree.velocities, strict=True):
+            for start in range(there.start, there.stop, 3) if link.kind in ("ball", "free") else ():
+                velocities[start : start + 3] = velocities[start : start + 3].mean()
+        for i, (carrier, _) in enumerate(tree.bodies):
+            if carrier < 0:
+                continue
+            if i in laws.light:
+                bodies[i, 0] = 1 / tree.masses[i]
+                while carrier >= 0:
+                    velocities[tree.tree.velocities[carrier]] = 1 / tree.masses[i]
+                    carrier = tree.tree.links[carrier].parent
+                continue
+            center = posture.body(i).rotation @ tree.centers[i] + posture.body(i).origin
+            for k, rows in enumerate(posture.jacobian(i, center)):
+                bodies[i, k] = np.einsum("ri,ij,rj->", rows, inverse, rows) / 3
+        paths = np.einsum("pi,ij,pj->p", posture.rows, inverse, posture.rows)
+        return Weights(bodies=bodies, velocities=velocities, paths=paths)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Constraints:
+    """The rows of a tree.
+
+    Attributes:
+        laws: the file's numbers.
+        tree: the bodies.
+        home: coordinates of the drawn configuration, (nv,).
+    """
+
+    laws: Laws
+    tree: LawTree
+    home: Array
+
+    @cached_property
+    def weights(self) -> Weights:
+        """The inverse inertias of the drawn configuration."""
+        return Weights.from_home(self.laws, self.tree, self.home)
+
+    def rows(self, posture: Posture, contacts: Sequence[Contact]) -> Rows:
+        """Return the rows at a state."""
+        rows = Rows(step=self.laws.step, safe=self.laws.safe, velocities=posture.m)
+        for equality in self.laws.equalities:
+            if equality.anchors is None:
+                self._equal(rows, posture, equality)
+            else:
+                self._attached(rows, posture, equality, equality.anchors)
+        for friction in self.laws.frictions:
+            for row, weight in self._directions(posture, friction.joint, friction.path):
+                rows.add(Kind.FRICTION, row, friction.softness, 0.0, weight, bound=friction.force)
+        for limit in self.laws.limits:
+            self._limited(rows, posture, limit)
+        for contact in contacts:
+            self._touching(rows, posture, contact)
+        return rows
+
+    def _directions(self, posture: Posture, joint: int, path: int) -> list[tuple[Array, float]]:
+        """Return the rows of a joint's velocities, or of a path, each with its weight."""
+        if joint < 0:
+            return [(posture.rows[path], float(self.weights.paths[path]))]
+        there = self.tree.tree.velocities[joint]
+        eye = np.eye(len(posture.m))
+        return [(eye[i], float(self.weights.velocities[i])) for i in range(there.start, there.stop)]
+
+    def _equal(self, rows: Rows, posture: Posture, equality: SoftEquality) -> None:
+        """Add the row of two joints or two paths."""
+        pairs = [(joint, -1) for joint in equality.joints] + [(-1, k) for k in equality.paths]
+        positions = [self._position(posture, *pair) for pair in pairs]
+        moved = [x - start for x, start in zip(positions, equality.starts, strict=True)]
+        (row, weight), *others = (self._directions(posture, *pair)[0] for pair in pairs)
+        constant, *slopes = equality.polynomial
+        violation = moved[0] - constant
+        if others:
+            curve = np.polynomial.Polynomial((0.0, *slopes))
+            violation -= float(curve(moved[1]))
+            row = row - float(curve.deriv()(moved[1])) * others[0][0]
+            weight += others[0][1]
+        size = sum(map(abs, (*positions, *equality.starts, constant)))
+        rows.add(Kind.EQUALITY, row, equality.softness, violation, weight, position=size)
+
+    def _position(self, posture: Posture, joint: int, path: int) -> float:
+        if joint < 0:
+            return float(posture.lengths[path])
+        return float(posture.y[self.tree.tree.velocities[joint].start])
+
+    def _attached(
+        self,
+        rows: Rows,
+        posture: Posture,
+        equality: SoftEquality,
+        anchors: tuple[Anchor, Anchor],
+    ) -> None:
+        """Add the rows of two anchors: three of translation, three more if they can't rotate."""
+        first, other = (_Anchored.from_posture(posture, anchor) for anchor in anchors)
+        apart, row = first.origin - other.origin, first.linear - other.linear
+        bias = first.acceleration - other.acceleration
+        weights = [sum(float(self.weights.bodies[a.body, k]) for a in anchors) for k in range(2)]
+        weight = [weights[0]] * 3
+        if equality.turn_scale is not None:
+            turn, by, drift = _turned(first, other)
+            scale = equality.turn_scale
+            apart = np.concatenate([apart, scale * turn])
+            row, bias = np.vstack([row, scale * by]), np.concatenate([bias, scale * drift])
+            weight += [weights[1]] * 3
+        size = float(np.abs(first.origin).sum() + np.abs(other.origin).sum())
+        whole = float(np.linalg.norm(apart))
+        for k in range(len(apart)):
+            rows.add(
+                Kind.EQUALITY, row[k], equality.softness, float(apart[k]), weight[k],
+                position=size, depth=whole, bias=float(bias[k]),
+            )  # fmt: skip
+
+    def _limited(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
+        """Add the rows of a limit that is nearer than its margin."""
+        links = self.tree.tree.links
+        if limit.joint >= 0 and links[limit.joint].kind == "ball":
+            return self._limited_ball(rows, posture, limit)
+        position = self._position(posture, limit.joint, limit.path)
+        row, weight = self._directions(posture, limit.joint, limit.path)[0]
+        for sign, bound in ((-1, limit.lower), (1, limit.upper)):
+            distance = sign * (bound - position)
+            if distance < limit.margin:
+                rows.add(
+                    Kind.ONE_SIDED, -sign * row, limit.softness, distance - limit.margin, weight,
+                    position=abs(position) + abs(bound),
+                )  # fmt: skip
+        return None
+
+    def _limited_ball(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
+        vector = posture.angle(limit.joint)
+        angle = float(np.linalg.norm(vector))
+        distance = max(limit.lower, limit.upper) - angle
+        if distance >= limit.margin:
+            return
+        there = self.tree.tree.velocities[limit.joint]
+        row = np.zeros(len(posture.m))
+        row[there] = -vector / angle
+        rows.add(
+            Kind.ONE_SIDED, row, limit.softness, distance - limit.margin,
+            float(self.weights.velocities[there.start]), position=2 * angle,
+        )  # fmt: skip
+
+    def touch(self, contact: Contact) -> Touch:
+        """Return the numbers of a contact."""
+        first, other = contact.surfaces
+        for *surfaces, touch in self.laws.pairs:
+            if set(surfaces) == {first, other}:
+                return touch
+        return mixed(self.laws.surfaces[first], self.laws.surfaces[other])
+
+    def _touching(self, rows: Rows, posture: Posture, contact: Contact) -> None:
+        """Add the rows of a contact within its margin, unless both bodies stand still."""
+        touch = self.touch(contact)
+        violation = contact.distance - touch.margin
+        first, other = (self.laws.surfaces[i].body for i in contact.surfaces)
+        if violation >= 0 or (self.tree.bodies[first][0] < 0 and self.tree.bodies[other][0] < 0):
+            return
+        pairs = (posture.jacobian(body, contact.position) for body in (first, other))
+        (linear, angular), (linear_2, angular_2) = pairs
+        jacobian = np.vstack(
+            [contact.frame @ (linear_2 - linear), contact.frame @ (angular_2 - angular)]
+        )[: touch.dimension]
+        weight = float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0])
+        position = float(np.abs(contact.position).sum())
+        if touch.dimension == 1:
+            rows.add(
+                Kind.ONE_SIDED, jacobian[0], touch.softness, violation, weight, position=position
+            )
+            return
+        friction = np.maximum(LEAST_FRICTION, touch.friction)[: touch.dimension - 1]
+        cone = _ConeRows(rows, touch, violation, position)
+        if self.laws.elliptic:
+            cone.elliptic(jacobian, friction, weight, self.laws.friction_ratio)
+        else:
+            cone.pyramid(jacobian, friction, weight, self.laws.friction_ratio)
+
+
+@dataclass(frozen=True, eq=False)
+class _ConeRows:
+    """The rows of one contact with friction."""
+
+    rows: Rows
+    touch: Touch
+    violation: float
+    position: float
+
+    def elliptic(self, jacobian: Array, friction: Array, weight: float, ratio: float) -> None:
+        """Add a normal row, and one for each direction of friction."""
+        normal = self._softness(weight)
+        sliding = normal / max(SMALLEST, ratio)
+        start = len(self.rows.kinds)
+        self._append(Kind.CONE, jacobian[0], normal, self.touch.softness.reference, True)
+        reference = self.touch.sliding if any(self.touch.sliding) else (
+            self.touch.softness.reference
+        )  # fmt: skip
+        for row, mu in zip(jacobian[1:], friction, strict=True):
+            softness = sliding * friction[0] ** 2 / mu**2
+            self._append(Kind.CONE, row, softness, reference, False)
+        slope = float(friction[0] * np.sqrt(sliding / normal))
+        self.rows.cones.append(Cone(start, slope, friction))
+
+    def pyramid(self, jacobian: Array, friction: Array, weight: float, ratio: float) -> None:
+        """Add two edges for each direction of friction."""
+        normal = self._softness(weight + friction[0] ** 2 * weight)
+        sliding = normal / max(SMALLEST, ratio)
+        softness = 2 * friction[0] ** 2 * sliding / normal * normal
+        for row, mu in zip(jacobian[1:], friction, strict=True):
+            for sign in (1, -1):
+                edge = jacobian[0] + sign * mu * row
+                reference = self.touch.softness.reference
+                self._append(Kind.ONE_SIDED, edge, softness, reference, True)
+
+    def _softness(self, weight: float) -> float:
+        d, _ = impedance(self.touch.softness, self.violation)
+        return max(SMALLEST, (1 - d) / d * weight)
+
+    def _append(
+        self, kind: Kind, row: Array, softness: float, reference: tuple[float, float], stiff: bool
+    ) -> None:
+        """Add a row, whose aref depends on the violation if it is `stiff`."""
+        d, full = impedance(self.touch.softness, self.violation)
+        k, b = gains(reference, full, self.rows.step, safe=self.rows.safe)
+        depth = k * d * self.violation if stiff else 0.0
+        rate = float(row @ self.rows.velocities)
+        size = b * float(np.abs(row) @ np.abs(self.rows.velocities)) + abs(depth)
+        size += k * d * self.position * stiff
+        self.rows.append(kind, row, -b * rate - depth, softness, size=size)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Anchored:
+    """An anchor in the world at one state: axes, origin, Jacobians, accelerations at constant m."""
+
+    rotation: Array
+    origin: Array
+    linear: Array
+    angular: Array
+    acceleration: Array
+    change: Array
+    spin: Array
+
+    @staticmethod
+    def from_posture(posture: Posture, anchor: Anchor) -> _Anchored:
+        """Return an anchor at a state."""
+        body = posture.body(anchor.body)
+        origin = body.origin + body.rotation @ np.array(anchor.position)
+        linear, angular = posture.jacobian(anchor.body, origin)
+        acceleration, change, spin = posture.drift(anchor.body, origin)
+        return _Anchored(
+            rotation=body.rotation @ from_quaternion(np.array(anchor.turn)),
+            origin=origin,
+            linear=linear,
+            angular=angular,
+            acceleration=acceleration,
+            change=change,
+            spin=spin,
+        )
+
+
+def _turned(first: _Anchored, other: _Anchored) -> tuple[Array, Array, Array]:
+    """Return the vector part of the relative quaternion, its Jacobian, and J-dot v, (3, ...)."""
+    w, *e = relative_turn(first.rotation, other.rotation)
+    turn = np.array(e)
+    back = other.rotation.T
+    rate = back @ (first.spin - other.spin)
+    change = back @ (first.change - other.change - np.cross(other.spin, first.spin))
+    w_rate, turn_rate = -rate @ turn / 2, (w * rate + np.cross(rate, turn)) / 2
+    jacobian = back @ (first.angular - other.angular)
+    by = (w * jacobian + np.cross(jacobian.T, turn).T) / 2
+    drift = (w_rate * rate + w * change + np.cross(change, turn) + np.cross(rate, turn_rate)) / 2
+    return turn, by, drift

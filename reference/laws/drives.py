@@ -1,0 +1,292 @@
+"""Drives: control, state, force and force limits of actuators.
+
+Sources: MuJoCo's documentation, Computation, Actuation model; muscles: Modeling, Muscles, and
+Millard et al. 2013, J. Biomech. Eng. 135(2), for the time constants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.soft import SMALLEST
+from physics_crosscheck.reference.mechanism.laws import Drive, Laws, Numbers, Range
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Driven:
+    """Drives at one state.
+
+    Attributes:
+        forces: of each drive, (drives,).
+        joint_forces: on the velocities, (nv,).
+        states: at the step's end, (states,).
+        damping: -d(joint forces)/d(velocities), (nv, nv); drives at a limit of their own, of their
+            tendon or of their joint have none.
+        size: sum of the magnitudes in the joint forces, (nv,).
+    """
+
+    forces: Array
+    joint_forces: Array
+    states: Array
+    damping: Array
+    size: Array
+
+
+def drive(
+    laws: Laws,
+    posture: Posture,
+    accelerations: Array,
+    controls: Array,
+    states: Array,
+) -> Driven:
+    """Return the forces of all drives.
+
+    Args:
+        laws: the file's numbers.
+        posture: the state.
+        accelerations: norm of the acceleration per unit force of each path in the drawn
+            configuration, (P,), which scales muscles.
+        controls, states: inputs and states of all drives.
+    """
+    count, nv = len(laws.drives), len(posture.m)
+    forces, sizes, slopes = np.zeros(count), np.zeros(count), np.zeros(count)
+    after = states.copy()
+    rows = np.array([posture.rows[actuator.path] for actuator in laws.drives]).reshape(count, nv)
+    for i, actuator in enumerate(laws.drives):
+        law = _Drive(actuator, posture, accelerations[actuator.path])
+        control = _clipped(controls[actuator.control], actuator.control_range)
+        value = law.period(control) if actuator.state < 0 else control
+        if actuator.state >= 0:
+            rate = law.rate(control, states[actuator.state])
+            after[actuator.state] = law.next_state(
+                states[actuator.state], rate if actuator.on else 0.0, laws.step
+            )
+            current = law.next_state(states[actuator.state], rate, laws.step)
+            value = law.period(current if actuator.early else states[actuator.state])
+        if actuator.on:
+            forces[i], sizes[i] = law.force(value)
+            slopes[i] = law.slope(value)
+    forces, clipped = _within_limits(laws, forces)
+    joint_forces, limited = _within_joints(laws, posture, rows.T @ forces)
+    for i, actuator in enumerate(laws.drives):
+        joints = [joint for joint, _ in posture.parent.paths[actuator.path].joints]
+        if i in clipped or (len(joints) == 1 and joints[0] in limited):
+            slopes[i] = 0.0
+    return Driven(
+        forces=forces,
+        joint_forces=joint_forces,
+        states=after,
+        damping=-np.einsum("di,d,dj->ij", rows, slopes, rows),
+        size=np.abs(rows).T @ sizes,
+    )
+
+
+def _clipped(value: float, limits: Range | None) -> float:
+    return value if limits is None else float(np.clip(value, *limits))
+
+
+def _within_limits(laws: Laws, forces: Array) -> tuple[Array, set[int]]:
+    """Limit the sums of drives, then each drive; return the forces, and the drives at a limit."""
+    result, clipped = forces.copy(), set[int]()
+    for drives, limits in laws.sums:
+        which = list(drives)
+        total = float(forces[which].sum())
+        if total and not limits[0] < total < limits[1]:
+            result[which] = forces[which] * (limits[int(total > 0)] / total)
+            clipped |= set(which)
+    for i, actuator in enumerate(laws.drives):
+        if actuator.force_range is not None:
+            result[i] = np.clip(result[i], *actuator.force_range)
+            if not actuator.force_range[0] < result[i] < actuator.force_range[1]:
+                clipped.add(i)
+    return result, clipped
+
+
+def _within_joints(laws: Laws, posture: Posture, forces: Array) -> tuple[Array, set[int]]:
+    """Limit the joint forces of drives; return them, and the joints that are at a limit.
+
+    A joint's drives may compensate its weight as well.
+    """
+    result, limited = forces.copy(), set[int]()
+    for joint, (limits, lifted) in laws.joint_ranges.items():
+        there = posture.parent.tree.velocities[joint]
+        lift = posture.lift[there] if lifted else 0.0
+        whole = forces[there] + lift
+        result[there] = np.clip(whole, *limits) - lift
+        if np.any((whole <= limits[0]) | (whole >= limits[1])):
+            limited.add(joint)
+    return result, limited
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """A drive at one state; `acceleration` is that of its path per unit force."""
+
+    drive: Drive
+    posture: Posture
+    acceleration: float
+
+    @property
+    def length(self) -> float:
+        return float(self.posture.lengths[self.drive.path])
+
+    @property
+    def velocity(self) -> float:
+        return float(self.posture.rows[self.drive.path] @ self.posture.m)
+
+    def period(self, value: float) -> float:
+        """Return a control that is an angle as the equal one that is nearest to the length."""
+        period = self.drive.period
+        if not period:
+            return value
+        return value - period * float(np.round((value - self.length) / period))
+
+    def rate(self, control: float, state: float) -> float:
+        """Return the rate of the state."""
+        match self.drive.dynamics:
+            case "integrator":
+                return control
+            case "filter" | "exact filter":
+                return (control - state) / max(SMALLEST, self.drive.constants[0])
+            case "muscle":
+                return _muscle_rate(control, state, self.drive.constants)
+        return 0.0
+
+    def next_state(self, state: float, rate: float, step: float) -> float:
+        """Return the state after a step, within its range."""
+        time = step
+        if self.drive.dynamics == "exact filter":
+            constant = max(SMALLEST, self.drive.constants[0])
+            time = constant * (1 - float(np.exp(-step / constant)))
+        return _clipped(state + rate * time, self.drive.state_range)
+
+    def force(self, value: float) -> tuple[float, float]:
+        """Return the force before its limits, and the sum of its terms' magnitudes."""
+        summands = [
+            x * value for x in self._summands(self.drive.gain, self.drive.gains, active=True)
+        ]
+        summands += self._summands(self.drive.bias, self.drive.biases, active=False)
+        return sum(summands), sum(map(abs, summands))
+
+    def slope(self, value: float) -> float:
+        """Return the derivative of the force by the velocity."""
+        gain = self.drive.gains[2] if self.drive.gain == "affine" else 0.0
+        if self.drive.gain == "muscle":
+            gain = self._muscle(self.drive.gains).force_slope(self.velocity)
+        bias = self.drive.biases[2] if self.drive.bias == "affine" else 0.0
+        return gain * value + bias
+
+    def _summands(self, curve: str, numbers: Numbers, *, active: bool) -> Sequence[float]:
+        match curve:
+            case "fixed":
+                return [numbers[0]]
+            case "affine":
+                return [numbers[0], numbers[1] * self.length, numbers[2] * self.velocity]
+            case "muscle":
+                muscle = self._muscle(numbers)
+                return [muscle.active(self.velocity) if active else muscle.passive]
+        return []
+
+    def _muscle(self, numbers: Numbers) -> _Muscle:
+        return _Muscle(numbers, self.length, self.drive.stretch, self.acceleration)
+
+
+@dataclass(frozen=True)
+class _Muscle:
+    """A muscle at one length.
+
+    `numbers` are its range (2), force, scale, lmin, lmax, vmax, fpmax and fvmax.
+    """
+
+    numbers: Numbers
+    length: float
+    stretch: Range
+    acceleration: float
+
+    @property
+    def peak(self) -> float:
+        """Largest active force at rest; a negative number scales with the acceleration."""
+        force, scale = self.numbers[2:4]
+        return scale / max(SMALLEST, self.acceleration) if force < 0 else force
+
+    @property
+    def _optimum(self) -> float:
+        return (self.stretch[1] - self.stretch[0]) / max(
+            SMALLEST, self.numbers[1] - self.numbers[0]
+        )
+
+    @property
+    def _normalized(self) -> float:
+        return self.numbers[0] + (self.length - self.stretch[0]) / max(SMALLEST, self._optimum)
+
+    def active(self, velocity: float) -> float:
+        """Return the force per unit activation."""
+        return -self.peak * self._by_length * self._by_velocity(velocity)[0]
+
+    def force_slope(self, velocity: float) -> float:
+        """Return its derivative by the velocity."""
+        return -self.peak * self._by_length * self._by_velocity(velocity)[1]
+
+    @property
+    def passive(self) -> float:
+        """The force without activation: half quadratic, then linear."""
+        length, middle = self._normalized, (1 + self.numbers[5]) / 2
+        if length <= 1:
+            return 0.0
+        width = max(SMALLEST, middle - 1)
+        x = (length - 1) / width
+        curve = x**2 / 2 if length <= middle else 0.5 + (length - middle) / width
+        return -self.peak * self.numbers[7] * curve
+
+    @property
+    def _by_length(self) -> float:
+        """A bump of four parabolas, 1 at length 1."""
+        length, low, high = self._normalized, self.numbers[4], self.numbers[5]
+        below, above = (low + 1) / 2, (1 + high) / 2
+        if not low <= length <= high:
+            return 0.0
+        if length <= below:
+            return ((length - low) / max(SMALLEST, below - low)) ** 2 / 2
+        if length <= 1:
+            return 1 - ((1 - length) / max(SMALLEST, 1 - below)) ** 2 / 2
+        if length <= above:
+            return 1 - ((length - 1) / max(SMALLEST, above - 1)) ** 2 / 2
+        return ((high - length) / max(SMALLEST, high - above)) ** 2 / 2
+
+    def _by_velocity(self, velocity: float) -> tuple[float, float]:
+        """Return the factor by velocity, and its derivative."""
+        unit = max(SMALLEST, self._optimum * self.numbers[6])
+        v, plateau = velocity / unit, self.numbers[8]
+        rise = plateau - 1
+        if v <= -1:
+            return 0.0, 0.0
+        if v <= 0:
+            return (v + 1) ** 2, 2 * (v + 1) / unit
+        if v <= rise:
+            width = max(SMALLEST, rise)
+            return plateau - (rise - v) ** 2 / width, 2 * (rise - v) / width / unit
+        return plateau, 0.0
+
+
+def _muscle_rate(control: float, state: float, constants: Numbers) -> float:
+    """Return the rate of a muscle's activation."""
+    rise, fall, width = constants[:3]
+    excess = float(np.clip(control, 0, 1)) - state
+    factor = 0.5 + 1.5 * float(np.clip(state, 0, 1))
+    rising, falling = rise * factor, fall / factor
+    if width < SMALLEST:
+        constant = rising if excess > 0 else falling
+    else:
+        constant = falling + (rising - falling) * _sigmoid(excess / width + 0.5)
+    return excess / max(SMALLEST, constant)
+
+
+def _sigmoid(x: float) -> float:
+    """Return a polynomial that rises from 0 to 1 between 0 and 1, with flat ends."""
+    x = float(np.clip(x, 0, 1))
+    return x**3 * (6 * x**2 - 15 * x + 10)

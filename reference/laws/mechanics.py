@@ -1,0 +1,193 @@
+"""A tree at one state: mass matrix, smooth forces, Jacobians of points, lengths of paths.
+
+Velocities are those that engines store: angular about a link's axes, linear along the axes of its
+parent. Arrays are in the order of the tree's velocities, (nv,).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from physics_crosscheck.reference.dynamics.force_elements import ForceElements
+from physics_crosscheck.reference.dynamics.propagation import LinkMotion, Placement
+from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import rotation_vector, to_quaternion
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeForce
+from physics_crosscheck.reference.solving.next_state import SteppedTree
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawTree:
+    """A tree whose couplings are laws, with the paths that laws and drives act along.
+
+    Attributes:
+        tree: without couplings.
+        paths: force elements without coefficients.
+        bodies: link index, or `WORLD`, and pose in the link's frame; the ground first.
+        masses: of the bodies, kg.
+        centers: of mass, in the bodies' frames, m, (bodies, 3).
+    """
+
+    tree: Tree
+    paths: tuple[TreeForce, ...]
+    bodies: tuple[tuple[int, Place], ...]
+    masses: Array
+    centers: Array
+
+    @cached_property
+    def _stepped(self) -> SteppedTree:
+        return SteppedTree(self.tree)
+
+    @cached_property
+    def _chart(self) -> MinimalCoordinates:
+        return MinimalCoordinates(self.tree)
+
+    @cached_property
+    def _recursion(self) -> Recursion:
+        return Recursion(self.tree)
+
+    @cached_property
+    def _lengths(self) -> ForceElements:
+        """The lengths of the paths, then of the tree's own force elements."""
+        elements = (*self.paths, *self.tree.pulls)
+        return ForceElements(replace(self.tree, pulls=elements), self._recursion)
+
+    def force(self, y: Array, m: Array, push: Array) -> Array:
+        """Return the smooth forces at states (B, nv), under forces `push`, (B, nv)."""
+        return self._stepped.force(y.T, m.T, push.T).T
+
+    def advance(self, y: Array, m: Array, h: float) -> Array:
+        """Return the positions after h seconds at constant velocities, (B, nv)."""
+        return self._chart.advance(y.T, m.T, h).T
+
+    def postures(self, y: Array, m: Array) -> Iterator[Posture]:
+        """Yield the tree at each of B states: coordinates and stored velocities, (B, nv) each."""
+        q, nothing = self._chart.positions(y.T), np.zeros_like(m)
+        mass, smooth = self._stepped.mass(y.T), self.force(y, m, nothing)
+        placements = self._recursion.placements(q)
+        poses = self._recursion.poses_of(placements)
+        still = self._chart.frame_acceleration(y.T, m.T)
+        motions = self._recursion.motions(placements, self._chart.tree_velocities(y.T, m.T), still)
+        lift = self._chart.to_joint_axes(y.T, self._recursion.lift(q))
+        lines = list(self._lengths.lines(q)) if self._lengths else []
+        count = len(self.paths)
+        for b in range(len(y)):
+            rows = self._stored_rows(y[b], [row[:, b] for _, row in lines])
+            yield Posture(
+                parent=self,
+                y=y[b],
+                m=m[b],
+                q=q[:, b],
+                mass=mass[..., b],
+                smooth=smooth[b],
+                lift=lift[:, b],
+                poses=[Placement(*(part[..., b] for part in pose)) for pose in poses],
+                motions=[LinkMotion(*(part[..., b] for part in one)) for one in motions],
+                lengths=np.array([float(length[0, b]) for length, _ in lines[:count]]),
+                rows=rows[:count],
+                pull_rows=rows[count:],
+            )
+
+    def _stored_rows(self, y: Array, rows: Sequence[Array]) -> Array:
+        """Return rows of paths, by the tree's velocities, as rows by the stored ones, (P, nv)."""
+        if not rows:
+            return np.zeros((0, len(y)))
+        tall: Array = self._chart.to_joint_axes(y[:, None], np.stack(rows, axis=1))
+        return tall.T
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Posture:
+    """A tree at one state.
+
+    Attributes:
+        parent: the tree.
+        y, m: coordinates and stored velocities, (nv,).
+        q: the tree's positions, with quaternions of any length, (nq,).
+        mass: M, (nv, nv).
+        smooth: all smooth forces but those of drives, (nv,).
+        lift: the part of them that compensates weight, (nv,).
+        poses: each link's frame in the world.
+        motions: of each link at constant m, relative to a freely falling frame.
+        lengths, rows: of the paths, (P,), and their derivatives by the velocities, (P, nv).
+        pull_rows: the same derivatives of the tree's force elements, (pulls, nv).
+    """
+
+    parent: LawTree
+    y: Array
+    m: Array
+    q: Array
+    mass: Array
+    smooth: Array
+    lift: Array
+    poses: list[Placement]
+    motions: list[LinkMotion]
+    lengths: Array
+    rows: Array
+    pull_rows: Array
+
+    @cached_property
+    def inverse(self) -> Array:
+        """The inverse of M, (nv, nv)."""
+        return np.asarray(np.linalg.inv(self.mass), dtype=np.float64)
+
+    def body(self, index: int) -> Placement:
+        """Return a body's frame in the world."""
+        link, place = self.parent.bodies[index]
+        if link == WORLD:
+            return Placement(place.rotation, place.origin)
+        pose = self.poses[link]
+        return Placement(pose.rotation @ place.rotation, pose.origin + pose.rotation @ place.origin)
+
+    def jacobian(self, body: int, point: Array) -> tuple[Array, Array]:
+        """Return the derivatives of a body's point, linear and angular, (3, nv) each.
+
+        Args:
+            body: index of the body.
+            point: that moves with it, in the world, m, (3,).
+        """
+        tree, link = self.parent.tree, self.parent.bodies[body][0]
+        linear, angular = np.zeros((3, tree.nv)), np.zeros((3, tree.nv))
+        while link != WORLD:
+            joint, there, pose = tree.links[link], tree.velocities[link], self.poses[link]
+            turning, sliding = joint.motion
+            about, along = pose.rotation @ turning, pose.rotation @ sliding
+            if joint.kind == "free":  # its linear velocity is along its parent's axes
+                base = np.eye(3) if joint.parent == WORLD else self.poses[joint.parent].rotation
+                along = np.hstack([np.zeros((3, 3)), base @ joint.rotation])
+            angular[:, there] = about
+            linear[:, there] = along + np.cross(about.T, point - pose.origin).T
+            link = joint.parent
+        return linear, angular
+
+    def drift(self, body: int, point: Array) -> tuple[Array, Array, Array]:
+        """Return a point's acceleration at constant m, its body's, and its velocity of rotation.
+
+        Each is (3,), along the world's axes.
+        """
+        link = self.parent.bodies[body][0]
+        if link == WORLD:
+            return np.zeros(3), np.zeros(3), np.zeros(3)
+        turn, motion = self.poses[link].rotation, self.motions[link]
+        spin, change = turn @ motion.angular, turn @ motion.turning
+        arm = point - self.poses[link].origin
+        # The frame falls, so that a body at rest seems to accelerate upwards.
+        origin = turn @ motion.linear + self.parent.tree.gravity
+        return origin + np.cross(change, arm) + np.cross(spin, np.cross(spin, arm)), change, spin
+
+    def angle(self, joint: int) -> Array:
+        """Return the rotation vector of a ball joint, (3,)."""
+        vector: Array = rotation_vector(self.q[self.parent.tree.positions[joint]])
+        return vector
+
+
+def relative_turn(first: Array, other: Array) -> Array:
+    """Return the quaternion (4,) of a frame in another one, from their axes (3, 3)."""
+    return np.array(to_quaternion(other.T @ first))

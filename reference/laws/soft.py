@@ -1,0 +1,311 @@
+"""Soft constraints: rows, their softness, and the convex problem that determines accelerations.
+
+The accelerations a minimize (a - a0)^T M (a - a0) / 2 + s(J a - aref), where a0 are those without
+constraints. Sources: Todorov, Convex and analytically-invertible dynamics with contacts and
+constraints (ICRA 2014); MuJoCo's documentation, Computation, chapters Constraint model and Solver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics_crosscheck.reference.mechanism.laws import Range, Softness
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+SMALLEST = 1e-15
+"""Smallest divisor and smallest R of the documented law."""
+
+IMPEDANCE = 1e-4, 0.9999
+"""Range of impedances and of their midpoint."""
+
+DEFAULT_REFERENCE = 0.02, 1.0
+"""Replaces a reference whose two numbers have different signs."""
+
+
+class Kind(Enum):
+    """Kind of a row, by its cost of x = J a - aref."""
+
+    EQUALITY = 0
+    FRICTION = 1
+    ONE_SIDED = 2
+    CONE = 3
+
+
+def impedance(softness: Softness, distance: float) -> tuple[float, float]:
+    """Return d at a violation (m or rad), and d at full depth."""
+    start, full, width, middle, power = softness.impedance
+    start, full, middle = (float(np.clip(x, *IMPEDANCE)) for x in (start, full, middle))
+    width, power = max(0.0, width), max(1.0, power)
+    if start == full or width <= SMALLEST:
+        return (start + full) / 2, full
+    x = abs(distance) / width
+    if x >= 1 or x <= 0:
+        return (full if x >= 1 else start), full
+    if power == 1:
+        y = x
+    elif x <= middle:
+        y = x**power / middle ** (power - 1)
+    else:
+        y = 1 - (1 - x) ** power / (1 - middle) ** (power - 1)
+    return start + y * (full - start), full
+
+
+def gains(reference: Range, full: float, step: float, *, safe: bool) -> tuple[float, float]:
+    """Return stiffness k (1/s^2) and damping b (1/s) of aref = -b v - k d r.
+
+    Args:
+        reference: as in `Softness`.
+        full: impedance at full depth.
+        step: s.
+        safe: whether the time constant is at least two steps.
+    """
+    if (reference[0] > 0) != (reference[1] > 0):
+        reference = DEFAULT_REFERENCE
+    first, second = reference
+    if first <= 0:
+        return -first / full**2, -second / full
+    constant = max(first, 2 * step) if safe else first
+    k = 1 / max(SMALLEST, full**2 * constant**2 * second**2)
+    return k, 2 / max(SMALLEST, full * constant)
+
+
+class Cone(NamedTuple):
+    """An elliptic friction cone: its rows begin at `start`; `slope` is its regularized friction."""
+
+    start: int
+    slope: float
+    friction: Array
+
+    @property
+    def rows(self) -> slice:
+        """Its rows, the normal one first."""
+        return slice(self.start, self.start + 1 + len(self.friction))
+
+
+@dataclass(kw_only=True)
+class Rows:
+    """Rows of constraints at one state, as they are added.
+
+    Attributes:
+        step: s.
+        safe: whether time constants are at least two steps.
+        velocities: stored, (nv,).
+    """
+
+    step: float
+    safe: bool
+    velocities: Array
+    jacobian: list[Array] = field(default_factory=list)
+    reference: list[float] = field(default_factory=list)
+    softness: list[float] = field(default_factory=list)
+    kinds: list[Kind] = field(default_factory=list)
+    bounds: list[float] = field(default_factory=list)
+    sizes: list[float] = field(default_factory=list)
+    cones: list[Cone] = field(default_factory=list)
+
+    def add(
+        self,
+        kind: Kind,
+        row: Array,
+        softness: Softness,
+        violation: float,
+        weight: float,
+        *,
+        position: float = 0.0,
+        depth: float | None = None,
+        bias: float = 0.0,
+        bound: float = 0.0,
+    ) -> None:
+        """Add a row.
+
+        Args:
+            kind: of the row.
+            row: J, (nv,).
+            softness: of the constraint.
+            violation: r, m or rad, 0 for friction.
+            weight: inverse inertia that scales R.
+            position: magnitude of the positions whose difference r is.
+            depth: violation that determines the impedance; None for r itself.
+            bias: J-dot v.
+            bound: of a friction force.
+        """
+        d, full = impedance(softness, violation if depth is None else depth)
+        k, b = gains(softness.reference, full, self.step, safe=self.safe)
+        self.append(
+            kind,
+            row,
+            -b * float(row @ self.velocities) - k * d * violation - bias,
+            (1 - d) / d * weight,
+            size=b * float(np.abs(row) @ np.abs(self.velocities))
+            + k * d * (abs(violation) + position)
+            + abs(bias),
+            bound=bound,
+        )
+
+    def append(
+        self,
+        kind: Kind,
+        row: Array,
+        reference: float,
+        softness: float,
+        *,
+        size: float,
+        bound: float = 0.0,
+    ) -> None:
+        """Append a row with its aref and R; `size` is the sum of the magnitudes in aref."""
+        self.kinds.append(kind)
+        self.jacobian.append(row)
+        self.reference.append(reference)
+        self.softness.append(max(SMALLEST, softness))
+        self.sizes.append(size)
+        self.bounds.append(bound)
+
+    def problem(self, mass: Array, free: Array) -> Problem:
+        """Return the problem of these rows; `free` are the accelerations without them, (nv,)."""
+        return Problem(
+            mass=mass,
+            free=free,
+            jacobian=np.array(self.jacobian).reshape(-1, len(free)),
+            reference=np.array(self.reference),
+            softness=np.array(self.softness),
+            kinds=np.array([kind.value for kind in self.kinds], dtype=int),
+            bounds=np.array(self.bounds),
+            sizes=np.array(self.sizes),
+            cones=tuple(self.cones),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """The convex problem at one state, of K rows.
+
+    Attributes:
+        mass: M, (nv, nv).
+        free: a0, (nv,).
+        jacobian: J, (K, nv).
+        reference: aref, (K,).
+        softness: R, (K,).
+        kinds: values of `Kind`, (K,).
+        bounds: of friction forces, (K,).
+        sizes: sums of the magnitudes in aref, (K,).
+        cones: elliptic cones.
+    """
+
+    mass: Array
+    free: Array
+    jacobian: Array
+    reference: Array
+    softness: Array
+    kinds: NDArray[np.int_]
+    bounds: Array
+    sizes: Array
+    cones: tuple[Cone, ...]
+
+    def forces(self, a: Array) -> tuple[Array, Array]:
+        """Return the forces of the rows, (K,), and minus their slopes by x, (K, K)."""
+        x = self.jacobian @ a - self.reference
+        force = -x / self.softness
+        active = np.ones(len(x))
+        free = (self.kinds == Kind.ONE_SIDED.value) & (x >= 0)
+        slides = (self.kinds == Kind.FRICTION.value) & (np.abs(force) >= self.bounds)
+        force[free] = 0.0
+        force[slides] = np.sign(force[slides]) * self.bounds[slides]
+        active[free | slides] = 0.0
+        slope = np.diag(active / self.softness)
+        for cone in self.cones:
+            force[cone.rows], slope[cone.rows, cone.rows] = _cone(
+                cone, x[cone.rows], self.softness[cone.rows]
+            )
+        return force, slope
+
+    def gradient(self, a: Array) -> Array:
+        """Return the gradient of the cost, (nv,): the force that is not balanced."""
+        result: Array = self.mass @ (a - self.free) - self.jacobian.T @ self.forces(a)[0]
+        return result
+
+    def solve(self, start: Array) -> Array:
+        """Return the minimizer, (nv,), by Newton's method with an exact line search.
+
+        Args:
+            start: first guess, such as an engine's answer.
+        """
+        a, size = start, np.inf
+        for _ in range(MAX_ITERATIONS):
+            gradient = self.gradient(a)
+            now = float(np.linalg.norm(gradient))
+            if now > size / 2 and size < ROUGHLY * self._force_size(a):
+                break
+            size = min(size, now)
+            slope = self.forces(a)[1]
+            hessian = self.mass + self.jacobian.T @ slope @ self.jacobian
+            direction = np.asarray(np.linalg.solve(hessian, -gradient), dtype=np.float64)
+            direction -= np.linalg.solve(hessian, hessian @ direction + gradient)
+            whole = a + direction
+            if np.linalg.norm(self.gradient(whole)) < now / 2:
+                a = whole
+            else:
+                a = a + self._line_search(a, direction) * direction
+        return a
+
+    def _force_size(self, a: Array) -> float:
+        """Return the size of the forces in the gradient."""
+        force = self.forces(a)[0]
+        loose = np.abs(self.mass) @ np.abs(a - self.free) + np.abs(self.jacobian).T @ np.abs(force)
+        return float(np.linalg.norm(loose))
+
+    def _line_search(self, a: Array, direction: Array) -> float:
+        """Return the share of a direction at which the cost is least, by bisection."""
+
+        def slope(share: float) -> float:
+            return float(direction @ self.gradient(a + share * direction))
+
+        low, high = 0.0, 1.0
+        least = LINE_TOLERANCE * abs(slope(0.0))
+        if abs(slope(1.0)) <= least:
+            return 1.0
+        while slope(high) < 0 and high < MAX_SHARE:
+            low, high = high, 2 * high
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if slope(middle) > 0 else (middle, high)
+        return (low + high) / 2
+
+    def rounding(self, a: Array) -> Array:
+        """Return the effect of a last digit of every term on the minimizer, relative to epsilon."""
+        force, slope = self.forces(a)
+        size = np.abs(self.jacobian) @ np.abs(a) + self.sizes
+        loose = np.abs(self.mass) @ (np.abs(a) + np.abs(self.free))
+        loose = loose + np.abs(self.jacobian).T @ (np.abs(force) + np.abs(slope) @ size)
+        hessian = self.mass + self.jacobian.T @ slope @ self.jacobian
+        result: Array = np.abs(np.linalg.inv(hessian)) @ loose
+        return result
+
+
+MAX_ITERATIONS, ROUGHLY = 200, 1e-12
+"""Newton iterations, and the share of the forces below which only rounding is left."""
+
+LINE_TOLERANCE, BISECTIONS, MAX_SHARE = 1e-10, 60, 1e6
+"""Numbers of the line search: share of the first slope, halvings, largest share of a step."""
+
+
+def _cone(cone: Cone, x: Array, softness: Array) -> tuple[Array, Array]:
+    """Return the force of an elliptic cone and minus its slope, at x = J a - aref, (k,)."""
+    mu, scale = cone.slope, np.concatenate([[cone.slope], cone.friction])
+    normal, across = x[0] * mu, x[1:] * cone.friction
+    size = float(np.linalg.norm(across))
+    count = len(x)
+    if normal >= mu * size:
+        return np.zeros(count), np.zeros((count, count))
+    if mu * normal + size <= 0:
+        return -x / softness, np.diag(1 / softness)
+    stiffness = 1 / (softness[0] * mu**2 * (1 + mu**2))
+    outside, along = normal - mu * size, across / size
+    slope = np.concatenate([[1.0], -mu * along])
+    curvature = np.outer(slope, slope)
+    curvature[1:, 1:] -= outside * mu / size * (np.eye(count - 1) - np.outer(along, along))
+    return -stiffness * outside * slope * scale, stiffness * curvature * np.outer(scale, scale)

@@ -1,0 +1,187 @@
+"""Accelerations and the next state of a tree by its laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics_crosscheck.reference.laws.constraints import Constraints
+from physics_crosscheck.reference.laws.drives import Driven, drive
+from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
+from physics_crosscheck.reference.laws.soft import Problem
+from physics_crosscheck.reference.mechanism.laws import Contact, Laws
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+
+STEPPED = ("euler", "implicitfast", "implicit")
+"""Integrators with a rule for the next velocity."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawStep:
+    """Forces and constraints that the laws give at one state.
+
+    Attributes:
+        posture: the state.
+        problem: the convex problem of the constraints.
+        driven: the drives.
+        force: all forces but those of constraints, (nv,).
+    """
+
+    posture: Posture
+    problem: Problem
+    driven: Driven
+    force: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawModel:
+    """A tree with its laws.
+
+    Attributes:
+        laws: the numbers.
+        tree: the bodies and paths.
+        home: coordinates of the drawn configuration, (nv,).
+    """
+
+    laws: Laws
+    tree: LawTree
+    home: Array
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The rows of all constraints."""
+        return Constraints(laws=self.laws, tree=self.tree, home=self.home)
+
+    @cached_property
+    def _unit_accelerations(self) -> Array:
+        """Norm of the acceleration per unit force of each path in the drawn configuration, (P,)."""
+        still = np.zeros((1, len(self.home)))
+        posture = next(self.tree.postures(self.home[None], still))
+        norms: Array = np.linalg.norm(posture.rows @ posture.inverse, axis=1)
+        return norms
+
+    @cached_property
+    def _branches(self) -> NDArray[np.bool_]:
+        return same_branch(self.tree.tree)
+
+    def evaluate(
+        self,
+        posture: Posture,
+        controls: Array,
+        states: Array,
+        contacts: Sequence[Contact],
+    ) -> LawStep:
+        """Evaluate the laws at a state.
+
+        Args:
+            posture: the state.
+            controls, states: inputs and states of the drives.
+            contacts: as a collision detector reports them.
+        """
+        driven = drive(self.laws, posture, self._unit_accelerations, controls, states)
+        force = posture.smooth + driven.joint_forces
+        free = np.asarray(np.linalg.solve(posture.mass, force), dtype=np.float64)
+        rows = self.constraints.rows(posture, contacts)
+        return LawStep(
+            posture=posture,
+            problem=rows.problem(posture.mass, free),
+            driven=driven,
+            force=force,
+        )
+
+    def advance(self, law: LawStep, a: Array) -> Array | None:
+        """Return the velocities after a step, (nv,), from accelerations; None without a rule."""
+        damping = self._implicit_damping(law)
+        if damping is None:
+            return None
+        h, mass = self.laws.step, law.posture.mass
+        if not damping.any():
+            return law.posture.m + h * a
+        result: Array = law.posture.m + h * np.linalg.solve(mass + h * damping, mass @ a)
+        return result
+
+    def _implicit_damping(self, law: LawStep) -> Array | None:
+        """Return the damping that the integrator evaluates at the step's end, (nv, nv)."""
+        match self.laws.integrator:
+            case "euler":
+                joints = self._joint_damping
+                acts = self.laws.damps_implicitly and bool(np.any(joints > 0))
+                return np.diag(joints if acts else 0 * joints)
+            case "implicitfast":
+                damping = np.diag(self._joint_damping) + self._tendon_damping(law.posture)
+                return (damping + law.driven.damping) * self._branches + self._gyroscopic(
+                    law.posture
+                )
+            case "implicit":
+                return (_by_velocity(self.tree, law.posture) + law.driven.damping) * self._branches
+        return None
+
+    @cached_property
+    def _joint_damping(self) -> Array:
+        tree = self.tree.tree
+        return np.concatenate(
+            [
+                np.full(there.stop - there.start, link.damping)
+                for link, there in zip(tree.links, tree.velocities, strict=True)
+            ]
+        )
+
+    def _tendon_damping(self, posture: Posture) -> Array:
+        damping = np.zeros_like(posture.mass)
+        for row, element in zip(posture.pull_rows, self.tree.tree.pulls, strict=True):
+            speed = abs(float(row @ posture.m))
+            slope = sum(i * d * speed ** (i - 1) for i, d in enumerate(element.damping, start=1))
+            damping += slope * np.outer(row, row)
+        return damping
+
+    def _gyroscopic(self, posture: Posture) -> Array:
+        """Return minus the derivative of the inertial forces of lone free bodies, (nv, nv)."""
+        result = np.zeros_like(posture.mass)
+        if self._lone:
+            bodies = replace(self.tree, tree=replace(self.tree.tree, pulls=(), bushings=()))
+            whole = _by_velocity(bodies, posture)
+            for there in self._lone:
+                result[there, there] = whole[there, there] - np.diag(self._joint_damping[there])
+        return result
+
+    @cached_property
+    def _lone(self) -> list[slice]:
+        """Velocities of free bodies that carry nothing."""
+        links, slices = self.tree.tree.links, self.tree.tree.velocities
+        carriers = {link.parent for link in links}
+        rows = enumerate(zip(links, slices, strict=True))
+        return [
+            there
+            for i, (link, there) in rows
+            if link.kind == "free" and link.parent == WORLD and i not in carriers
+        ]
+
+
+def _by_velocity(tree: LawTree, posture: Posture) -> Array:
+    """Return minus the derivative of the smooth forces by the velocities, (nv, nv).
+
+    Central differences are exact for forces that are quadratic in the velocities.
+    """
+    n = len(posture.m)
+    size = max(float(np.max(np.abs(posture.m))), 1e-3)
+    moved = size * np.eye(n)
+    y, nothing = np.tile(posture.y, (n, 1)), np.zeros((n, n))
+    forward, backward = (tree.force(y, posture.m + by, nothing) for by in (moved, -moved))
+    result: Array = ((backward - forward) / (2 * size)).T
+    return result
+
+
+def same_branch(tree: Tree) -> NDArray[np.bool_]:
+    """Return which pairs of velocities belong to joints that carry one another, (nv, nv)."""
+    mask = np.zeros((tree.nv, tree.nv), dtype=bool)
+    for i, there in enumerate(tree.velocities):
+        above = i
+        while above != WORLD:
+            mask[there, tree.velocities[above]] = mask[tree.velocities[above], there] = True
+            above = tree.links[above].parent
+    return mask

@@ -1,0 +1,231 @@
+"""Numbers of the forces that are not smooth: limits, dry friction, equalities, contacts, drives.
+
+`reference.laws` states how they act. Joints, bodies and paths are indices: joints in the order of
+the tree's links, bodies as a file lists them from 1 (0 is the ground), paths as force elements of a
+tree without coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+Numbers = tuple[float, ...]
+Range = tuple[float, float]
+
+Dynamics = Literal["none", "integrator", "filter", "exact filter", "muscle"]
+"""How the state of a drive follows its control."""
+
+Curve = Literal["none", "fixed", "affine", "muscle"]
+"""How the gain or the bias of a drive depends on its length and velocity."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Softness:
+    """How a constraint gives way (MuJoCo's documentation, Computation, Parameters).
+
+    Attributes:
+        reference: time constant (s) and damping ratio; or minus stiffness (1/s^2) and minus damping
+            (1/s) of the acceleration.
+        impedance: at zero depth, at full depth, that depth (m or rad), midpoint, power.
+    """
+
+    reference: Range
+    impedance: Numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Anchor:
+    """A frame on a body.
+
+    Attributes:
+        body: its index.
+        position, turn: m and a unit quaternion (w, x, y, z), in the body's frame.
+    """
+
+    body: int
+    position: Numbers
+    turn: Numbers = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftLimit:
+    """A range of a joint or of a path; a ball joint's angle stays below `upper`.
+
+    Attributes:
+        joint, path: index of the one that it limits; -1 for the other.
+        lower, upper, margin: m or rad.
+    """
+
+    joint: int = -1
+    path: int = -1
+    lower: float
+    upper: float
+    margin: float
+    softness: Softness
+
+
+@dataclass(frozen=True, kw_only=True)
+class DryFriction:
+    """Dry friction of each velocity of a joint, or of a path, up to `force` (N or N m)."""
+
+    joint: int = -1
+    path: int = -1
+    force: float
+    softness: Softness
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftEquality:
+    """An equality.
+
+    Attributes:
+        joints, paths: one or two of a kind: the first one's displacement equals `polynomial` of the
+            second one's.
+        polynomial: coefficients, constant first.
+        starts: positions or lengths from which displacements count, one each.
+        anchors: two frames whose origins coincide.
+        turn_scale: m/rad, converts the rotation between the anchors to a distance; None if they
+            can rotate.
+    """
+
+    joints: tuple[int, ...] = ()
+    paths: tuple[int, ...] = ()
+    polynomial: Numbers = ()
+    starts: Numbers = ()
+    anchors: tuple[Anchor, Anchor] | None = None
+    turn_scale: float | None = None
+    softness: Softness
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """A shape's surface.
+
+    Attributes:
+        body: index of its body.
+        dimension: of its contact force: 1, 3, 4 or 6.
+        friction: sliding, torsional (m), rolling (m).
+        priority: a larger one determines the contact.
+        mix: weight of its softness.
+        margin: distance at which contact begins, m.
+    """
+
+    body: int
+    dimension: int
+    friction: tuple[float, float, float]
+    priority: int
+    mix: float
+    margin: float
+    softness: Softness
+
+
+@dataclass(frozen=True, kw_only=True)
+class Touch:
+    """Numbers of the contact of two surfaces.
+
+    Attributes:
+        friction: of five directions: two sliding, torsional, two rolling.
+        sliding: as `Softness.reference`, of the friction of elliptic cones; zeros for the same.
+        other attributes: as in `Surface`.
+    """
+
+    dimension: int
+    friction: Numbers
+    margin: float
+    softness: Softness
+    sliding: Range = (0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """An actuator on a path.
+
+    Attributes:
+        control: index of its input.
+        state: index of its state; -1 without one.
+        control_range, state_range, force_range: limits, or None.
+        dynamics, constants: how its state follows the control.
+        gain, gains: factor of the control or state.
+        bias, biases: force at zero control.
+        early: whether the force uses the state at the step's end.
+        stretch: range of lengths of a muscle.
+        period: of a control that is an angle; 0 for no period.
+        on: whether it acts.
+    """
+
+    path: int
+    control: int
+    state: int = -1
+    control_range: Range | None = None
+    state_range: Range | None = None
+    force_range: Range | None = None
+    dynamics: Dynamics = "none"
+    constants: Numbers = ()
+    gain: Curve = "fixed"
+    gains: Numbers = (1.0,)
+    bias: Curve = "none"
+    biases: Numbers = ()
+    early: bool = False
+    stretch: Range = (0.0, 0.0)
+    period: float = 0.0
+    on: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laws:
+    """All of a file.
+
+    Attributes:
+        step: s.
+        integrator: "euler", "implicitfast", "implicit"; another one has no rule for the next state.
+        elliptic: whether friction cones are elliptic, or pyramids.
+        friction_ratio: of the softness of normal forces to that of friction.
+        safe: whether a time constant is at least two steps.
+        damps_implicitly: whether the Euler step evaluates joint dampers at its end.
+        acts: whether drives act.
+        light: bodies whose inverse weight is one over their mass: alone on slides along the axes.
+        sums: drives, by index, whose forces together have limits.
+        joint_ranges: limits of all drives by joint, and whether they compensate its weight.
+        pairs: numbers of pairs of surfaces that a file states itself, by their indices.
+        uncovered: what acts on the bodies and has no law here.
+    """
+
+    step: float
+    integrator: str
+    elliptic: bool = False
+    friction_ratio: float = 1.0
+    safe: bool = True
+    damps_implicitly: bool = True
+    acts: bool = True
+    limits: tuple[SoftLimit, ...] = ()
+    frictions: tuple[DryFriction, ...] = ()
+    equalities: tuple[SoftEquality, ...] = ()
+    surfaces: tuple[Surface, ...] = ()
+    pairs: tuple[tuple[int, int, Touch], ...] = ()
+    drives: tuple[Drive, ...] = ()
+    sums: tuple[tuple[tuple[int, ...], Range], ...] = ()
+    joint_ranges: Mapping[int, tuple[Range, bool]] = field(default_factory=dict)
+    light: frozenset[int] = frozenset()
+    uncovered: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contact:
+    """A contact that a collision detector reports.
+
+    Attributes:
+        surfaces: indices of the two surfaces.
+        distance: m, negative when they overlap.
+        position: in the world, m, (3,).
+        frame: axes as rows: the normal from the first surface to the second one, two tangents,
+            (3, 3).
+    """
+
+    surfaces: tuple[int, int]
+    distance: float
+    position: Array
+    frame: Array

@@ -1,0 +1,107 @@
+"""Drives against closed forms: limits, filters and muscles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.reference.laws.drives import Driven, drive
+from physics_crosscheck.reference.laws.mechanics import LawTree
+from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.bodies import ForceElement, Joint, RigidBody
+from physics_crosscheck.reference.mechanism.laws import Drive, Laws
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.tree import WORLD
+
+STEP = 0.01
+CART = RigidBody(
+    name="cart", parent=None, joints=(Joint(name="x", kind="slide", axis=(1, 0, 0)),), mass=2.0
+)
+
+
+def driven(
+    *drives: dict[str, Any],
+    x: float = 0.3,
+    v: float = -0.2,
+    control: float = 2.0,
+    state: float = 0.4,
+    **laws: Any,
+) -> Driven:
+    """Return the forces of drives on a cart, each with its own path."""
+    pulls = [ForceElement(name=f"p{i}", joints=(("x", 1.0),)) for i in range(len(drives))]
+    tree = assembled([CART], (0, 0, 0), pulls).tree
+    whole = LawTree(
+        tree=replace(tree, pulls=()), paths=tree.pulls, bodies=((WORLD, IDENTITY),),
+        masses=np.zeros(1), centers=np.zeros((1, 3)),
+    )  # fmt: skip
+    numbers = tuple(Drive(path=i, control=0, **one) for i, one in enumerate(drives))
+    posture = next(whole.postures(np.array([[x]]), np.array([[v]])))
+    return drive(
+        Laws(step=STEP, integrator="euler", drives=numbers, **laws),
+        posture,
+        np.full(len(drives), 0.5),
+        np.array([control]),
+        np.array([state]),
+    )
+
+
+def test_a_servo_is_limited_where_its_file_says() -> None:
+    """Catch limits that are ignored, or applied in another order: control, force, joint."""
+    servo = {"gains": (40.0,), "bias": "affine", "biases": (0.0, -40.0, -2.0)}
+    free = 40 * (2.0 - 0.3) + 2.0 * 0.2
+    assert driven(servo).forces[0] == pytest.approx(free)
+    within = driven({**servo, "control_range": (-1.0, 1.0)}).forces[0]
+    assert within == pytest.approx(40 * (1.0 - 0.3) + 0.4)
+    limited = driven(
+        {**servo, "force_range": (-3.0, 3.0)}, servo, joint_ranges={0: ((-9, 9), False)}
+    )
+    assert limited.forces == pytest.approx([3.0, free])
+    assert limited.joint_forces == pytest.approx([9.0])
+    assert limited.damping == pytest.approx(0.0)
+    assert driven(servo).damping == pytest.approx(2.0)
+
+
+def test_the_sum_of_drives_on_a_tendon_is_scaled() -> None:
+    """Catch a limit of a sum that is applied to each drive."""
+    both = driven({"gains": (1.0,)}, {"gains": (3.0,)}, sums=(((0, 1), (-4.0, 4.0)),))
+    assert both.forces == pytest.approx([1.0, 3.0])
+
+
+def test_an_exact_filter_follows_the_exponential() -> None:
+    """Catch filters that are exchanged, and a range that is not applied to the state."""
+    exact = {"state": 0, "dynamics": "exact filter", "constants": (0.05,)}
+    expected = 2.0 + (0.4 - 2.0) * np.exp(-STEP / 0.05)
+    assert driven(exact).states[0] == pytest.approx(expected, rel=1e-14)
+    assert driven(exact).forces[0] == 0.4
+    assert driven({**exact, "early": True}).forces[0] == pytest.approx(expected, rel=1e-14)
+    plain = driven({**exact, "dynamics": "filter", "state_range": (0.0, 0.5)})
+    assert plain.states[0] == 0.5
+    assert driven({"state": 0, "dynamics": "integrator"}).states[0] == pytest.approx(0.42)
+
+
+def test_a_muscle_has_its_peak_at_its_best_length() -> None:
+    """Catch a muscle's curves that are shifted, and a sign that makes it push."""
+    numbers = (0.75, 1.05, -1.0, 200.0, 0.5, 1.6, 1.5, 1.3, 1.2)
+    muscle: dict[str, Any] = {
+        "state": 0, "dynamics": "muscle", "constants": (0.01, 0.04, 0.0), "gain": "muscle",
+        "gains": numbers, "bias": "muscle", "biases": numbers, "stretch": (0.2, 0.35),
+    }  # fmt: skip
+    best = 0.2 + (1.0 - 0.75) * (0.15 / 0.3)
+    at_best = driven(muscle, x=best, v=0.0, control=1.0)
+    assert at_best.forces[0] == pytest.approx(-0.4 * 200.0 / 0.5)
+    assert at_best.states[0] == pytest.approx(0.4 + STEP * 0.6 / (0.01 * 1.1))
+    longer = driven(muscle, x=best + 0.5 * 0.3, v=0.0, state=0.0).forces[0]
+    assert longer == pytest.approx(-400.0 * 1.3 * 0.5)
+    assert driven(muscle, x=best, v=-2.0).forces[0] == 0.0
+
+
+def test_the_damping_of_a_muscle_is_the_slope_of_its_force() -> None:
+    """Catch a slope that an implicit integrator would use with another sign or scale."""
+    numbers = (0.75, 1.05, 300.0, 200.0, 0.5, 1.6, 1.5, 1.3, 1.2)
+    muscle: dict[str, Any] = {"gain": "muscle", "gains": numbers, "stretch": (0.2, 0.35)}
+    for v in (-0.3, 0.05, 0.4):
+        low, high = (driven(muscle, v=v + by).forces[0] for by in (-1e-6, 1e-6))
+        assert driven(muscle, v=v).damping[0, 0] == pytest.approx(-(high - low) / 2e-6, rel=1e-6)
