@@ -24,6 +24,11 @@ from physics_crosscheck.harness.checks.poses import PoseCheck, check_bodies, wit
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
 from physics_crosscheck.harness.checks.verdict import Verdict, judged, with_dynamics, with_full_runs
+from physics_crosscheck.harness.checks.whole_step import (
+    WholeStepCheck,
+    check_whole_step,
+    with_whole_step,
+)
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
@@ -123,7 +128,8 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     # Now: some engines unload this model when another one is loaded.
     poses = _poses(task, model, coordinates)
     judged = _judgement(task, (model, coordinates), None if why else motion)
-    verdict = judged.verdict if poses is None else with_poses(judged.verdict, poses)
+    whole = _whole_step(task)
+    verdict = _combined(judged.verdict, poses, whole)
     study, full_run, series = None, None, None
     if motion is not None and not why:
         study = _study(task, (model, coordinates), motion, judged, verdict)
@@ -131,7 +137,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
             judged.by_steps and not study.full_run_check.conclusive
         ):  # these two contradict each other
             judged = _by_segments(task, (model, coordinates), judged.stepping, judged.dynamics)
-            verdict = judged.verdict if poses is None else with_poses(judged.verdict, poses)
+            verdict = _combined(judged.verdict, poses, whole)
             study = _study(task, (model, coordinates), motion, judged, verdict)
     outcome, reason, kind = verdict.outcome, verdict.reason, verdict.kind
     if why:
@@ -155,6 +161,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         kind=kind,
         locations=_lines(task, poses) if kind == "pose" and poses is not None else (),
         poses=None if poses is None else poses.record,
+        whole_step=None if whole is None else whole.record,
         verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
         full_run=full_run,
         series=series,
@@ -179,6 +186,12 @@ def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None 
     if loaded is not None:
         return _judged(task, loaded)[1]
     return _judgement(task, task.load(), None).verdict
+
+
+def _combined(verdict: Verdict, poses: PoseCheck | None, whole: WholeStepCheck | None) -> Verdict:
+    """Combine the verdict on a motion with those on poses and whole steps."""
+    verdict = verdict if poses is None else with_poses(verdict, poses)
+    return verdict if whole is None else with_whole_step(verdict, whole)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -379,6 +392,14 @@ def _poses(task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap) 
     if task.sidecar is not None or not isinstance(task.target, PreparedTree):
         return None
     return check_bodies(task.target, model, coordinates)
+
+
+def _whole_step(task: ModelTask[Prepared]) -> WholeStepCheck | None:
+    """Compare whole steps of a robot file, unless only its smooth forces are asked for."""
+    target = task.target
+    if task.sidecar is not None or not isinstance(target, PreparedTree) or target.smooth:
+        return None
+    return check_whole_step(target.place, task.engine, task.file, task.resolution)
 
 
 def _lines(task: ModelTask[Prepared], poses: PoseCheck) -> tuple[SourceLine, ...]:

@@ -273,6 +273,7 @@ class PreparedTree(Prepared):
         left_out: statements of the file that the equations omit.
         findings: what is wrong with the file by reading it.
         lines: line of each link of the file, by name.
+        smooth: whether whole steps, with limits, friction, contacts and drives, are left out.
     """
 
     system: TreeSystem
@@ -285,6 +286,7 @@ class PreparedTree(Prepared):
     left_out: tuple[str, ...] = ()
     findings: tuple[AuditFinding, ...] = ()
     lines: Mapping[str, int] = field(default_factory=dict)
+    smooth: bool = False
 
     @property
     def tree(self) -> Tree:
@@ -400,6 +402,7 @@ def prepare(
     model: str = "",
     motion: float = 0.0,
     states: int = STATES,
+    smooth: bool = False,
 ) -> PreparedSystem | PreparedTree:
     """Read a system folder or a robot file, derive its equations, and solve them.
 
@@ -411,12 +414,14 @@ def prepare(
         model: which of several models of an SDFormat file; empty: the only one that moves.
         motion: duration of a motion of bodies from rest, seconds; 0 for none.
         states: number of sampled states of bodies.
+        smooth: whether a robot file is checked without limits, friction, contacts and drives only.
 
     Raises:
         DeclarationError, RobotError, ReferenceError: naming file, line and remedy.
     """
     if place.is_file():
-        return prepare_tree(place, floating=floating, model=model, motion=motion, states=states)
+        prepared = prepare_tree(place, floating=floating, model=model, motion=motion, states=states)
+        return replace(prepared, smooth=smooth)
     began = time.perf_counter()
     with record_reads(place) as reads:
         declared = load_declaration(place)

@@ -331,7 +331,7 @@ class WholeState(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WholeStep:
+class EngineStep:
     """Forces, contacts and the next state that an engine computes at one state.
 
     Attributes:
@@ -380,7 +380,7 @@ class WholeModel(ABC):
         """Return the state after some steps."""
 
     @abstractmethod
-    def evaluate(self, state: WholeState) -> WholeStep:
+    def evaluate(self, state: WholeState) -> EngineStep:
         """Return accelerations, contacts and the next state."""
 
 

@@ -24,6 +24,9 @@ from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
 
+NO_MOTION = ("pose", "whole step")
+"""Kinds of differences that no smooth motion shows."""
+
 
 class ModelPlan:
     """The jobs of a model in an engine: cases, measurements, coverage, audit and diagnosis.
@@ -91,10 +94,11 @@ class ModelPlan:
     def _ended(self, case: Case) -> Iterator[Job[Any]]:
         """Add a case; after the last one, diagnose the model if any of them differs."""
         self._results.add(case)
+        self._compare_more(case)
         self._left -= 1
         mine = [c for c in self._results.cases if c.key == self.key]
-        # What moves right, and is elsewhere, has no number to find in its motion.
-        differs = any(c.outcome is Outcome.DIFFERS and c.kind != "pose" for c in mine)
+        # Motions show no number that only poses or whole steps depend on.
+        differs = any(c.outcome is Outcome.DIFFERS and c.kind not in NO_MOTION for c in mine)
         if self._left or not self._options.diagnosed or not differs:
             return
 
@@ -106,6 +110,13 @@ class ModelPlan:
             return done(Diagnosis(failure=failure.reason))
 
         yield from self._do("diagnosis", done, failed)
+
+    def _compare_more(self, case: Case) -> None:
+        """Remove from what is left out the parts of the file that whole steps compare."""
+        steps, coverage = case.whole_step, self._results.models[self.key].coverage
+        if steps is not None and steps.outcome is not None and coverage is not None:
+            left_out = tuple(one for one in coverage.left_out if one not in steps.covered)
+            self._results.amend(self.key, coverage=structs.replace(coverage, left_out=left_out))
 
     def _linearizations(self) -> Iterator[Job[Any]]:
         def done(value: tuple[EngineLinearization, ...]) -> Jobs:

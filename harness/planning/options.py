@@ -130,6 +130,8 @@ class Options:
         floating: whether the root link of a standalone URDF moves.
         model: the model to read from an SDFormat file that has several.
         motion: duration of the motion from rest of a standalone file, seconds; 0 for none.
+        smooth: whether steps of a standalone file are compared without limits, friction, contacts
+            and drives only.
         robots: other options of both kinds, for single robot files.
         choice: the cases to run.
         scheduler: address of a cluster's scheduler; empty for processes of this machine.
@@ -146,6 +148,7 @@ class Options:
     floating: bool = False
     model: str = ""
     motion: float = 0.0
+    smooth: bool = False
     robots: Mapping[Path, RobotOptions] = field(default_factory=dict)
     choice: CaseSelection = field(default_factory=CaseSelection)
     scheduler: str = ""

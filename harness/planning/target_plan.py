@@ -73,7 +73,8 @@ class TargetPlan:
         self._key: CacheKey | None = None
         self._hashes: Mapping[ModelKey, str] = {}
         if self.standalone:
-            self._reading = {**structs.asdict(options.robot(place)), "motion": options.motion}
+            reading = structs.asdict(options.robot(place))
+            self._reading = {**reading, "motion": options.motion, "smooth": options.smooth}
         else:
             self._reading = {"described": options.described, "motion": options.motion}
         if not results.keeps and self._cache is None:

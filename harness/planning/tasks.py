@@ -40,13 +40,16 @@ def target(
     floating: bool = False,
     model: str = "",
     motion: float = 0.0,
+    smooth: bool = False,
 ) -> Preparation:
     """Read a system folder or a robot file, derive its equations, and solve them.
 
     Raises:
         DeclarationError, FileError, ReferenceError: naming the error and its place.
     """
-    solved = prepare(place, described=described, floating=floating, model=model, motion=motion)
+    solved = prepare(
+        place, described=described, floating=floating, model=model, motion=motion, smooth=smooth
+    )
     if isinstance(solved, PreparedSystem):
         facts = TargetFacts(record=solved.record, declares="energies", reads=dict(solved.reads))
     else:

@@ -19,10 +19,11 @@ from physics_crosscheck.harness.records.base import (
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
 from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.whole_step import WholeStep
 
 CaseKind = Literal[
     "",
-    "motion", "coordinate map", "acceleration", "pose",
+    "motion", "coordinate map", "acceleration", "pose", "whole step",
     "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding",
     "full run", "time step",
     "not finite", "blows up", "too coarse", "long step",
@@ -35,9 +36,9 @@ Each has a message code and a page.
 """
 
 MEASURED: tuple[CaseKind, ...] = (
-    "motion", "coordinate map", "acceleration", "pose", "stands still", "diverges", "wrong order",
-    "not smooth", "coarse", "rounding", "full run", "time step", "not finite", "blows up",
-    "too coarse",
+    "motion", "coordinate map", "acceleration", "pose", "whole step", "stands still", "diverges",
+    "wrong order", "not smooth", "coarse", "rounding", "full run", "time step", "not finite",
+    "blows up", "too coarse",
 )  # fmt: skip
 """Kinds whose reasons differ only in the numbers of a case."""
 
@@ -100,7 +101,7 @@ class CaseId(Record, frozen=True, kw_only=True, order=True):
         return ModelId(system=self.system, model=self.model, engine=self.engine)
 
 
-DecidedBy = Literal["segments", "single steps", "accelerations", "poses"]
+DecidedBy = Literal["segments", "single steps", "accelerations", "poses", "whole steps"]
 """The check whose numbers a verdict states."""
 
 
@@ -417,6 +418,8 @@ class Case(Record, frozen=True, kw_only=True):
         stepping: Check of the next state; None without a known step rule.
         forward_dynamics: Check of the accelerations; None if the engine reports none.
         poses: Check of the poses of a robot file's bodies; None for other models.
+        whole_step: Check of steps with limits, friction, contacts and drives; None without a
+            documented law.
         skipped: Checks that did not run since others decide; `--thorough` runs them.
     """
 
@@ -439,6 +442,7 @@ class Case(Record, frozen=True, kw_only=True):
     stepping: Stepping | None = None
     forward_dynamics: ForwardDynamics | None = None
     poses: Poses | None = None
+    whole_step: WholeStep | None = None
     skipped: tuple[SkippedCheck, ...] = ()
 
     def __post_init__(self) -> None:
@@ -462,7 +466,7 @@ class Case(Record, frozen=True, kw_only=True):
         Args:
             resolution: requested resolution of the run.
         """
-        v, dynamics = self.verdict, self.forward_dynamics
+        v = self.verdict
         if not self.outcome.is_run:
             return ""
         if v is None:
@@ -483,11 +487,19 @@ class Case(Record, frozen=True, kw_only=True):
             )
         if v.map_residual is not None and v.map_residual > max(v.map_uncertainty or 0.0, least):
             return f"AGREES contradicts the residual {v.map_residual:.1e} of its coordinate map"
-        if dynamics is not None and dynamics.outcome is Outcome.DIFFERS:
-            return "AGREES contradicts its accelerations, which differ"
-        if self.poses is not None and self.poses.wrong:
-            return "AGREES contradicts its poses, which differ"
-        return ""
+        part = self._differing_part
+        return f"AGREES contradicts its {part}, which differ" if part else ""
+
+    @property
+    def _differing_part(self) -> str:
+        """Name of a further check that differs; empty if none does."""
+        dynamics, poses, steps = self.forward_dynamics, self.poses, self.whole_step
+        parts = {
+            "accelerations": dynamics is not None and dynamics.outcome is Outcome.DIFFERS,
+            "poses": poses is not None and bool(poses.wrong),
+            "whole steps": steps is not None and steps.outcome is Outcome.DIFFERS,
+        }
+        return next((name for name, differs in parts.items() if differs), "")
 
     @property
     def digits(self) -> Number:

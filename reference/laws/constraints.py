@@ -219,6 +219,7 @@ class Constraints:
         for sign, bound in ((-1, limit.lower), (1, limit.upper)):
             distance = sign * (bound - position)
             if distance < limit.margin:
+                rows.limits += 1
                 rows.add(
                     Kind.ONE_SIDED, -sign * row, limit.softness, distance - limit.margin, weight,
                     position=abs(position) + abs(bound),
@@ -234,6 +235,7 @@ class Constraints:
         there = self.tree.tree.velocities[limit.joint]
         row = np.zeros(len(posture.m))
         row[there] = -vector / angle
+        rows.limits += 1
         rows.add(
             Kind.ONE_SIDED, row, limit.softness, distance - limit.margin,
             float(self.weights.velocities[there.start]), position=2 * angle,

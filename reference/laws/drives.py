@@ -25,6 +25,7 @@ class Driven:
         forces: of each drive, (drives,).
         joint_forces: on the velocities, (nv,).
         states: at the step's end, (states,).
+        clipped: drives at a limit of their own or of a tendon, by index.
         damping: -d(joint forces)/d(velocities), (nv, nv); drives at a limit of their own, of their
             tendon or of their joint have none.
         size: sum of the magnitudes in the joint forces, (nv,).
@@ -33,6 +34,7 @@ class Driven:
     forces: Array
     joint_forces: Array
     states: Array
+    clipped: frozenset[int]
     damping: Array
     size: Array
 
@@ -81,9 +83,53 @@ def drive(
         forces=forces,
         joint_forces=joint_forces,
         states=after,
+        clipped=frozenset(clipped),
         damping=-np.einsum("di,d,dj->ij", rows, slopes, rows),
         size=np.abs(rows).T @ sizes,
     )
+
+
+def unsaturated(
+    laws: Laws, posture: Posture, accelerations: Array, shares: Array
+) -> tuple[Array, Array]:
+    """Return controls and states at which no drive is at a limit; NaN for others.
+
+    Args:
+        laws, posture, accelerations: as in `drive`.
+        shares: of each drive's range of forces or controls, from -1 to 1, (drives,).
+    """
+    controls = np.full(max((actuator.control for actuator in laws.drives), default=-1) + 1, np.nan)
+    states = np.full(max((actuator.state for actuator in laws.drives), default=-1) + 1, np.nan)
+    for i, actuator in enumerate(laws.drives):
+        law = _Drive(actuator, posture, accelerations[actuator.path])
+        still, unit = law.force(0.0)[0], law.force(1.0)[0]
+        limits = actuator.control_range if actuator.state < 0 else actuator.state_range
+        low, high = limits or ((0.0, 1.0) if actuator.gain == "muscle" else (-1.0, 1.0))
+        value = (low + high) / 2 + shares[i] * (high - low) / 2
+        largest = _largest_force(laws, posture, i)
+        if np.isfinite(largest) and unit != still:
+            value = float(np.clip((shares[i] * largest - still) / (unit - still), low, high))
+        if actuator.state < 0:
+            controls[actuator.control] = value
+        else:
+            states[actuator.state] = value
+    return controls, states
+
+
+def _largest_force(laws: Laws, posture: Posture, index: int) -> float:
+    """Return a force of a drive that no limit reaches, shared by all drives of its joint."""
+    actuator = laws.drives[index]
+    row = np.abs(posture.rows[actuator.path])
+    largest = [] if actuator.force_range is None else [min(map(abs, actuator.force_range))]
+    largest += [min(map(abs, limits)) / len(on) for on, limits in laws.sums if index in on]
+    for joint, (limits, _) in laws.joint_ranges.items():
+        gear = float(np.max(row[posture.parent.tree.velocities[joint]]))
+        drives = sum(
+            bool(posture.rows[other.path][posture.parent.tree.velocities[joint]].any())
+            for other in laws.drives
+        )
+        largest += [min(map(abs, limits)) / gear / max(1, drives)] if gear else []
+    return min(largest, default=np.inf)
 
 
 def _clipped(value: float, limits: Range | None) -> float:

@@ -88,8 +88,8 @@ class LawTree:
                 mass=mass[..., b],
                 smooth=smooth[b],
                 lift=lift[:, b],
-                poses=[Placement(*(part[..., b] for part in pose)) for pose in poses],
-                motions=[LinkMotion(*(part[..., b] for part in one)) for one in motions],
+                poses=[Placement(*(_state(part, b) for part in pose)) for pose in poses],
+                motions=[LinkMotion(*(_state(part, b) for part in motion)) for motion in motions],
                 lengths=np.array([float(length[0, b]) for length, _ in lines[:count]]),
                 rows=rows[:count],
                 pull_rows=rows[count:],
@@ -186,6 +186,12 @@ class Posture:
         """Return the rotation vector of a ball joint, (3,)."""
         vector: Array = rotation_vector(self.q[self.parent.tree.positions[joint]])
         return vector
+
+
+def _state(values: Array, index: int) -> Array:
+    """Return the values at one state of a batch; constants have a batch of one."""
+    result: Array = values[..., index if values.shape[-1] > 1 else 0]
+    return result
 
 
 def relative_turn(first: Array, other: Array) -> Array:

@@ -95,6 +95,7 @@ class Rows:
         step: s.
         safe: whether time constants are at least two steps.
         velocities: stored, (nv,).
+        limits: number of rows of limits.
     """
 
     step: float
@@ -107,6 +108,7 @@ class Rows:
     bounds: list[float] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
     cones: list[Cone] = field(default_factory=list)
+    limits: int = 0
 
     def add(
         self,

@@ -30,12 +30,14 @@ class LawStep:
         problem: the convex problem of the constraints.
         driven: the drives.
         force: all forces but those of constraints, (nv,).
+        limits: number of rows of limits.
     """
 
     posture: Posture
     problem: Problem
     driven: Driven
     force: Array
+    limits: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +60,7 @@ class LawModel:
         return Constraints(laws=self.laws, tree=self.tree, home=self.home)
 
     @cached_property
-    def _unit_accelerations(self) -> Array:
+    def unit_accelerations(self) -> Array:
         """Norm of the acceleration per unit force of each path in the drawn configuration, (P,)."""
         still = np.zeros((1, len(self.home)))
         posture = next(self.tree.postures(self.home[None], still))
@@ -83,7 +85,7 @@ class LawModel:
             controls, states: inputs and states of the drives.
             contacts: as a collision detector reports them.
         """
-        driven = drive(self.laws, posture, self._unit_accelerations, controls, states)
+        driven = drive(self.laws, posture, self.unit_accelerations, controls, states)
         force = posture.smooth + driven.joint_forces
         free = np.asarray(np.linalg.solve(posture.mass, force), dtype=np.float64)
         rows = self.constraints.rows(posture, contacts)
@@ -92,6 +94,7 @@ class LawModel:
             problem=rows.problem(posture.mass, free),
             driven=driven,
             force=force,
+            limits=rows.limits,
         )
 
     def advance(self, law: LawStep, a: Array) -> Array | None:
@@ -109,7 +112,7 @@ class LawModel:
         """Return the damping that the integrator evaluates at the step's end, (nv, nv)."""
         match self.laws.integrator:
             case "euler":
-                joints = self._joint_damping
+                joints = self._joint_damping + self._drive_damping
                 acts = self.laws.damps_implicitly and bool(np.any(joints > 0))
                 return np.diag(joints if acts else 0 * joints)
             case "implicitfast":
@@ -130,6 +133,14 @@ class LawModel:
                 for link, there in zip(tree.links, tree.velocities, strict=True)
             ]
         )
+
+    @cached_property
+    def _drive_damping(self) -> Array:
+        tree = self.tree.tree
+        damping = np.zeros(tree.nv)
+        for joint, coefficient in self.laws.drive_damping.items():
+            damping[tree.velocities[joint]] += coefficient
+        return damping
 
     def _tendon_damping(self, posture: Posture) -> Array:
         damping = np.zeros_like(posture.mass)

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from physics_crosscheck.reference.mechanism.numeric import Array
+import numpy as np
+from numpy.typing import NDArray
 
 Numbers = tuple[float, ...]
 Range = tuple[float, float]
@@ -182,11 +183,11 @@ class Laws:
     Attributes:
         step: s.
         integrator: "euler", "implicitfast", "implicit"; another one has no rule for the next state.
+        drive_damping: damping of drives that the Euler step adds to that of their joints, by joint.
         elliptic: whether friction cones are elliptic, or pyramids.
         friction_ratio: of the softness of normal forces to that of friction.
         safe: whether a time constant is at least two steps.
         damps_implicitly: whether the Euler step evaluates joint dampers at its end.
-        acts: whether drives act.
         light: bodies whose inverse weight is one over their mass: alone on slides along the axes.
         sums: drives, by index, whose forces together have limits.
         joint_ranges: limits of all drives by joint, and whether they compensate its weight.
@@ -200,7 +201,7 @@ class Laws:
     friction_ratio: float = 1.0
     safe: bool = True
     damps_implicitly: bool = True
-    acts: bool = True
+    drive_damping: Mapping[int, float] = field(default_factory=dict)
     limits: tuple[SoftLimit, ...] = ()
     frictions: tuple[DryFriction, ...] = ()
     equalities: tuple[SoftEquality, ...] = ()
@@ -227,5 +228,5 @@ class Contact:
 
     surfaces: tuple[int, int]
     distance: float
-    position: Array
-    frame: Array
+    position: NDArray[np.float64]
+    frame: NDArray[np.float64]

@@ -31,6 +31,7 @@ OWN = "physics_crosscheck.harness.engines"
 ALLOWED = (
     OWN,
     "physics_crosscheck.harness.documents",
+    "physics_crosscheck.reference.mechanism.laws",
     "physics_crosscheck.reference.mechanism.rotations",
 )
 ADAPTERS = sorted(HOME.rglob("*.py"))

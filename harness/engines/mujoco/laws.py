@@ -17,6 +17,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     of_actuator,
     of_tendon,
     output,
+    powers,
 )
 from physics_crosscheck.harness.engines.mujoco.rule import has_nonlinear_damping
 from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
@@ -61,7 +62,7 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
         friction_ratio=float(m.opt.impratio),
         safe=acts(m, "REFSAFE"),
         damps_implicitly=acts(m, "EULERDAMP") and acts(m, "DAMPER"),
-        acts=acts(m, "ACTUATION"),
+        drive_damping=_drive_damping(m),
         limits=tuple(_limits(m)) if on and acts(m, "LIMIT") else (),
         frictions=tuple(_frictions(m)) if on and acts(m, "FRICTIONLOSS") else (),
         equalities=tuple(_equalities(m)) if on and acts(m, "EQUALITY") else (),
@@ -89,7 +90,26 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
 def _has_no_rule(m: Any, integrator: str) -> bool:
     """Return whether damping that is not constant leaves the next state without a rule."""
     implicit = integrator.startswith("implicit")
-    return has_nonlinear_damping(m) or (implicit and box_fluid(m) is not None)
+    curved = any(any(_own_damping(m, i)[1:]) for i in range(actuators(m)))
+    return has_nonlinear_damping(m) or curved or (implicit and box_fluid(m) is not None)
+
+
+def _own_damping(m: Any, i: int) -> Numbers:
+    """Return the coefficients of an actuator's own damper."""
+    return powers(m, "actuator_damping", i) if hasattr(m, "actuator_damping") else (0.0,)
+
+
+def _drive_damping(m: Any) -> dict[int, float]:
+    """Return the damping of actuators on joints, by joint."""
+    import mujoco
+
+    damping: dict[int, float] = {}
+    for i in range(actuators(m)):
+        coefficient = _own_damping(m, i)[0]
+        if coefficient and m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
+            joint = int(m.actuator_trnid[i][0])
+            damping[joint] = damping.get(joint, 0.0) + _gear(m, i)[0] ** 2 * coefficient
+    return damping
 
 
 def _softness(reference: Any, impedance: Any) -> Softness:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.state import States
-from physics_crosscheck.harness.engines.protocol import Array, WholeModel, WholeState, WholeStep
+from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
 from physics_crosscheck.reference.mechanism.laws import Contact
 
 _EXACT: Mapping[str, object] = MappingProxyType({
@@ -81,7 +81,7 @@ class MujocoWhole(WholeModel):
         z, m, activations = self._read(state.z)
         return WholeState(z, m, state.controls, activations)
 
-    def evaluate(self, state: WholeState) -> WholeStep:
+    def evaluate(self, state: WholeState) -> EngineStep:
         """Return the accelerations, contacts and the next state."""
         import mujoco
 
@@ -95,7 +95,7 @@ class MujocoWhole(WholeModel):
         self._set(state)
         mujoco.mj_step(m, d)
         z, velocity, activations = self._read(state.z)
-        return WholeStep(
+        return EngineStep(
             acceleration=acceleration,
             unbalanced=unbalanced,
             contacts=contacts,

@@ -160,6 +160,15 @@ def motion(command: argparse.ArgumentParser) -> None:
     )
 
 
+def smooth(command: argparse.ArgumentParser) -> None:
+    """Add --smooth."""
+    group(command, "Robot files").add_argument(
+        "--smooth",
+        action="store_true",
+        help="Check without limits, friction, contacts and drives only [also with them]",
+    )
+
+
 def chosen_model(command: argparse.ArgumentParser, default: str = "the only movable one") -> None:
     """Add --model; `default` describes what is read without it."""
     group(command, "Robot files").add_argument(

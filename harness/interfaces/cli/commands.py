@@ -107,6 +107,7 @@ def _demo_defaults(command: argparse.ArgumentParser) -> None:
         strict=False,
         floating=False,
         motion=0.0,
+        smooth=True,
         chosen_model="",
     )
 
@@ -156,6 +157,7 @@ COMMANDS: Mapping[str, Command] = {
             *_RUN_OPTIONS,
             arguments.robot_options,
             arguments.motion,
+            arguments.smooth,
             arguments.strict,
             option(
                 "Selection",

@@ -83,6 +83,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         baseline=options.baseline,
         floating=options.floating,
         motion=options.motion,
+        smooth=options.smooth,
         model=options.chosen_model,
         choice=wanted.choice,
         scheduler=options.scheduler,

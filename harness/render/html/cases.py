@@ -14,6 +14,7 @@ from physics_crosscheck.harness.records.case import (
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import Scenario
+from physics_crosscheck.harness.records.whole_step import WholeStep
 from physics_crosscheck.harness.render.html.text import (
     NOTHING,
     agreeing_digits,
@@ -110,6 +111,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
             () if case.forward_dynamics is None else _dynamics_facts(case.forward_dynamics),
         ),
         ("One step", () if case.stepping is None else _one_step(case.stepping)),
+        ("Whole steps", () if case.whole_step is None else _whole_step(case.whole_step)),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
         ("Run", tuple(_run(case, scenario))),
     )
@@ -258,6 +260,24 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
     if stepping.besides:
         rows.append(("also acts", stepping.besides))
     return tuple(rows)
+
+
+def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
+    """Return facts about steps with limits, friction, contacts and drives."""
+    uncovered = (("without a law here", ", ".join(steps.uncovered)),) if steps.uncovered else ()
+    if steps.outcome is None:
+        return uncovered
+    acted = ", ".join(f"{one.name} {one.count}" for one in steps.acted)
+    return (
+        ("by the engine's law", f"{steps.outcome} ({steps.component})"),
+        ("discrepancy", sci(steps.discrepancy)),
+        ("uncertainty", sci(steps.uncertainty)),
+        ("states", str(steps.states)),
+        ("acted", acted or NOTHING),
+        ("compared", "accelerations, next state" if steps.next_state else "accelerations"),
+        ("changed options", ", ".join(steps.edits)),
+        *uncovered,
+    )
 
 
 def _digits(stepping: Stepping) -> str:

@@ -45,6 +45,9 @@ INDENT = 8
 MASSLESS = "massless"
 """Subject of audit findings about a link with inertia and without mass."""
 
+WITH_ALL = "with limits, friction, contacts and drives"
+"""Forces of whole steps."""
+
 POSES_NAMED = 3
 """Number of bodies to name in a headline."""
 
@@ -231,6 +234,8 @@ def difference(case: Case) -> str:
         return case.reason
     if case.kind == "pose" and case.poses is not None:
         return _poses_differ(case.poses)
+    if case.kind == "whole step":
+        return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"
     if _is_motion(verdict):
         return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
     if dynamics is not None and dynamics.outcome is Outcome.DIFFERS and dynamics.discrepancy:

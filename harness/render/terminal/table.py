@@ -248,6 +248,8 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
+    for line in whole_step_lines(results.cases) if is_single_file(results) else ():
+        print_wrapped(console, line)
     if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
         verb = _verb(len(reserved), "agrees", "agree")
         text = f"{counted(len(reserved), 'case')} {verb} with a reservation"
@@ -259,7 +261,8 @@ def _print_details(console: Console, results: Results) -> None:
     models = [model for model in results.models if model.id not in differ]
     _print_list(console, "linearization", [*_linear(models), *_single_steps(models)])
     _print_list(console, "single steps", [*dynamics_lines(results.cases),
-                                         *stepping_lines(results.cases)])  # fmt: skip
+                                         *stepping_lines(results.cases),
+                                         *whole_step_lines(results.cases)])  # fmt: skip
     reserved = [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]
     _print_list(console, "reservations", [f"{case.id}: {case.reason}" for case in reserved])
     accepted = [c for c in results.cases if c.outcome is not Outcome.AGREES and c.accepted]
@@ -387,6 +390,29 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
         f"accelerations of {counted(len(alike), 'case')} at {counted(states, 'state')} agree to"
         f" {largest.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})"
     ]
+
+
+def whole_step_lines(cases: Iterable[Case]) -> list[str]:
+    """Return one line for all whole steps that agree, and one for each that is not compared."""
+    steps = [(case.whole_step, case) for case in cases if case.whole_step is not None]
+    alike = [(step, case) for step, case in steps if step.outcome is Outcome.AGREES]
+    lines = []
+    if alike:
+        largest, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
+        acted = Counter[str]()
+        for step, _ in alike:
+            acted.update({term.name: term.count for term in step.acted})
+        kinds = ", ".join(f"{count} {name}" for name, count in acted.items()) or "no such forces"
+        number = counted(sum(step.states for step, _ in alike), "state")
+        which = f" (worst: {worst.id})" if len(alike) > 1 else ""
+        size = largest.discrepancy or 0.0
+        lines.append(f"whole steps at {number}, with {kinds}, agree to {size:.1e}{which}")
+    for step, case in steps:
+        if step.outcome is Outcome.UNRESOLVED:
+            lines.append(f"{case.id}: whole steps unresolved, uncertainty {step.uncertainty:.1e}")
+        elif step.outcome is None and step.uncovered:
+            lines.append(f"{case.id}: whole steps not compared: {', '.join(step.uncovered)}")
+    return lines
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:

@@ -1,0 +1,388 @@
+"""Steps of a robot file with all its forces, compared with the law that the engine documents.
+
+States are drawn where limits, contacts, friction and drives act. The positions of contacts are the
+engine's; all other numbers are those of the file. An answer is judged by the rounding of all terms
+and by a bound of the solver's error: the cost is convex in M, so |a - a*|_M <= |grad|_(M^-1).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.robot_record import format_omission
+from physics_crosscheck.harness.checks.verdict import Verdict, motions_in_words
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    EngineStep,
+    ModelSpec,
+    WholeModel,
+    WholeState,
+)
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
+from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
+from physics_crosscheck.harness.numerics.ladder import floored
+from physics_crosscheck.harness.records import whole_step as records
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.laws.drives import unsaturated
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.soft import Kind
+from physics_crosscheck.reference.laws.step import STEPPED, LawModel, LawStep
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.tree import TreeError
+
+STATES, SEED = 24, 20261125
+"""Number of states, and the seed of their draws."""
+
+ATTEMPTS = 3
+"""Draws per state; a draw with too many contacts, or that blows up, is replaced."""
+
+MAX_CONTACTS, MAX_SPEED = 100, 1e3
+"""Bounds of a drawn state: more contacts take long, and robots are slower."""
+
+DIGITS = 16
+"""Last digits by which each term of an acceleration may be rounded."""
+
+SHARE = 1e-3
+"""Smallest scale of an acceleration, as a share of the largest sample."""
+
+LEAST_GAIN = 1e-6
+"""Smallest scale of a step's gain in velocity, as a share of the largest velocity."""
+
+SPREAD = 1.5
+"""Controls are drawn in this multiple of their range, so that limits act."""
+
+SIGNS = 0, 1, -1
+"""Sides of the ranges of all controls, in turn."""
+
+LONG, SHORT = 400, 40
+"""Largest number of steps before a state: a fall to the floor, or a change of the contacts."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WholeStepCheck:
+    """The comparison of whole steps.
+
+    Attributes:
+        record: for the results.
+        judgement: of accelerations and the next state; None if nothing was compared.
+        resolution: relative discrepancy that it resolves.
+    """
+
+    record: records.WholeStep
+    judgement: LimitVerdict | None = None
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluated:
+    """The laws and the engine at one state, in the order of the tree's velocities."""
+
+    law: LawStep
+    engine: EngineStep
+    acceleration: Array
+
+
+class LawComparison:
+    """A file's laws and an engine that loaded it.
+
+    Args:
+        laws: of the file.
+        model: the file in the engine.
+
+    Raises:
+        TreeError: if the engine's joints are not those of the file.
+    """
+
+    def __init__(self, laws: LawModel, model: WholeModel) -> None:
+        self.laws, self.model = laws, model
+        links = laws.tree.tree.links
+        self.names = tuple(
+            name for link in links for name, _ in coordinate_names(link.kind, link.name)
+        )
+        if set(self.names) != set(model.coordinates):
+            raise TreeError("joints that the engine names otherwise")
+        self._order = [model.coordinates.index(name) for name in self.names]
+
+    def postures(self, states: Sequence[WholeState]) -> Iterator[Posture]:
+        """Yield the tree at each state."""
+        y, m = (np.array([state[k][self._order] for state in states]) for k in range(2))
+        return self.laws.tree.postures(y, m)
+
+    def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated]:
+        """Evaluate the engine and the laws at states."""
+        result = []
+        for state, posture in zip(states, self.postures(states), strict=True):
+            engine = self.model.evaluate(state)
+            law = self.laws.evaluate(posture, state.controls, state.activations, engine.contacts)
+            start = engine.acceleration[self._order]
+            acceleration = law.problem.solve(start)
+            result.append(Evaluated(law=law, engine=engine, acceleration=acceleration))
+        return result
+
+    def judge(self, evaluated: Sequence[Evaluated], resolution: float) -> LimitVerdict:
+        """Judge accelerations, the next velocities and positions, and states of drives."""
+        scale = np.max([np.abs(sample.acceleration) for sample in evaluated], axis=0)
+        scale = floored(np.maximum(scale, SHARE * np.max(scale)))
+        speed = np.max([np.abs(sample.engine.after.m[self._order]) for sample in evaluated], axis=0)
+        rows = [self._compared(sample, scale, floored(speed)) for sample in evaluated]
+        defect, uncertainty = (np.array([row[k] for row in rows]) for k in range(2))
+        return judge(defect, np.maximum(uncertainty, np.finfo(float).eps), resolution, None)
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the judged components."""
+        drives = tuple(f"state {i + 1} of the drives" for i in range(self.model.activations))
+        after = (*(f"{name}_dot" for name in self.names), *self.names, *drives)
+        return (*(f"{name}_ddot" for name in self.names), *(after if self.steps else ()))
+
+    @property
+    def steps(self) -> bool:
+        """True if the next state has a rule."""
+        return self.laws.laws.integrator in STEPPED
+
+    def _compared(self, sample: Evaluated, scale: Array, speed: Array) -> tuple[Array, Array]:
+        """Return defects and uncertainties of one state, relative.
+
+        Args:
+            sample: the state.
+            scale, speed: largest acceleration and velocity of each component.
+        """
+        order, posture = self._order, sample.law.posture
+        eps, h = np.finfo(float).eps, self.model.step
+        unsure = DIGITS * eps * sample.law.problem.rounding(sample.acceleration) + _solver_bound(
+            posture.inverse, sample.engine.unbalanced[order]
+        )
+        defects = [np.abs(sample.engine.acceleration[order] - sample.acceleration) / scale]
+        unsures = [unsure / scale]
+        velocity = self.laws.advance(sample.law, sample.acceleration)
+        if velocity is not None:
+            after = sample.engine.after.m[order]
+            y = self.laws.tree.advance(posture.y[None], after[None], h)[0]
+            gained = np.maximum(h * scale, LEAST_GAIN * speed)
+            turned = 1 + np.abs(y) + y**2  # a last digit of a rotation's coordinate
+            drives = self._drives(sample)
+            defects += [
+                np.abs(after - velocity) / gained,
+                np.abs(sample.engine.after.z[order] - y) / (h * speed),
+                drives[0],
+            ]
+            unsures += [
+                (h * unsure + eps * (np.abs(posture.m) + np.abs(after))) / gained,
+                DIGITS * eps * (1 + turned / (h * speed)),
+                drives[1],
+            ]
+        return np.concatenate(defects), np.concatenate(unsures)
+
+    def _drives(self, sample: Evaluated) -> tuple[Array, Array]:
+        states = sample.engine.after.activations
+        scale = 1 + np.abs(states)
+        return (
+            np.abs(sample.law.driven.states - states) / scale,
+            np.full(len(states), DIGITS * np.finfo(float).eps),
+        )
+
+
+def _solver_bound(inverse: Array, unbalanced: Array) -> Array:
+    """Return the bound of a solver's error, (nv,), from the force that it left."""
+    size = np.sqrt(max(0.0, float(unbalanced @ inverse @ unbalanced)))
+    result: Array = np.sqrt(np.diagonal(inverse)) * size
+    return result
+
+
+def check_whole_step(
+    file: Path, engine: str, loaded: Path, resolution: float
+) -> WholeStepCheck | None:
+    """Compare whole steps of a file; None if the engine has no documented law for it.
+
+    Args:
+        file: whose numbers the law takes.
+        engine: name of the engine.
+        loaded: the file that the engine loads: the same sample, or a changed copy.
+        resolution: relative discrepancy to resolve.
+    """
+    model = engines()[engine].load_whole(ModelSpec(loaded))
+    if model is None:
+        return None
+    reader = compiler(file.suffix)
+    assert reader is not None  # it read the file before
+    try:
+        compiled = reader.compiled(file)
+        laws = law_model(compiled)
+        if laws is None or laws.laws.uncovered:
+            uncovered = () if laws is None else laws.laws.uncovered
+            return WholeStepCheck(record=records.WholeStep(uncovered=uncovered))
+        comparison = LawComparison(laws, model)
+        states = tuple(drawn_states(comparison))
+    except (TreeError, EngineError) as error:
+        return WholeStepCheck(record=records.WholeStep(uncovered=(str(error),)))
+    evaluated = comparison.evaluate(states)
+    judged = comparison.judge(evaluated, resolution)
+    record = records.WholeStep(
+        outcome=judged.outcome,
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=comparison.components[judged.component],
+        states=len(states),
+        step=number(model.step),
+        next_state=comparison.steps,
+        acted=tuple(
+            records.LawTerm(name=name, count=count) for name, count in _acted(laws, evaluated)
+        ),
+        edits=model.edits,
+        covered=tuple(
+            format_omission(Omission(what=what, count=count, where=()))
+            for what, count in compiled.besides
+        ),
+        uncovered=model.uncovered,
+    )
+    return WholeStepCheck(record=record, judgement=judged, resolution=resolution)
+
+
+def drawn_states(comparison: LawComparison, count: int = STATES) -> Iterator[WholeState]:
+    """Yield states in which limits, contacts and drives act.
+
+    In turn: after a fall or a motion from a state of the file, with some joints beyond their
+    limits, and at positions anywhere in the joints' ranges. Every other one has controls at which
+    drives are not at a limit.
+    """
+    rng, model = np.random.default_rng(SEED), comparison.model
+    starts = list(model.starts)
+    for k in range(count):
+        start = starts[k % len(starts)]
+        for _ in range(ATTEMPTS):
+            state = _driven(model, rng, start, SIGNS[k // 2 % 3])
+            match k % 3:
+                case 0:
+                    moved = model.moved(state, int(rng.integers(1, LONG if k % 2 else SHORT)))
+                case 1:
+                    moved = state._replace(z=_beyond(model, rng, state.z, k // 3))
+                case _:
+                    moved = state._replace(z=_anywhere(model, rng, state.z))
+            speed = 0.1 * rng.normal(size=len(moved.m))
+            drawn = moved._replace(m=moved.m + speed)
+            if k % 2:
+                drawn = _unsaturated(comparison, rng, drawn)
+            if _usable(model, drawn):
+                yield drawn
+                break
+
+
+def _usable(model: WholeModel, state: WholeState) -> bool:
+    """Return whether a state is finite, not too fast, and has few contacts."""
+    values = np.concatenate([state.z, state.m, state.activations])
+    if not np.all(np.isfinite(values)) or np.max(np.abs(values), initial=0.0) > MAX_SPEED:
+        return False
+    step = model.evaluate(state)
+    finite = np.isfinite(step.acceleration).all() and np.isfinite(step.after.m).all()
+    return bool(finite) and len(step.contacts) <= MAX_CONTACTS
+
+
+def _driven(
+    model: WholeModel, rng: np.random.Generator, start: WholeState, sign: int
+) -> WholeState:
+    """Return a start with random velocities, controls and states of drives.
+
+    The controls are on one side of their ranges, so that limits of sums act; 0: on any.
+    """
+    share = rng.uniform(-1, 1, model.controls)
+    lower, upper = model.ranges[1].T
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(limited, lower, -1.0), np.where(limited, upper, 1.0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    return WholeState(
+        z=start.z,
+        m=0.3 * rng.normal(size=len(start.m)),
+        controls=middle + SPREAD * half * (sign * np.abs(share) if sign else share),
+        activations=start.activations + rng.uniform(0, 1, model.activations),
+    )
+
+
+def _unsaturated(
+    comparison: LawComparison, rng: np.random.Generator, state: WholeState
+) -> WholeState:
+    """Return a state with controls at which no drive is at a limit."""
+    laws = comparison.laws
+    posture = next(comparison.postures([state]))
+    shares = rng.uniform(-0.8, 0.8, len(laws.laws.drives))
+    controls, activations = unsaturated(laws.laws, posture, laws.unit_accelerations, shares)
+    return state._replace(
+        controls=np.where(np.isfinite(controls), controls, state.controls),
+        activations=np.where(np.isfinite(activations), activations, state.activations),
+    )
+
+
+def _beyond(model: WholeModel, rng: np.random.Generator, z: Array, turn: int) -> Array:
+    """Return positions with half of the limited joints at a limit, up to 2 % beyond it.
+
+    The turns put each joint at both of its limits.
+    """
+    ranges, place = model.ranges[0], np.arange(len(z)) + turn
+    chosen = np.isfinite(ranges).all(axis=1) & (place % 2 == 0)
+    end = place // 2 % 2
+    width = np.where(chosen, ranges[:, 1] - ranges[:, 0], 0.0)
+    bound = np.where(chosen, ranges[np.arange(len(z)), end], z)
+    return bound + (2 * end - 1) * width * rng.uniform(-0.002, 0.02, len(z))
+
+
+def _anywhere(model: WholeModel, rng: np.random.Generator, z: Array) -> Array:
+    """Return positions anywhere in the joints' ranges."""
+    ranges = model.ranges[0]
+    limited = np.isfinite(ranges).all(axis=1)
+    low, high = (np.where(limited, end, 0.0) for end in ranges.T)
+    place = low + (high - low) * rng.uniform(size=len(z))
+    return np.where(limited, place, z)
+
+
+def _acted(laws: LawModel, evaluated: Sequence[Evaluated]) -> Iterator[tuple[str, int]]:
+    """Yield how often forces of each kind acted."""
+    count: Counter[str] = Counter()
+    names = {Kind.EQUALITY: "equalities", Kind.FRICTION: "dry friction"}
+    for sample in evaluated:
+        problem = sample.law.problem
+        active = problem.forces(sample.acceleration)[0] != 0
+        for kind, name in names.items():
+            count[name] += int(np.sum(active & (problem.kinds == kind.value)))
+        count["contacts"] += len(sample.engine.contacts)
+        count["limits"] += sample.law.limits
+        count["drives at a limit"] += len(sample.law.driven.clipped)
+        count["drives"] += int(np.count_nonzero(sample.law.driven.forces))
+    yield from ((name, times) for name, times in count.items() if times)
+
+
+def with_whole_step(verdict: Verdict, check: WholeStepCheck) -> Verdict:
+    """Combine the verdict on a motion with the one on whole steps: a difference counts."""
+    judged = check.judgement
+    if judged is None or judged.outcome is not Outcome.DIFFERS:
+        return verdict
+    if verdict.outcome is Outcome.DIFFERS:
+        return verdict
+    record = check.record
+    return replace(
+        verdict,
+        outcome=Outcome.DIFFERS,
+        discrepancy=judged.discrepancy,
+        uncertainty=judged.uncertainty,
+        largest_discrepancy=judged.largest_discrepancy,
+        largest_uncertainty=judged.largest_uncertainty,
+        component=record.component,
+        time=float("nan"),
+        reason=(
+            f"with limits, friction, contacts and drives, {record.component} is off by"
+            f" {judged.discrepancy:.2e} of its largest value at {counted(record.states, 'state')};"
+            f" the uncertainty is {judged.uncertainty:.1e}; {motions_in_words(verdict)}"
+        ),
+        resolution=check.resolution,
+        kind="whole step",
+        decided_by="whole steps",
+    )

@@ -1,0 +1,113 @@
+"""Whole steps of MuJoCo against its law: agreement of all rows and drives, and planted faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
+from physics_crosscheck.harness.records.outcome import Outcome
+from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, WELD
+
+pytest.importorskip("mujoco")
+
+SCENES = {
+    "drives": DRIVES, "limits": LIMITS, "connect": CONNECT, "weld": WELD, "pair": PAIR,
+    **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
+}  # fmt: skip
+OPTIONS = (
+    'integrator="Euler"',
+    'integrator="implicitfast" cone="elliptic" impratio="10"',
+    'integrator="implicit"',
+)
+
+
+def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck:
+    """Compare the law of a text with the engine on the same text or another one."""
+    file, copy = tmp_path / "scene.xml", tmp_path / "copy.xml"
+    file.write_text(text)
+    copy.write_text(loaded or text)
+    check = check_whole_step(file, "mujoco", copy, 1e-9)
+    assert check is not None
+    return check
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options: str) -> None:
+    """Catch a row, a mixing rule, a cone or a drive that is stated wrong; and false alarms."""
+    check = checked(tmp_path, SCENES[scene].format(options))
+    assert check.judgement is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement.largest_discrepancy < 1e-11
+    assert check.record.next_state
+    assert check.record.acted
+
+
+FAULTS = {
+    "friction": (TOUCH[3], 'friction=".7', 'friction=".7000007'),
+    "torsional friction": (TOUCH[4], ".02 .003", ".02000002 .003"),
+    "solref": (PAIR, 'solref=".03 .9"', 'solref=".03000003 .9"'),
+    "solimp": (TOUCH[3], 'solimp=".7', 'solimp=".7000007'),
+    "margin": (TOUCH[3], 'margin=".001"', 'margin=".001000001"'),
+    "condim": (TOUCH[3], 'condim="3"', 'condim="4"'),
+    "range": (LIMITS, 'range="-5 10"', 'range="-5 10.00001"'),
+    "frictionloss": (LIMITS, 'frictionloss=".4"', 'frictionloss=".4000004"'),
+    "tendon range": (LIMITS, 'range="-.02 .02"', 'range="-.02 .02000002"'),
+    "polycoef": (CONNECT, 'polycoef=".1 .5', 'polycoef=".1 .5000005'),
+    "anchor": (CONNECT, 'anchor=".3 0 0"', 'anchor=".300001 0 0"'),
+    "torquescale": (WELD, 'torquescale="1.7"', 'torquescale="1.7000017"'),
+    "forcerange": (DRIVES, 'forcerange="-3 3"', 'forcerange="-3 3.000003"'),
+    "ctrlrange": (DRIVES, 'ctrlrange="-1 1"', 'ctrlrange="-1 1.000001"'),
+    "kp": (DRIVES, 'kp="40"', 'kp="40.00004"'),
+    "time constant": (DRIVES, 'dynprm=".03"', 'dynprm=".03000003"'),
+    "muscle": (DRIVES, 'force="30"', 'force="30.00003"'),
+    "joint's force range": (DRIVES, 'actuatorfrcrange="-6 5"', 'actuatorfrcrange="-6 5.000005"'),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_millionth_of_each_number_is_seen(tmp_path: Path, fault: str) -> None:
+    """Catch a number of the law that the comparison does not depend on."""
+    scene, right, wrong = FAULTS[fault]
+    scene = scene.format(OPTIONS[1])
+    assert right in scene
+    check = checked(tmp_path, scene, scene.replace(right, wrong, 1))
+    assert check.record.outcome is Outcome.DIFFERS
+
+
+ARM = """<mujoco><option timestep="0.002"/><worldbody>
+<body><joint name="a" axis="0 1 0" range="-60 60" damping=".1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="1"/></body></worldbody></mujoco>"""
+
+
+def test_a_case_differs_where_only_its_limit_does(tmp_path: Path) -> None:
+    """Catch a case whose smooth motion agrees and that hides a limit that differs."""
+    file, copy = tmp_path / "arm.xml", tmp_path / "copy.xml"
+    file.write_text(ARM)
+    copy.write_text(ARM.replace("<geom", "<geom ").replace('range="-60 60"', 'range="-61 60"'))
+    whole = run_case(model_task(prepare(file, states=4), "mujoco").with_file(copy))
+    assert (whole.outcome, whole.code) == (Outcome.DIFFERS, "XC305")
+    assert "a_ddot" in whole.reason
+    smooth = run_case(model_task(prepare(file, states=4, smooth=True), "mujoco").with_file(copy))
+    assert (smooth.outcome, smooth.whole_step) == (Outcome.AGREES, None)
+
+
+def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
+    """Catch a comparison that passes although something without a law acts."""
+    text = ARM.replace(
+        "</mujoco>",
+        '<actuator><general joint="a" dyntype="user" actdim="1"/></actuator></mujoco>',
+    )
+    record = checked(tmp_path, text).record
+    assert record.outcome is None
+    assert record.uncovered == ("actuators of other laws or transmissions",)
+    noslip = ARM.replace('timestep="0.002"', 'timestep="0.002" noslip_iterations="3"')
+    record = checked(tmp_path, noslip).record
+    assert record.outcome is Outcome.AGREES
+    assert record.uncovered == ("noslip iterations",)
+    assert "noslip_iterations=0" in record.edits
