@@ -17,7 +17,7 @@ from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import filled
-from physics_crosscheck.harness.diagnosis import task as diagnosis_room
+from physics_crosscheck.harness.diagnosis import trial as diagnosis_room
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.protocol import Engine
