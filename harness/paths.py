@@ -13,6 +13,9 @@ PACKAGE = HARNESS.parent
 IMPORT_ROOT = PACKAGE.parent
 """Folder of `sys.path` in which `physics_crosscheck` is."""
 
+DEFAULT_FOLDER = Path("reports/baseline")
+"""Default folder of the baseline."""
+
 SOURCES = (HARNESS, PACKAGE / "reference")
 """Folders of the code that results depend on."""
 

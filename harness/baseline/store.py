@@ -28,8 +28,6 @@ T = TypeVar("T")
 MOST = 512 * 2**20
 """Maximum size of a file in bytes, enough for thousands of cases."""
 
-DEFAULT_FOLDER = Path("reports/baseline")
-"""Default folder of the baseline."""
 
 ACCEPTED = ".accepted"
 """Suffix of accepted texts, so that no tool takes them for models or code."""

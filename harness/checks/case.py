@@ -30,6 +30,7 @@ from physics_crosscheck.harness.checks.whole_step import (
     with_whole_step,
 )
 from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -399,6 +400,8 @@ def _whole_step(task: ModelTask[Prepared]) -> WholeStepCheck | None:
     target = task.target
     if task.sidecar is not None or not isinstance(target, PreparedTree) or target.smooth:
         return None
+    if set(task.spec.settings) - set(engines()[task.engine].switches):
+        return None  # the laws are those of the file as it is shipped
     return check_whole_step(target.place, task.engine, task.file, task.resolution)
 
 

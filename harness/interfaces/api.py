@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.interfaces.notebook import cases as shown
 from physics_crosscheck.harness.interfaces.notebook.optional import frame
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from physics_crosscheck.harness.planning.options import (
     check_limits,
     check_names,

@@ -11,7 +11,10 @@ SEARCHED = ("harness", "reference", "physics_crosscheck")
 HOME = ROOT / "harness" / "engines"
 EXAMPLES = (
     "harness/records/codes.toml",
-    "harness/interfaces/cli/parsers",
+    "harness/extras/sweep/command.py",
+    "harness/extras/versions/command.py",
+    "harness/interfaces/cli/arguments.py",
+    "harness/interfaces/cli/commands.py",
     "harness/interfaces/cli/reference.py",
 )
 """Examples for users quote what engines do, and commands with an engine's name."""

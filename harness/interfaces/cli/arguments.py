@@ -7,7 +7,6 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.interfaces.cli.completion import (
     completed_by,
     engine_names,
@@ -15,6 +14,7 @@ from physics_crosscheck.harness.interfaces.cli.completion import (
 )
 from physics_crosscheck.harness.interfaces.cli.help import group
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 
 SCHEDULER = "CROSSCHECK_SCHEDULER"
 """The environment variable with the address of a scheduler."""

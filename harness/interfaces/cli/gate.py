@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.store import DEFAULT_FOLDER
 from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
@@ -25,6 +24,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
     expected_folder,
 )
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robots_below
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.write import encoded, write_whole
