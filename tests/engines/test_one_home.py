@@ -16,8 +16,10 @@ EXAMPLES = (
     "harness/interfaces/cli/arguments.py",
     "harness/interfaces/cli/commands.py",
     "harness/interfaces/cli/reference.py",
+    "reference/laws",
+    "reference/mechanism/laws.py",
 )
-"""Examples for users quote what engines do, and commands with an engine's name."""
+"""Examples for users quote what engines do; laws cite the documentation that states them."""
 NAMES = re.compile(
     r"(?<!<)mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|\bmjx|known_answer", re.IGNORECASE
 )
