@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.case import Case, CaseId, SkippedCheck
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
@@ -24,6 +24,7 @@ from physics_crosscheck.harness.render.terminal.styles import STYLES
 from physics_crosscheck.harness.render.terminal.table import (
     MAX_CASES,
     case_line,
+    deciding_lines,
     print_results,
     summary,
 )
@@ -250,3 +251,16 @@ def test_colours_are_readable_on_light_and_dark_backgrounds() -> None:
     """Yellow, cyan and white vanish on white; blue vanishes on black."""
     readable = {"green", "red", "magenta", "bold", "dim", "reverse"}
     assert {word for style in STYLES.values() for word in style.split()} <= readable
+
+
+def test_the_deciding_checks_are_counted_with_their_largest_numbers() -> None:
+    steps = verdict(decided_by="single steps", largest_discrepancy=2e-14, largest_uncertainty=3e-13)
+    skipped = SkippedCheck(check="segments", reason="r")
+    cases = [case(verdict=steps, skipped=(skipped,)), case(verdict=verdict())]
+    assert deciding_lines(cases) == [
+        "single steps decide 1 case: largest difference 2.0e-14, largest uncertainty 3.0e-13",
+        "segments decide 1 case: largest difference 3.0e-13, largest uncertainty 4.0e-12",
+        "skipped checks are not passed; --thorough runs all of them",
+    ]
+    assert len(deciding_lines(cases[1:])) == 1
+    assert deciding_lines([case(Outcome.ABSENT)]) == []

@@ -263,6 +263,7 @@ def _print_details(console: Console, results: Results) -> None:
     _print_list(console, "single steps", [*dynamics_lines(results.cases),
                                          *stepping_lines(results.cases),
                                          *whole_step_lines(results.cases)])  # fmt: skip
+    _print_list(console, "deciding checks", deciding_lines(results.cases))
     reserved = [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]
     _print_list(console, "reservations", [f"{case.id}: {case.reason}" for case in reserved])
     accepted = [c for c in results.cases if c.outcome is not Outcome.AGREES and c.accepted]
@@ -431,6 +432,30 @@ def stepping_lines(cases: Iterable[Case]) -> list[str]:
         seen.add(model)
         lines.append(f"single step of {model} {_apart(stepping)}")
     return lines
+
+
+def deciding_lines(cases: Iterable[Case]) -> list[str]:
+    """Return a line for each deciding check with its largest E and U, and one on skipped checks."""
+    by_check: dict[str, list[Case]] = {}
+    for case in cases:
+        if case.verdict is not None and case.outcome.is_run:
+            by_check.setdefault(case.verdict.decided_by, []).append(case)
+    lines = [_deciding(check, decided) for check, decided in by_check.items()]
+    if any(case.skipped for decided in by_check.values() for case in decided):
+        lines.append("skipped checks are not passed; --thorough runs all of them")
+    return lines
+
+
+def _deciding(check: str, cases: Sequence[Case]) -> str:
+    verdicts = [case.verdict for case in cases if case.verdict is not None]
+    sizes = (
+        max(one.largest_discrepancy or 0.0 for one in verdicts),
+        max(one.largest_uncertainty or 0.0 for one in verdicts),
+    )
+    return (
+        f"{check} decide {counted(len(cases), 'case')}: largest difference {sizes[0]:.1e},"
+        f" largest uncertainty {sizes[1]:.1e}"
+    )
 
 
 def _alike(cases: list[tuple[Case, Stepping]]) -> str:
