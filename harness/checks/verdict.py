@@ -357,7 +357,7 @@ def with_full_runs(
             "model depends on dt"
         )
         return Outcome.UNRESOLVED, message, "time step"
-    parts = (verdict.reason, _reservation(study, motion))
+    parts = (verdict.reason, _reservation(study, motion, verdict.decided_by))
     return verdict.outcome, "; ".join(part for part in parts if part), verdict.kind
 
 
@@ -387,27 +387,27 @@ def failure(shipped: SampledRun, global_error: float, motion: Motion) -> tuple[s
     return "", ""
 
 
-def _reservation(study: StepStudy, motion: Motion) -> str:
+def _reservation(study: StepStudy, motion: Motion, decided_by: DecidedBy) -> str:
     """Describe how far full runs confirm an agreement, if the motion allows only part of it."""
     check = study.full_run_check
     if not check.partly_chaotic:
         return ""
     if check.until <= 0:
         return (
-            "the segments alone decide; the steps tried are too coarse for a full "
+            f"the {decided_by} alone decide; the steps tried are too coarse for a full "
             f"run of this motion, which multiplies differences by {check.growth:.1g}"
         )
     return (
         f"a full run confirms it until t = {check.until:.3g} s of "
         f"{motion.duration:.3g} s; after that the motion is chaotic (differences "
-        f"grow {check.growth:.1g} times), and the segments alone decide"
+        f"grow {check.growth:.1g} times), and the {decided_by} alone decide"
     )
 
 
 def motions_in_words(verdict: Verdict) -> str:
     """Describe the verdict on motions beside another check that differs."""
     if verdict.outcome is Outcome.AGREES:
-        return f"every segment agrees within {verdict.largest_uncertainty:.1e}"
+        return f"all {verdict.decided_by} agree within {verdict.largest_uncertainty:.1e}"
     return f"its motions: {verdict.reason}"
 
 

@@ -84,7 +84,7 @@ def test_accelerations_that_differ_differ(motion: Verdict) -> None:
         "phi_ddot is off by 1.0e-06 of its largest value; the uncertainty is 1.0e-14;"
         " these of its forces differ: mass matrix; "
     )
-    other = "every segment agrees within 1.0e-12" if motion is AGREES else motion.reason
+    other = "all segments agree within 1.0e-12" if motion is AGREES else motion.reason
     assert found.reason.endswith(other)
 
 

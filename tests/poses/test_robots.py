@@ -93,7 +93,7 @@ def test_a_massless_tool_that_is_elsewhere_differs_at_its_line(
     assert case.poses is not None
     assert [one.name for one in case.poses.wrong] == ["tool"]
     assert says in case.reason
-    assert "every segment agrees" in case.reason
+    assert "all single steps agree" in case.reason
     (line,) = case.locations
     assert ARM.splitlines()[(line.line or 0) - 1].startswith('<link name="tool"')
     assert difference(case) == f"tool {says}"
