@@ -134,7 +134,11 @@ class LawComparison:
         """Judge accelerations, the next velocities and positions, and states of drives."""
         scale = np.max([np.abs(sample.acceleration) for sample in evaluated], axis=0)
         scale = floored(np.maximum(scale, SHARE * np.max(scale)))
-        speed = np.max([np.abs(sample.engine.after.m[self._order]) for sample in evaluated], axis=0)
+        speeds = [
+            np.maximum(np.abs(sample.law.posture.m), np.abs(sample.engine.after.m[self._order]))
+            for sample in evaluated
+        ]
+        speed = np.max(speeds, axis=0)
         rows = [self._compared(sample, scale, floored(speed)) for sample in evaluated]
         defect, uncertainty = (np.array([row[k] for row in rows]) for k in range(2))
         return judge(defect, np.maximum(uncertainty, np.finfo(float).eps), resolution, None)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from campaigns.laws import planted, scene
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
@@ -111,3 +113,18 @@ def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     assert record.outcome is Outcome.AGREES
     assert record.uncovered == ("noslip iterations",)
     assert "noslip_iterations=0" in record.edits
+
+
+def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> None:
+    """Catch a campaign that draws nothing that acts, or plants nothing that is seen."""
+    rng = np.random.default_rng(7)
+    file = tmp_path / "scene.xml"
+    for _ in range(3):
+        file.write_text(scene(rng))
+        check = check_whole_step(file, "mujoco", file, 1e-9)
+        assert check is not None
+        assert check.record.outcome is Outcome.AGREES
+        assert {"contacts", "limits"} <= {term.name for term in check.record.acted}
+    outcomes = [what for key, _, what in planted(file, 1, rng) if key in ("frictionloss", "range")]
+    assert outcomes == ["DIFFERS"] * len(outcomes)
+    assert outcomes
