@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from physics_crosscheck.harness.interfaces.pytest_plugin.fixture import Checker
+    from physics_crosscheck.harness.interfaces.pytest_plugin.runner import Checker
     from physics_crosscheck.harness.records.case import Case
 
 
@@ -102,7 +102,7 @@ def crosscheck(request: pytest.FixtureRequest) -> Checker:
     resolution, limits and baseline are those of the command line, paths are from the root folder.
     The test is skipped where no engine of the models is installed, but under --require-engines.
     """
-    from physics_crosscheck.harness.interfaces.pytest_plugin.fixture import Checker
+    from physics_crosscheck.harness.interfaces.pytest_plugin.runner import Checker
 
     return Checker(request.config)
 

@@ -20,8 +20,8 @@ import msgspec
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.interfaces.notebook import cases as shown
 from physics_crosscheck.harness.interfaces.notebook.optional import frame
+from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
-from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from physics_crosscheck.harness.planning.options import (
@@ -35,8 +35,7 @@ from physics_crosscheck.harness.records import results
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.render.terminal.table import summary
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
-from physics_crosscheck.harness.results.failure import diagnosis_lines, failure_message
-from physics_crosscheck.harness.results.findings import audit_lines
+from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines, failure_message
 from physics_crosscheck.harness.results.status import status_of
 from physics_crosscheck.harness.run import Options, run
 

@@ -1,4 +1,4 @@
-"""Environment variables for worker processes: threads and memory.
+"""Surroundings of worker processes: environment variables for threads and memory, no `__main__`.
 
 Matrices are small here, and each core has a worker. BLAS starts a thread for each core when it is
 imported, and these spin between calls. They took a tenth of a run's processor time, and a third of
@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
+import types
 from collections.abc import Iterator
 
 COUNTS = (
@@ -50,3 +52,18 @@ def workers_defaults() -> Iterator[None]:
     finally:
         for name in ours:
             os.environ.pop(name, None)
+
+
+@contextlib.contextmanager
+def without_main() -> Iterator[None]:
+    """Hide `__main__` from processes that start meanwhile.
+
+    multiprocessing would import it in each process. That wastes time for pytest, runs a script
+    again that has no `if __name__ == "__main__"` guard, and fails for a script from stdin.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main

@@ -23,9 +23,8 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, NoReturn
 
-from physics_crosscheck.harness.jobs.failure import Failure, failure_of
+from physics_crosscheck.harness.jobs.failure import Failure, failure_of, user_line
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.source import user_line
 from physics_crosscheck.harness.jobs.stop import SIGNALS
 
 MOST_WRITTEN = 2**28

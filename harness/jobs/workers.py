@@ -27,12 +27,10 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.jobs.environment import workers_defaults
+from physics_crosscheck.harness.jobs.environment import without_main, workers_defaults
 from physics_crosscheck.harness.jobs.executor import MOMENT, Executor, Pending
-from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.failure import Failure, line_of_death
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.main_module import without_main
-from physics_crosscheck.harness.jobs.source import line_of_death
 from physics_crosscheck.harness.jobs.stop import SIGNALS
 from physics_crosscheck.harness.jobs.worker import Station, serve
 from physics_crosscheck.harness.paths import IMPORT_ROOT

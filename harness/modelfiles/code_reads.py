@@ -29,7 +29,7 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import Any
 
-from physics_crosscheck.harness.jobs.source import package_folders
+from physics_crosscheck.harness.jobs.failure import package_folders
 from physics_crosscheck.harness.modelfiles import path_states as states
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT, UNREADABLE, Way
 from physics_crosscheck.harness.paths import PACKAGE, SOURCES, is_own

@@ -1,21 +1,55 @@
-"""Failure messages of pytest and the function API."""
+"""Failure messages of pytest and the function API, and audit findings as lines."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
+
+from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.codes import part_code
-from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.causes import cause_sentences
-from physics_crosscheck.harness.results.findings import audit_lines
 from physics_crosscheck.harness.results.github import on_github, plain_line
 from physics_crosscheck.harness.results.messages import with_code
+from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import Decision
 from physics_crosscheck.harness.results.visible import visible_lines
+
+
+def survey_lines(
+    findings: Iterable[AuditFinding], left_out: Sequence[str], *, mechanics: bool
+) -> list[str]:
+    """Return the lines of a model of bodies; `mechanics`: whether its terms were compared."""
+    success = "ok: no inertia or sign is implausible"
+    success += "; compiled terms match the equations" if mechanics else ""
+    lines = audit_lines(findings, success=success)
+    skipped = [f"{'note':<8} left out: {', '.join(left_out)}"] if left_out else []
+    return [*lines, *skipped]
+
+
+def audit_lines(
+    findings: Iterable[AuditFinding],
+    notes: bool = True,
+    success: str = "ok: literals and compiled terms match the equations",
+) -> list[str]:
+    """Return one line per finding, then one per note, each with its file and line."""
+    all_findings = list(findings)
+    lines = []
+    for severity in ("finding", "note") if notes else ("finding",):
+        for finding in all_findings:
+            if finding.severity == severity:
+                text = f"{_place(finding.location)}{finding.message}"
+                lines.append(f"{severity:<8} {with_code(finding.code, text)}")
+    return lines or [success]
+
+
+def _place(where: SourceLine | None) -> str:
+    return "" if where is None else f"{replace(where, file=shown_path(where.file))}: "
 
 
 def failure_message(

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
-from physics_crosscheck.harness.results.findings import audit_lines
+from physics_crosscheck.harness.results.failure import audit_lines
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.audit.models import MODELS, Look, audit, grave, said

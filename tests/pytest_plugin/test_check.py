@@ -21,8 +21,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.results.failure import diagnosis_lines
-from physics_crosscheck.harness.results.findings import audit_lines
+from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines
 from tests.robots.files import ARM, LAMP, UNLIMITED
 from tests.standing import brief, standing_only
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
+from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.graph import Job, Task, work
-from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 
 

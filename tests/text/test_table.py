@@ -18,9 +18,8 @@ from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
+from physics_crosscheck.harness.render.terminal.console import STYLES, terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
-from physics_crosscheck.harness.render.terminal.styles import STYLES
 from physics_crosscheck.harness.render.terminal.table import (
     MAX_CASES,
     case_line,

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import write_report
-from physics_crosscheck.harness.render.terminal.markup import escape
+from physics_crosscheck.harness.render.terminal.console import escape
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.results.failure import failure_message
 from physics_crosscheck.harness.results.github import (

@@ -12,8 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.errors import original_paths
-from physics_crosscheck.harness.extras.sweep.known import CaseRecord, blank
-from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
+from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, blank
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.extras.sweep.system import Swept
 from physics_crosscheck.harness.extras.sweep.trees import SweptTree

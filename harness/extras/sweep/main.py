@@ -18,7 +18,7 @@ from physics_crosscheck.harness.extras.sweep.run import (
 )
 from physics_crosscheck.harness.extras.sweep.store import RowsError, plan_of, read_rows
 from physics_crosscheck.harness.extras.sweep.summary import summary
-from physics_crosscheck.harness.extras.sweep.under_versions import under_versions
+from physics_crosscheck.harness.extras.sweep.versions import under_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     AGREE,

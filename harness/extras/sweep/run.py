@@ -16,9 +16,8 @@ import scipy
 from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
 from physics_crosscheck.harness.extras.sweep.case import run_block
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
-from physics_crosscheck.harness.extras.sweep.known import blank
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions, plan
-from physics_crosscheck.harness.extras.sweep.planned import Block
+from physics_crosscheck.harness.extras.sweep.planned import Block, blank
 from physics_crosscheck.harness.extras.sweep.store import (
     Store,
     arrow,

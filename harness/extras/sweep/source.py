@@ -1,20 +1,42 @@
-"""Sources of a sweep's cases, in a worker: a system folder, or a robot file."""
+"""Sources of a sweep's cases, in a worker: a system folder or a robot file, and its last values."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.known import CaseRecord
-from physics_crosscheck.harness.extras.sweep.planned import Planned
+from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+
+Value = TypeVar("Value")
+
+KEPT = 4
+"""Size of a worker's cache."""
+
+
+class RecentValues(Generic[Value]):
+    """The last few results, by their inputs."""
+
+    def __init__(self) -> None:
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """Return a cached result, or make it."""
+        if key not in self._values:
+            self._values[key] = make()
+            while len(self._values) > KEPT:
+                self._values.popitem(last=False)
+        return self._values[key]
+
 
 Integrators = tuple[str, Mapping[str, Mapping[str, object]]]
 """A model's own integrator, and others of its engine with the settings that select them."""

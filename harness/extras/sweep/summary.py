@@ -2,17 +2,54 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from physics_crosscheck.harness.extras.sweep.most import LargestItems
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
+
+
+class Numbered(Protocol):
+    """A row of a sweep, or a result made from rows."""
+
+    @property
+    def index(self) -> int:
+        """Number in the plan."""
+        ...
+
+
+Item = TypeVar("Item", bound=Numbered)
+
+
+class LargestItems(Generic[Item]):
+    """The largest items up to a maximum number; of equal ones, those with the lowest numbers."""
+
+    def __init__(self, size: Callable[[Item], float | None], count: int) -> None:
+        self._size, self._count = size, count
+        self._heap: list[tuple[float, int, Item]] = []
+
+    def add(self, entry: Item) -> None:
+        """Add an item, unless it has no size."""
+        value = self._size(entry)
+        if value is None or math.isnan(value):
+            return
+        item = value, -entry.index, entry
+        if len(self._heap) < self._count:
+            heapq.heappush(self._heap, item)
+        elif item > self._heap[0]:
+            heapq.heapreplace(self._heap, item)
+
+    def items(self) -> list[Item]:
+        """Return the items, largest first."""
+        return [one for *_, one in sorted(self._heap, reverse=True)]
+
 
 TROUBLES, EXTREMES = 10, 3
 """Listed cases: the worst without agreement; those with the fewest digits or largest errors."""

@@ -22,11 +22,10 @@ from physics_crosscheck.harness.checks.verdict import (
 )
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
-from physics_crosscheck.harness.extras.sweep.planned import Planned
-from physics_crosscheck.harness.extras.sweep.recent import RecentValues
+from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned, Timed
 from physics_crosscheck.harness.extras.sweep.source import (
     Integrators,
+    RecentValues,
     Source,
     declared_runs,
     sidecars_of,

@@ -19,11 +19,10 @@ from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import RESOLUTION, TreeTask, model_task
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
-from physics_crosscheck.harness.extras.sweep.known import CaseRecord, Timed
-from physics_crosscheck.harness.extras.sweep.planned import Planned
-from physics_crosscheck.harness.extras.sweep.recent import RecentValues
+from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned, Timed
 from physics_crosscheck.harness.extras.sweep.source import (
     Integrators,
+    RecentValues,
     Source,
     declared_runs,
     sidecars_of,

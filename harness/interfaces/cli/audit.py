@@ -30,7 +30,7 @@ from physics_crosscheck.harness.render.terminal.console import (
     terminal,
     wrapped,
 )
-from physics_crosscheck.harness.results.findings import audit_lines, survey_lines
+from physics_crosscheck.harness.results.failure import audit_lines, survey_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 
 

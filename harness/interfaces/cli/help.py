@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-USAGE_ERROR = 2
-"""Exit code of wrong usage, the same as argparse's."""
+from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
 
 GROUPS = (
     "Arguments",
@@ -95,7 +94,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error and how to get help, and exit with 2."""
-        self.exit(USAGE_ERROR, f"{self.prog}: {message}\nSee `{self.prog} --help`.\n")
+        self.exit(USAGE, f"{self.prog}: {message}\nSee `{self.prog} --help`.\n")
 
     def reject_unknown(self, words: Iterable[str]) -> NoReturn:
         """Exit with the message about unknown words of a command line."""

@@ -28,8 +28,8 @@ from physics_crosscheck.harness.interfaces.notebook.subject import (
     system_named,
 )
 from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import states_now

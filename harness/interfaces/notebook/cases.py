@@ -29,8 +29,8 @@ from physics_crosscheck.harness.records.base import Number, Rows
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.render.terminal.console import WORDS
 from physics_crosscheck.harness.render.terminal.problems import print_problems
-from physics_crosscheck.harness.render.terminal.styles import WORDS
 from physics_crosscheck.harness.render.terminal.table import summary
 
 if TYPE_CHECKING:

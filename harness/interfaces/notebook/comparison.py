@@ -33,8 +33,8 @@ from physics_crosscheck.harness.interfaces.notebook.markup import (
 from physics_crosscheck.harness.interfaces.notebook.motions import is_number
 from physics_crosscheck.harness.interfaces.notebook.optional import frame
 from physics_crosscheck.harness.interfaces.notebook.subject import Name
+from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
-from physics_crosscheck.harness.jobs.main_module import without_main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.planning.options import check_limits, check_resolution, check_text

@@ -17,7 +17,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.declared import Declared
 from physics_crosscheck.harness.checks.not_run import CannotRun, barred_case, failed_case
-from physics_crosscheck.harness.interfaces.pytest_plugin.keys import RUNNER
+from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
@@ -41,6 +41,9 @@ from physics_crosscheck.harness.results.failure import (
 from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
 from physics_crosscheck.harness.results.status import Decision, TestStatus, status_of
 from physics_crosscheck.harness.results.visible import visible_lines
+
+RUNNER = pytest.StashKey[CaseRunner]()
+
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """Words with another meaning in `-m` expressions than a marker's name."""

@@ -1,16 +1,19 @@
 """Run the tests of one pytest process in one worker process, with cached results.
 
-A system or robot is prepared once and a model diagnosed once, for all tests that need them.
+A system or robot is prepared once and a model diagnosed once, for all tests that need them. The
+fixture `crosscheck` runs models in tests of a project.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import pytest
 from msgspec import structs
 
 from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known, mark_models
@@ -23,8 +26,10 @@ from physics_crosscheck.harness.checks.not_run import (
     not_of_a_tree,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.interfaces.pytest_plugin.terms import RunSettings
-from physics_crosscheck.harness.jobs.main_module import without_main
+from physics_crosscheck.harness.interfaces.api import Results, Target, check, target_names
+from physics_crosscheck.harness.interfaces.cli import arguments
+from physics_crosscheck.harness.jobs.environment import without_main
+from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -36,6 +41,45 @@ from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """Settings for running cases.
+
+    Attributes:
+        resolution: smallest relative discrepancy to detect.
+        limits: limits of a task.
+        baseline: folder of the accepted differences.
+        thorough: whether every check of a case runs.
+    """
+
+    resolution: float
+    limits: Limits
+    baseline: Path
+    thorough: bool
+
+
+def run_settings(config: pytest.Config) -> RunSettings:
+    """Return the settings of the options.
+
+    Raises:
+        pytest.UsageError: if one is out of range.
+    """
+    try:
+        return RunSettings(
+            resolution=arguments.resolution(config.getoption("crosscheck_resolution")),
+            limits=Limits(
+                seconds=arguments.seconds(config.getoption("crosscheck_limit")),
+                memory=arguments.memory(config.getoption("crosscheck_memory")),
+                options="--crosscheck-",
+            ),
+            baseline=config.rootpath / config.getoption("crosscheck_baseline"),
+            thorough=config.getoption("crosscheck_thorough"),
+        )
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        raise pytest.UsageError(f"--crosscheck: {error}") from None
+
 
 Argument = TypeVar("Argument")
 Value = TypeVar("Value")
@@ -185,3 +229,52 @@ class CaseRunner:
             if self._workers is None:
                 self._workers = Workers(1, self._settings.limits)
             return self._workers.outcome(self._workers.submit(function, argument))
+
+
+class Checker:
+    """Runs models as `check` does, with the settings of the command line; each model once."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config, self._settings = config, run_settings(config)
+        self._results: dict[tuple[object, ...], Results] = {}
+
+    def __call__(
+        self,
+        *paths: Target | Sequence[Target],
+        engines: Sequence[str] = (),
+        resolution: float | None = None,
+        floating: bool = False,
+        model: str = "",
+    ) -> Results:
+        """Run models as `check` does; the results are true if all of them agree.
+
+        Args:
+            paths: as for `check`, relative to the root folder.
+            engines, floating, model: as for `check`.
+            resolution: smallest relative discrepancy to detect; None: that of the command line.
+
+        Raises:
+            FolderError: for a path without a target, or an unknown engine.
+        """
+        root, settings = self._config.rootpath, self._settings
+        names = target_names(paths)
+        # As for `check`, a name without a path is a built-in system.
+        named = [str(root / name) if (root / name).exists() else name for name in names]
+        wanted = settings.resolution if resolution is None else resolution
+        key = tuple(named), tuple(engines), wanted, floating, model
+        if key not in self._results:
+            self._results[key] = check(
+                *named,
+                engines=engines,
+                resolution=wanted,
+                limit=settings.limits.seconds,
+                memory=settings.limits.memory,
+                baseline=settings.baseline,
+                thorough=settings.thorough,
+                floating=floating,
+                model=model,
+            )
+        results = self._results[key]
+        if results.untested and not self._config.getoption("crosscheck_require_engines"):
+            pytest.skip(results.untested)
+        return results

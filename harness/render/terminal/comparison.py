@@ -25,8 +25,7 @@ from physics_crosscheck.harness.render.terminal.compared_properties import (
     minor_line,
     print_properties,
 )
-from physics_crosscheck.harness.render.terminal.console import print_wrapped
-from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.render.terminal.console import STYLES, WORDS, print_wrapped
 from physics_crosscheck.harness.render.terminal.versions import print_text
 from physics_crosscheck.harness.results.causes import own_file_sentence
 from physics_crosscheck.harness.results.messages import with_code

@@ -5,13 +5,27 @@ from __future__ import annotations
 import os
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
+from rich.markup import escape as _escape
 from rich.text import Text
 
-from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.visible import visible, visible_lines
+
+STYLES: Mapping[str, str] = {
+    Outcome.AGREES: "green", Outcome.ABSENT: "dim", Outcome.REFUSED: "bold magenta",
+    Outcome.UNRESOLVED: "magenta", Outcome.DIFFERS: "bold red", Outcome.FAILED: "bold red reverse",
+}  # fmt: skip
+"""Colours that are readable on a light and on a dark background: not yellow, cyan or white."""
+
+WORDS: Mapping[str, str] = {
+    Outcome.AGREES: "ok", Outcome.ABSENT: "skipped", Outcome.REFUSED: "REFUSED",
+    Outcome.UNRESOLVED: "UNRESOLVED", Outcome.DIFFERS: "FAIL", Outcome.FAILED: "ERROR",
+}  # fmt: skip
+"""The status words of the terminal; JSON keeps the names of the outcomes."""
+
 
 LOG_COLUMNS = 100
 """Width of a log or a pipe, which have none of their own."""
@@ -122,3 +136,8 @@ def wrapped_command(words: Sequence[str], width: int) -> list[str]:
         else:
             lines[-1] += f" {word}"
     return lines
+
+
+def escape(text: str) -> str:
+    """Escape markup and control characters of a text, keeping its line breaks."""
+    return _escape("\n".join(visible_lines(text)))

@@ -19,8 +19,7 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.render.terminal.console import print_wrapped
-from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
+from physics_crosscheck.harness.render.terminal.console import STYLES, WORDS, print_wrapped
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, brief_cause, cause_sentences
 from physics_crosscheck.harness.results.issues import (
     Issue,

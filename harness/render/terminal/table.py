@@ -15,7 +15,12 @@ from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.render.terminal.console import print_hint, print_wrapped
+from physics_crosscheck.harness.render.terminal.console import (
+    STYLES,
+    WORDS,
+    print_hint,
+    print_wrapped,
+)
 from physics_crosscheck.harness.render.terminal.models_table import (
     finite_values,
     is_chaotic,
@@ -26,7 +31,6 @@ from physics_crosscheck.harness.render.terminal.problems import (
     is_single_file,
     print_problems,
 )
-from physics_crosscheck.harness.render.terminal.styles import STYLES, WORDS
 from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path

@@ -12,9 +12,7 @@ from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.diff import WORST_FIRST, Changed, Diff
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.versions import Upgrade, Versions
-from physics_crosscheck.harness.render.terminal.console import wrapped
-from physics_crosscheck.harness.render.terminal.markup import escape
-from physics_crosscheck.harness.render.terminal.styles import STYLES
+from physics_crosscheck.harness.render.terminal.console import STYLES, escape, wrapped
 from physics_crosscheck.harness.results.status import counted
 
 MOST_TOLD = 40
