@@ -30,6 +30,6 @@ def run_linearizations(task: Linearized) -> tuple[EngineLinearization, ...]:
             continue
         # Once for a step of the file's own length, and once as h -> 0.
         step = linearize_step(model, coordinates, task.target.stepped, point, task.resolution)
-        limit = linearize_engine(model, coordinates, point, task.resolution)
+        limit = linearize_engine(model, coordinates, point, task.resolution, task.thorough)
         records.append(linearization_record(limit, step))
     return tuple(records)

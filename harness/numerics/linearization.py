@@ -1,7 +1,8 @@
-"""An engine's own linearization, from limits of small perturbations.
+"""An engine's own linearization, from small perturbations about an equilibrium.
 
-Extrapolated segments, from an equilibrium perturbed in each state and input, give the transition
-matrix over the segment. Its logarithm gives the engine's A and B.
+Where an engine returns accelerations, their differences are the entries of A and B. Otherwise
+extrapolated segments, perturbed in each state and input, give the transition matrix over the
+segment. Its logarithm gives A and B.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from physics_crosscheck.harness.numerics.accelerations import Estimate
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
+from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
+from physics_crosscheck.harness.records.outcome import differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Segments
 
@@ -74,24 +78,25 @@ def linearize_engine(
     coordinates: CoordinateMap,
     point: OperatingPoint,
     resolution: float,
+    thorough: bool = True,
 ) -> LinearizationComparison:
     """Linearize an engine's model about an equilibrium, and compare.
 
     Args:
         point: the equilibrium.
         resolution: smallest difference that counts, as a share of the largest entry.
+        thorough: whether segments are run even if the engine returns accelerations.
     """
     taylor = point.matrices
     a, b = taylor["A"], taylor["B"]
     fastest = _fastest(a, point.amplitude)
-    length = 2 * np.pi / fastest / 20
-    transition = _transition(model, coordinates, point, length)
-    from scipy.linalg import logm  # slow import, not needed by every command
-
-    generator = logm(transition.value).real / length
-    uncertainty = _of_logarithm(transition) / length
-    size = len(a)
-    found_a, found_b = generator[:size, :size], generator[:size, size:]
+    direct = None if thorough else _by_accelerations(model, coordinates, point)
+    if direct is None:
+        generator, is_wrong = _by_segments(model, coordinates, point, fastest, resolution)
+    else:
+        generator, is_wrong = direct, _entries_differ(direct, a, b, resolution)
+    uncertainty, size = generator.uncertainty, len(a)
+    found_a, found_b = generator.value[:size, :size], generator.value[:size, size:]
     frequencies = fastest * np.geomspace(0.05, 5.0, 120)
     # Slightly off the imaginary axis, where undamped poles lie.
     line = (1j * frequencies + 0.02 * fastest).astype(np.complex128)
@@ -119,7 +124,7 @@ def linearize_engine(
         transfer_error=transfer_error,
         a_bound=_share(uncertainty[:size, :size], a),
         b_bound=_share(uncertainty[:size, size:], b),
-        differs=_differs(transition, a, b, length, resolution),
+        differs=is_wrong,
         frequencies=frequencies,
         response=on_axis[0],
         taylor_response=on_axis[1],
@@ -133,6 +138,65 @@ def _fastest(a: Array, amplitude: Array) -> float:
     eigenvalue = float(np.max(np.abs(np.linalg.eigvals(a))))
     seen = float(np.max(amplitude[n:] / np.maximum(amplitude[:n], 1e-300)))
     return max(eigenvalue if eigenvalue > ZERO_RATE_SHARE * seen else seen, 1e-6)
+
+
+def _by_accelerations(
+    model: Model, coordinates: CoordinateMap, point: OperatingPoint
+) -> Estimate | None:
+    """Return A and B, (2n, 2n + inputs), as differences of accelerations.
+
+    None if the engine returns none, or its coordinates are not linear in those of the equations.
+    """
+    (states, inputs), n = point.perturbed, coordinates.back.size
+    if not is_linear(coordinates, states):
+        return None
+    starts = with_companions(*coordinates.to_engine(states), model.epsilon)
+    held = inputs[starts.rows] * starts.gain[:, None]
+    with np.errstate(all="ignore"):
+        took = model.accelerations(starts.z, starts.w, coordinates.pushes(starts.z, held))
+    if took is None or not np.isfinite(took).all():
+        return None
+    lost = ROUNDED_DIGITS * model.epsilon * np.max(np.abs(took), axis=0)
+    lost = lost + ROUNDING_MARGIN * (starts.last_digits(took) + starts.observed_rounding(took))
+    back = coordinates.back_slope(starts.z[:1]).reshape(n, -1)
+    rates = took[: len(states)] @ back.T
+    error = np.broadcast_to(lost @ np.abs(back).T, rates.shape)
+    lower = slopes(rates, error, point.deltas)
+    upper = np.eye(n, lower.value.shape[1], k=n)
+    return Estimate(
+        value=np.concatenate([upper, lower.value]),
+        uncertainty=np.concatenate([np.zeros_like(upper), lower.uncertainty]),
+    )
+
+
+def _entries_differ(generator: Estimate, a: Array, b: Array, resolution: float) -> bool:
+    """Return whether an entry of A or B differs, as a share of the largest entry of its matrix."""
+    scale = np.repeat(
+        [np.max(np.abs(one), initial=0.0) or 1.0 for one in (a, b)], [len(a), b.shape[1]]
+    )
+    wanted = np.concatenate([a, b], axis=1)
+    error = (generator.uncertainty + 16 * EPSILON * np.abs(wanted)) / scale
+    off = np.abs(generator.value - wanted) / scale
+    return bool(np.any(differs(off, error, resolution)))
+
+
+def _by_segments(
+    model: Model,
+    coordinates: CoordinateMap,
+    point: OperatingPoint,
+    fastest: float,
+    resolution: float,
+) -> tuple[Estimate, bool]:
+    """Return A and B as rows of a square matrix, and whether a transition differs from Taylor's."""
+    length = 2 * np.pi / fastest / 20
+    transition = _transition(model, coordinates, point, length)
+    from scipy.linalg import logm  # slow import, not needed by every command
+
+    generator = Estimate(
+        value=logm(transition.value).real / length, uncertainty=_of_logarithm(transition) / length
+    )
+    a, b = point.matrices["A"], point.matrices["B"]
+    return generator, _differs(transition, a, b, length, resolution)
 
 
 def _transition(
@@ -198,7 +262,7 @@ def _differs(transition: Estimate, a: Array, b: Array, length: float, resolution
     # Rounding of Taylor's transition in doubles.
     error = (transition.uncertainty + 16 * EPSILON * np.abs(wanted))[:size] / scale
     off = np.abs(transition.value - wanted)[:size] / scale
-    return bool(np.any((off > error) & (off + error > resolution)))
+    return bool(np.any(differs(off, error, resolution)))
 
 
 def _pair(engine: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[complex, ...], float]:

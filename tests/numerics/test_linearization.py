@@ -13,7 +13,9 @@ from physics_crosscheck.reference.dynamics.linearize import linearize
 from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 
-def linear(bench: Bench, resolution: float = 1e-9) -> LinearizationComparison:
+def linear(
+    bench: Bench, resolution: float = 1e-9, thorough: bool = True
+) -> LinearizationComparison:
     taylor = linearize(bench.equations, bench.system.equilibria[0])
     point = OperatingPoint(
         name="rest",
@@ -23,7 +25,7 @@ def linear(bench: Bench, resolution: float = 1e-9) -> LinearizationComparison:
         amplitude=bench.motion.amplitude,
         push=np.array([5.0]),
     )
-    return linearize_engine(bench.model, bench.coordinates, point, resolution)
+    return linearize_engine(bench.model, bench.coordinates, point, resolution, thorough)
 
 
 def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench: MakeBench) -> None:
@@ -88,3 +90,43 @@ def test_what_is_above_its_own_uncertainty_and_the_resolution_differs(
 ) -> None:
     found = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))), resolution)
     assert found.differs is differs
+
+
+class Forward(SymplecticEuler):
+    """An engine that returns accelerations, of a spring with a cubic term, and takes no step."""
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array:
+        return (force - self.stiffness * z * (1 + 3 * z**2) - self.damping * w) / self.mass
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        raise AssertionError("accelerations need no step")
+
+
+@pytest.mark.parametrize("fault", [0.0, 1e-7])
+def test_accelerations_give_every_entry_within_its_uncertainty(
+    bench: MakeBench, fault: float
+) -> None:
+    made = bench(Forward(stiffness=STIFFNESS * (1 + fault)))
+    found = linear(made, thorough=False)
+    taylor = linearize(made.equations, made.system.equilibria[0]).arrays
+    assert found.differs == bool(fault)
+    assert found.a_error == pytest.approx(fault, rel=1e-2, abs=1e-12)
+    assert np.all(np.abs(found.b - taylor["B"]) <= found.b_uncertainty)
+    if not fault:
+        assert np.all(np.abs(found.a - taylor["A"]) <= found.a_uncertainty)
+    assert max(found.a_bound, found.b_bound) < 1e-10
+
+
+class Contact(SymplecticEuler):
+    """An engine that returns no accelerations where a contact acts."""
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array:
+        return np.where(z > 0, np.nan, (force - self.stiffness * z) / self.mass)
+
+
+def test_segments_serve_where_an_engine_returns_no_acceleration(bench: MakeBench) -> None:
+    found, whole = (linear(bench(Contact()), thorough=thorough) for thorough in (False, True))
+    assert found.a.tolist() == whole.a.tolist()
+    assert found.a_error < 1e-10
