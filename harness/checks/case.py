@@ -134,9 +134,8 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     study, full_run, series = None, None, None
     if motion is not None and not why:
         study = _study(task, (model, coordinates), motion, judged, verdict)
-        if (
-            judged.by_steps and not study.full_run_check.conclusive
-        ):  # these two contradict each other
+        if judged.by_steps and not study.full_run_check.conclusive:
+            # The steps agree, but the full runs do not converge: segments decide.
             judged = _by_segments(task, (model, coordinates), judged.stepping, judged.dynamics)
             verdict = _combined(judged.verdict, poses, whole)
             study = _study(task, (model, coordinates), motion, judged, verdict)
@@ -185,7 +184,7 @@ def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None 
         EngineError, SidecarError, BlownUpError: if the engine cannot run it.
     """
     if loaded is not None:
-        return _judged(task, loaded)[1]
+        return _judge_segments(task, loaded)[1]
     return _judgement(task, task.load(), None).verdict
 
 
@@ -267,8 +266,8 @@ def _by_segments(
     dynamics: AccelerationComparison | None,
 ) -> _Judgement:
     """Judge by extrapolated segments."""
-    shipped, verdict = _judged(task, loaded)
-    followed, verdict = _decided(task, shipped, verdict, dynamics)
+    shipped, verdict = _judge_segments(task, loaded)
+    followed, verdict = _refined(task, shipped, verdict, dynamics)
     return _Judgement(
         verdict=verdict,
         model=followed.model,
@@ -340,7 +339,7 @@ def _case(task: ModelTask[Prepared], outcome: Outcome, reason: str) -> Case:
     )
 
 
-def _judged(
+def _judge_segments(
     task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None = None
 ) -> tuple[Followed, Verdict]:
     """Run every segment in the engine, and derive the verdict."""
@@ -356,7 +355,7 @@ def _judged(
     return followed, verdict
 
 
-def _decided(
+def _refined(
     task: ModelTask[Prepared],
     followed: Followed,
     verdict: Verdict,
@@ -379,7 +378,7 @@ def _by_another_integrator(
     these weights.
     """
     for name, settings in followed.model.integrators.items():
-        other, other_verdict = _judged(task.with_settings(**settings))
+        other, other_verdict = _judge_segments(task.with_settings(**settings))
         if other_verdict.outcome is not Outcome.UNRESOLVED:
             message = f"stepped by {name}, since by {followed.model.integrator} {verdict.reason}"
             return other, replace(

@@ -30,8 +30,8 @@ from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import floored
-from physics_crosscheck.harness.records import whole_step as records
 from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.case import LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.drives import unsaturated
@@ -79,7 +79,7 @@ class WholeStepCheck:
         resolution: relative discrepancy that it resolves.
     """
 
-    record: records.WholeStep
+    record: WholeStep
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
 
@@ -212,7 +212,7 @@ def check_whole_step(
     Args:
         file: whose numbers the law takes.
         engine: name of the engine.
-        loaded: the file that the engine loads: the same sample, or a changed copy.
+        loaded: the file that the engine loads: the same file, or a changed copy.
         resolution: relative discrepancy to resolve.
     """
     model = engines()[engine].load_whole(ModelSpec(loaded))
@@ -225,14 +225,16 @@ def check_whole_step(
         laws = law_model(compiled)
         if laws is None or laws.laws.uncovered:
             uncovered = () if laws is None else laws.laws.uncovered
-            return WholeStepCheck(record=records.WholeStep(uncovered=uncovered))
+            return WholeStepCheck(record=WholeStep(uncovered=uncovered))
         comparison = LawComparison(laws, model)
         states = tuple(drawn_states(comparison))
+        if not states:
+            raise EngineError("no drawn state is finite with few contacts")
     except (TreeError, EngineError) as error:
-        return WholeStepCheck(record=records.WholeStep(uncovered=(str(error),)))
+        return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
     evaluated = comparison.evaluate(states)
     judged = comparison.judge(evaluated, resolution)
-    record = records.WholeStep(
+    record = WholeStep(
         outcome=judged.outcome,
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
@@ -240,9 +242,7 @@ def check_whole_step(
         states=len(states),
         step=number(model.step),
         next_state=comparison.steps,
-        acted=tuple(
-            records.LawTerm(name=name, count=count) for name, count in _acted(laws, evaluated)
-        ),
+        acted=tuple(LawTerm(name=name, count=count) for name, count in _acted(laws, evaluated)),
         edits=model.edits,
         covered=tuple(
             format_omission(Omission(what=what, count=count, where=()))

@@ -54,7 +54,7 @@ class Plan:
         """
         kept = []
         for target in targets:
-            self._results.expect(str(target), [stand_in(target)])
+            self._results.expect(str(target), [stand_in(target)], complete=False)
         for target in targets:
             if target.is_file() and (why := xml_problem(target, strict=target.suffix != MJCF)):
                 failure = Failure(why, "", kind="file")
@@ -65,7 +65,7 @@ class Plan:
 
     def target(self, place: Path) -> Iterator[Job[Any]]:
         """Prepare a folder or a robot file, then run its models."""
-        self._results.expect(str(place), [stand_in(place)])
+        self._results.expect(str(place), [stand_in(place)], complete=False)
         plan = TargetPlan(place, self._options, self._results, self._before)
         yield from plan.jobs(partial(self._models, plan))
 

@@ -68,23 +68,27 @@ class ResultBuilder:
         self.cached = 0
         self.reads: dict[str, Mapping[str, str]] = {}
         self._progress, self._journal = progress, journal
+        self._unknown: set[str] = set()
 
     @property
     def keeps(self) -> bool:
         """True if results are stored for resuming the run."""
         return self._journal is not None
 
-    def expect(self, folder: str, cases: Iterable[CaseId]) -> None:
+    def expect(self, folder: str, cases: Iterable[CaseId], *, complete: bool = True) -> None:
         """Expect these cases of a target; a placeholder stands for them until they are known."""
         self.forget(folder)
         self.left |= dict.fromkeys((folder, case) for case in cases)
+        if not complete:
+            self._unknown.add(folder)
 
     def add(self, case: Case) -> None:
         """Add a finished case."""
         self.left.pop((case.folder, case.id), None)
         self.cases.append(case)
-        unknown = any(one.scenario == "-" for _, one in self.left)  # a placeholder
-        self._progress(len(self.cases), 0 if unknown else len(self.cases) + len(self.left), case)
+        self._unknown.discard(case.folder)
+        total = 0 if self._unknown else len(self.cases) + len(self.left)
+        self._progress(len(self.cases), total, case)
 
     def known(self, key: CacheKey) -> Any | None:
         """Return a value from the journal, if it has one."""
@@ -98,6 +102,7 @@ class ResultBuilder:
     def forget(self, folder: str) -> None:
         """Remove the remaining cases of a target."""
         self.left = {one: None for one in self.left if one[0] != folder}
+        self._unknown.discard(folder)
 
     def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
         """Add results to the record of a model."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import StrEnum
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 import msgspec
 
@@ -12,6 +13,8 @@ from physics_crosscheck.harness.records.base import Number, Record
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.codes import gate_code
 from physics_crosscheck.harness.records.outcome import Outcome
+
+T = TypeVar("T")
 
 Changed = Literal[
     "verdict", "limit", "equations", "scenario", "discrepancy", "digits", "error at dt", "order",
@@ -118,29 +121,30 @@ class Diff(Record, frozen=True, kw_only=True):
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
 
+    def _pair(self, number: Callable[[CaseNumbers], T]) -> tuple[T | None, T | None]:
+        """Return a number in each result; None if it lacks the case."""
+        then, now = (None if one is None else number(one) for one in (self.before, self.after))
+        return then, now
+
     @property
     def outcomes(self) -> tuple[Outcome | None, Outcome | None]:
         """Outcome in each result; None if it lacks the case."""
-        then, now = (None if one is None else one.outcome for one in (self.before, self.after))
-        return then, now
+        return self._pair(lambda numbers: numbers.outcome)
 
     @property
     def digits(self) -> tuple[Number, Number]:
         """Agreeing digits in each result."""
-        then, now = (None if one is None else one.digits for one in (self.before, self.after))
-        return then, now
+        return self._pair(lambda numbers: numbers.digits)
 
     @property
     def global_errors(self) -> tuple[Number, Number]:
         """Error at the time step in each result."""
-        then, now = (None if one is None else one.global_error for one in (self.before, self.after))
-        return then, now
+        return self._pair(lambda numbers: numbers.global_error)
 
     @property
     def time_steps(self) -> tuple[Number, Number]:
         """Time step in each result, seconds."""
-        then, now = (None if one is None else one.time_step for one in (self.before, self.after))
-        return then, now
+        return self._pair(lambda numbers: numbers.time_step)
 
     @property
     def is_compared(self) -> bool:

@@ -11,10 +11,10 @@ from physics_crosscheck.harness.records.case import (
     FullRun,
     Stepping,
     Verdict,
+    WholeStep,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import Scenario
-from physics_crosscheck.harness.records.whole_step import WholeStep
 from physics_crosscheck.harness.render.html.text import (
     NOTHING,
     agreeing_digits,
