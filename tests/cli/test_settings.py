@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.interfaces.cli.accept import separate_patterns
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
-from physics_crosscheck.harness.interfaces.cli.gate import meant
+from physics_crosscheck.harness.interfaces.cli.gate import targets_and_options
 from physics_crosscheck.harness.interfaces.cli.help import CommandParser
 from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
@@ -169,10 +170,27 @@ def test_a_gate_without_a_baseline_takes_the_targets_of_run(
     monkeypatch.chdir(tmp_path)
 
     def folders(name: str, *given: str) -> list[str]:
-        return [path.as_posix() for path in meant(parsed(name, *given))[0]]
+        return [path.as_posix() for path in targets_and_options(parsed(name, *given))[0]]
 
     reason = ("--reason", "right")
     assert folders("gate") == folders("accept", *reason) == ["models/arm", "others/leg"]
     settings(tmp_path, "[tool.crosscheck]\nfolders = ['others']\n")
     assert folders("gate") == folders("accept", *reason) == ["others/leg"]
     assert folders("accept", *reason, "--folder", "models") == ["models/arm"]
+
+
+def test_accept_accepts_nothing_of_the_settings_besides_a_named_target(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("models", "others"):
+        (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path)
+    settings(tmp_path, "[tool.crosscheck]\nfolders = ['others']\n")
+    for given, folders, patterns in (
+        (["models"], ["models"], []),
+        (["models", "--folder", "others"], ["others", "models"], []),
+        (["*/case"], ["others"], ["*/case"]),
+    ):
+        options = parsed("accept", "--reason", "right", *given)
+        assert separate_patterns(options) == patterns
+        assert options.folders == folders

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.gate.accept import AcceptError, accept
 from physics_crosscheck.harness.gate.gate import gate
 from physics_crosscheck.harness.gate.text import accepted_lines
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
-from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, meant
+from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, targets_and_options
 from physics_crosscheck.harness.modelfiles.folders import check_engines
 from physics_crosscheck.harness.render.terminal.console import print_status_lines, terminal
 from physics_crosscheck.harness.results.github import in_ci
@@ -26,9 +26,8 @@ def main(options: argparse.Namespace) -> int:
         print("crosscheck: --reason is empty. State why the results are right.", file=sys.stderr)
         return USAGE
     check_engines(options.engine)
-    patterns = [name for name in options.cases if not _is_target(Path(name))]
-    options.folders = [*options.folders, *(name for name in options.cases if name not in patterns)]
-    targets, what = meant(options)
+    patterns = separate_patterns(options)
+    targets, what = targets_and_options(options)
     with LateProgress() as progress:
         result = gate(targets, what, progress)
     try:
@@ -42,6 +41,18 @@ def main(options: argparse.Namespace) -> int:
     for case in done.left:
         print(f"crosscheck: {case} is unchanged: its engine is not installed", file=sys.stderr)
     return FAIL if done.left else AGREE
+
+
+def separate_patterns(options: argparse.Namespace) -> list[str]:
+    """Move named targets to the folders; return the other names, which are patterns of cases.
+
+    As in other commands, a named target replaces the folders of the project's settings.
+    """
+    targets = [name for name in options.cases if _is_target(Path(name))]
+    if targets:
+        is_setting = options.folders is options.settings_defaults.get("folders")
+        options.folders = [*(() if is_setting else options.folders), *targets]
+    return [name for name in options.cases if name not in targets]
 
 
 def _is_target(path: Path) -> bool:

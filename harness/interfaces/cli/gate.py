@@ -40,7 +40,7 @@ from physics_crosscheck.harness.results.github import commands, print_commands, 
 def main(options: argparse.Namespace) -> int:
     """Run the gate, print and annotate its findings, and write its files."""
     check_engines(options.engine)
-    folders, what = meant(options)
+    folders, what = targets_and_options(options)
     with LateProgress() as progress:
         result = gate(folders, what, progress)
     console = terminal()
@@ -71,7 +71,7 @@ def code(result: GateResult) -> int:
     return AGREE if result.passes else DIFFER
 
 
-def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
+def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
     """Return the folders and options that the arguments select.
 
     Without arguments, the folders are those of the baseline; without a baseline, those of `run`.

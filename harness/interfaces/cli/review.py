@@ -11,7 +11,7 @@ from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.review import Decisions, Review
 from physics_crosscheck.harness.gate.text import accepted_lines, change_lines
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, meant
+from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, targets_and_options
 from physics_crosscheck.harness.modelfiles.folders import check_engines
 from physics_crosscheck.harness.records.baseline import ChangedLine
 from physics_crosscheck.harness.records.diff import Status
@@ -30,7 +30,7 @@ def main(options: argparse.Namespace) -> int:
         )
         return USAGE
     check_engines(options.engine)
-    folders, what = meant(options)
+    folders, what = targets_and_options(options)
     with LateProgress() as progress:
         result = gate(folders, what, progress)
     decided = Review(result, input, _print_line).walk()

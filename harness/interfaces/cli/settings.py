@@ -101,7 +101,7 @@ def apply(parser: argparse.ArgumentParser, settings: Collection[str]) -> None:
         keys = ", ".join(key for key in file.table if key in settings)
         parser.epilog = f"Defaults from {file.path}: {keys}.\n\n{parser.epilog or ''}"
         notes = (*notes, f"settings from {file.path}")
-    parser.set_defaults(**defaults, settings_notes=notes)
+    parser.set_defaults(**defaults, settings_defaults=defaults, settings_notes=notes)
 
 
 def _read(file: _SettingsFile, key: str, value: object) -> object:
