@@ -27,7 +27,7 @@ def targets(
     kinds: str = "Folders, model or robot files, case names",
     default: str = "all built-in systems",
 ) -> None:
-    """Add TARGET ...; `kinds` and `default` describe possible names, and no name."""
+    """Add TARGET ...; `kinds` describes possible names, `default` the targets without a name."""
     action = command.add_argument(
         "folders",
         nargs="+" if required else "*",
@@ -39,23 +39,6 @@ def targets(
 
 BELOW = "those below the working folder"
 """Default targets of commands that search for models."""
-
-
-def folders(
-    command: argparse.ArgumentParser,
-    *,
-    required: bool,
-    kinds: str = "System folders",
-    default: str = "all built-in systems",
-) -> None:
-    """Add FOLDER ...; `kinds` describes what may be named, `default` what is used otherwise."""
-    action = command.add_argument(
-        "folders",
-        nargs="+" if required else "*",
-        metavar="FOLDER",
-        help=kinds + ("" if required else f" [{default}]"),
-    )
-    completed_by(action, systems_and_files)
 
 
 class AppendAction(argparse.Action):

@@ -1,4 +1,4 @@
-"""The table of commands. Each one's function is in a module of the same name.
+"""The table of commands: their options, help, settings and functions.
 
 This module imports only what parsing needs, so help and completion load no sympy and no engine.
 """
@@ -79,7 +79,7 @@ _RUN_CODES = {
 
 _SELECTION = (
     partial(
-        arguments.folders,
+        arguments.targets,
         required=False,
         kinds="Folders and robot files",
         default="those of the baseline",
@@ -98,7 +98,6 @@ _SELECTION = (
 def _demo_defaults(command: argparse.ArgumentParser) -> None:
     """Set the options of `run` that make no sense for the built-in systems."""
     command.set_defaults(
-        folders=[],
         last_failed=False,
         standalone=False,
         resume=False,
@@ -475,7 +474,6 @@ COMMANDS: Mapping[str, Command] = {
                 "--from",
                 dest="model",
                 type=Path,
-                default=None,
                 metavar="FILE",
                 help="Model file to start from: URDF, SDFormat or MJCF",
             ),
@@ -536,7 +534,6 @@ COMMANDS: Mapping[str, Command] = {
                 "Output",
                 "--out",
                 type=Path,
-                default=None,
                 metavar="DIR",
                 help="Folder for output files [RESULTS]",
             ),
@@ -544,7 +541,6 @@ COMMANDS: Mapping[str, Command] = {
                 "Output",
                 "--badge",
                 type=Path,
-                default=None,
                 metavar="FILE",
                 help="Also write a badge: .svg image or .json for shields.io",
             ),

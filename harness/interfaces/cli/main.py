@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import argparse
 import errno
-import importlib
 import io
 import os
 import signal
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import TextIO, cast
 
+from physics_crosscheck import __version__
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
@@ -131,30 +131,23 @@ def _guarded(command: Command, options: argparse.Namespace) -> int:
 
 
 def _run(command: Command, options: argparse.Namespace) -> int:
-    # Imported here: help alone needs no records, and they take longest to import.
-    from physics_crosscheck.harness.baseline.store import BaselineError
-    from physics_crosscheck.harness.jobs.executor import ClusterError
-    from physics_crosscheck.harness.modelfiles.folders import FolderError
-    from physics_crosscheck.harness.records.read import ResultsError
+    # Imported here: help alone does not need it.
+    from pkgutil import resolve_name
 
     try:
-        return _function(command)(options)
-    except (FolderError, ResultsError, ClusterError) as error:
+        code: int = resolve_name(command.function)(options)
+    except Exception as error:
+        # Imported here: only an error needs them, and records take longest to import.
+        from physics_crosscheck.harness.baseline.store import BaselineError
+        from physics_crosscheck.harness.jobs.executor import ClusterError
+        from physics_crosscheck.harness.modelfiles.folders import FolderError
+        from physics_crosscheck.harness.records.read import ResultsError
+
+        if not isinstance(error, (BaselineError, ClusterError, FolderError, ResultsError)):
+            raise
         print(f"crosscheck: {error}", file=sys.stderr)
-        return USAGE
-    except BaselineError as error:
-        print(f"crosscheck: {error}", file=sys.stderr)
-        return FAIL
-
-
-class _Version(argparse.Action):
-    """An option that prints the version; importing metadata takes longer than all help."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import version
-
-        print(f"crosscheck {version('physics-crosscheck')}")
-        parser.exit()
+        code = FAIL if isinstance(error, BaselineError) else USAGE
+    return code
 
 
 def build_parser(commands: Mapping[str, Command], declared: Collection[str]) -> CommandParser:
@@ -170,7 +163,12 @@ def build_parser(commands: Mapping[str, Command], declared: Collection[str]) -> 
         description="\n".join([DESCRIPTION, *_command_lines(commands)]),
         epilog=EPILOG,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="Print the version and exit")
+    parser.add_argument(
+        "--version",
+        action="version",
+        version=f"crosscheck {__version__}",
+        help="Print the version and exit",
+    )
     commands_parser = parser.add_subparsers(
         dest="command", metavar="COMMAND", help=argparse.SUPPRESS
     )
@@ -207,12 +205,6 @@ def _apply_settings(parser: CommandParser, command: Command) -> None:
         apply(parser, command.settings)
     except SettingsError as error:
         parser.exit(USAGE, f"crosscheck: {error}\n")
-
-
-def _function(command: Command) -> Callable[[argparse.Namespace], int]:
-    module, _, name = command.function.partition(":")
-    function: Callable[[argparse.Namespace], int] = getattr(importlib.import_module(module), name)
-    return function
 
 
 if __name__ == "__main__":

@@ -21,9 +21,10 @@ def all_commands() -> Mapping[str, Command]:
     left out with a message, so that the others still run.
     """
     every = dict(COMMANDS)
-    for name, point in sorted(_points().items()):
+    points = _points()
+    for name in sorted(points.keys() - COMMANDS.keys()):
         try:
-            every.setdefault(name, _load(point))
+            every[name] = _load(points[name])
         except (Exception, SystemExit) as error:
             print(f"crosscheck: command {name!r} can't be loaded: {error}", file=sys.stderr)
     groups = list(dict.fromkeys(command.group for command in every.values()))

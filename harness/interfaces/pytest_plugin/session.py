@@ -85,7 +85,7 @@ def _named(name: str) -> list[Path]:
     return [Path(os.path.abspath(path)) for path in robots.files or system_folders([name])]
 
 
-def meant(config: pytest.Config) -> dict[str, list[Path]]:
+def targets_by_path(config: pytest.Config) -> dict[str, list[Path]]:
     """Return the targets by path, from the command line or else from the ini file.
 
     Robot files among pytest's own arguments are targets too: a shell writes `--crosscheck *.urdf`
@@ -157,7 +157,7 @@ class CrosscheckSession:
 
     def __init__(self, config: pytest.Config) -> None:
         settings = run_settings(config)
-        targets = meant(config)
+        targets = targets_by_path(config)
         config.args = to_collect(config, targets)
         config.args_source = config.ArgsSource.ARGS
         paths = {path.resolve() for found in targets.values() for path in found}
